@@ -7,7 +7,6 @@ moves; loads at rest in units of E I / L^2. Also: what it costs to reach a first
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 from collections.abc import Callable
@@ -15,35 +14,27 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.paper.errors import paper_errors
-from benchmarks.report import Report, Table
+from benchmarks.paper import paper_errors
+from benchmarks.report import Report, Table, arguments
 from continuum_grasp.accuracy.choice import Choice, errors_of
 from continuum_grasp.accuracy.motion import Motion, evaluation_ns, pace, reference_motion, rms
 from continuum_grasp.accuracy.truth import find_truth
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
+from tests.rods import HANGING, HORIZONTAL, NITINOL, UNIT, UPRIGHT, force, rod_scene
 
 MODELS = (
     *(("arc", n) for n in (2, 3, 4, 8, 16)),
     *(("clothoid", n) for n in (1, 2, 4)),
     *(("matched_clothoid", n) for n in (1, 2, 3, 4)),
 )
-UNIT = {"length": 1.0, "linear_density": 1.0, "bending_stiffness": 1.0}
-NITINOL = {"length": 0.6, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}
-HORIZONTAL, UPRIGHT, HANGING = -math.pi / 2, 0.0, math.pi
 STILL = {"time": {"duration": 1.0, "step": 0.005}}
 
 
-def scene(rod: dict[str, float], angle: float = HORIZONTAL, mass: float = 0.0, **keys: Any) -> Scene:
+def scene(rod: dict[str, Any], angle: float = HORIZONTAL, mass: float = 0.0, **keys: Any) -> Scene:
     """A straight finger; weightless by default."""
-    masses = [{"at": rod["length"], "mass": mass}] if mass else []
-    finger = {"rod": rod, "base": {"angle": angle}, "masses": masses, **keys.pop("finger", {})}
-    return Scene.model_validate({"finger": finger, "gravity": (0.0, 0.0), **keys})
-
-
-def force(at: float, value: Any, follows: bool = False) -> dict[str, Any]:
-    """A point force."""
-    return {"kind": "force", "at": at, "force": value, "follows": follows}
+    fidelity = {"family": None, "elements": None, "bending_range": None, **keys.pop("fidelity", {})}
+    return rod_scene(rod, angle=angle, tip_mass=mass, fidelity=fidelity, **{"gravity": (0.0, 0.0), **keys})
 
 
 def at_rest() -> dict[str, Scene]:
@@ -144,8 +135,8 @@ def cheapest(report: Report, vibrating: Case, still: dict[str, Case]) -> None:
                 break
         else:
             report.missing.append(f"{family}: not within 0.1 % and 1e-4 with {counts[-1]} elements")
-    report.tables.append(
-        Table("0.1 % in frequency and 1e-4 L at rest", ["model", "frequency 1", "tip / L", "instructions", "ns"], rows)
+    report.table(
+        "0.1 % in frequency and 1e-4 L at rest", ["model", "frequency 1", "tip / L", "instructions", "ns"], rows
     )
     if "arc" in cost and "matched_clothoid" in cost:
         share = cost["matched_clothoid"] / cost["arc"]
@@ -169,7 +160,7 @@ def orders(report: Report, vibrating: Case, pushed: Case) -> None:
             rows.append([family, name, str(list(counts)), *errors, found[0], found[1]])
             report.claim(f"order of {family}, {name}, less {expected}", abs(found[1] - expected), "<=", 0.4)
     columns = ["family", "error of", "elements", *(f"error {k + 1}" for k in range(4)), "order", "order, finer"]
-    report.tables.append(Table("Order of convergence", columns, rows))
+    report.table("Order of convergence", columns, rows)
 
 
 def of_the_paper(release: Scene) -> Table:
@@ -183,17 +174,12 @@ def of_the_paper(release: Scene) -> Table:
 
 def main() -> None:
     """Measure and write the report."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
+    arguments(__doc__)
     report = Report("accuracy", 0)
     still = {name: Case(given) for name, given in at_rest().items()}
     vibrating = Case(scene(UNIT).model_copy(update={"time": scene(NITINOL, **STILL).time}))
-    report.tables.append(
-        table(
-            "Natural frequencies, per cent",
-            {f"mode {k + 1}": lambda f, n, k=k: 100.0 * vibrating.frequencies(f, n)[k] for k in range(2)},
-            "Clamped, weightless.",
-        )
-    )
+    modes = {f"mode {k + 1}": lambda f, n, k=k: 100.0 * vibrating.frequencies(f, n)[k] for k in range(2)}
+    report.tables.append(table("Natural frequencies, per cent", modes, "Clamped, weightless."))
     report.tables.append(table("Tip at rest, error / L", {name: case.tip for name, case in still.items()}))
     swings = {name: Case(given) for name, given in moving().items()}
     notes = ", ".join(f"{name} {600 * case.motion.error:.1g} mm" for name, case in swings.items() if case.motion)

@@ -10,7 +10,6 @@ can rest is missed by both.
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 from typing import Any
@@ -19,7 +18,7 @@ import numpy as np
 
 os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.run import run_closed_loop
@@ -87,13 +86,14 @@ def judged(found: Commissioning, true: Mounting) -> tuple[list[str], dict[str, f
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--plants", type=int, default=100)
-    parser.add_argument("--first", type=int, default=0, help="number of the first plant")
-    parser.add_argument("--seed", type=int, default=33)
-    parser.add_argument("--scene", choices=("sagging", "flat"), default="sagging")
-    parser.add_argument("--no-loop", action="store_true", help="do not close the loop afterwards")
-    asked = parser.parse_args()
+    asked = arguments(
+        __doc__,
+        plants=100,
+        first=(0, "number of the first plant"),
+        seed=33,
+        scene=("sagging", "", ("sagging", "flat")),
+        no_loop=(False, "do not close the loop afterwards"),
+    )
     scene = scene_of(asked.scene)
     kinds: dict[str, dict[str, Any]] = {
         "elements": {"fidelity": {"family": "clothoid", "elements": 6}, "tendon_friction": 0.01},
@@ -130,14 +130,12 @@ def main() -> None:
     report = Report(f"commission_{asked.scene}", asked.seed)
     columns = ["plant", "kind", "status", "wrong", "camera [mm]", "angle [mrad]", "scale [1e-3]", "drives [N]"]
     columns += ["cells [N]", "beyond interval", "from the setpoint [mm]", "tip [mm]"]
-    report.tables.append(Table("Benches", columns, rows, __doc__ or ""))
+    report.table("Benches", columns, rows, __doc__ or "")
     known = [row for row in rows if row[2] == "identified"]
     near = [row for row in known if row[-1] <= 1e3 * _NEAR]
     false = [row for row in known if row[3]]
     summary = [[len(rows), len(known), len(near), len(false)]]
-    report.tables.append(
-        Table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"], summary, "")
-    )
+    report.table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"], summary, "")
     for file in report.write():
         print(file)
     print(summary)

@@ -10,12 +10,11 @@ chains with two tendons on one pulley or on a motor each, with payloads, random 
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.control import Contact, ContactDetector
 from tests.contact_cases import EXACT, RADIUS, PairPlant, pair_scene, plant, scene, trial, wander
 
@@ -99,9 +98,7 @@ def _touched(report: Report) -> None:
         f"{what}, {at}" for what in ("history unknown", "dry friction", "identified", "default") for at in PLACES
     ]
     least = [[friction, *thresholds(friction)] for friction in FRICTIONS]
-    report.tables.append(
-        Table("Least forces that are detected [mN]", ["friction", "half the loop [N]", *columns], least)
-    )
+    report.table("Least forces that are detected [mN]", ["friction", "half the loop [N]", *columns], least)
     for row, known in zip(least, ((19, 69), (38, 137), (76, 275), (115, 413)), strict=True):
         for value, wanted, at in zip(row[2:4], known, PLACES, strict=True):
             report.claim(
@@ -116,7 +113,7 @@ def _touched(report: Report) -> None:
         for row in pushes(friction, name, place)
     ]
     columns = ["", "threshold [mN]", "detected at [mN]", "after three times the threshold [ms]", "force, least [mN]"]
-    report.tables.append(Table("Pushes", [*columns, "force, most [mN]", "alarms before"], rows))
+    report.table("Pushes", [*columns, "force, most [mN]", "alarms before"], rows)
     report.claim(
         "latest detection after three times the threshold [s]", 1e-3 * max(row[3] for row in rows), "<=", LATEST
     )
@@ -126,10 +123,7 @@ def _touched(report: Report) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--plants", type=int, default=50, help="plants of 2000 steps each")
-    parser.add_argument("--free", action="store_true", help="free motion alone")
-    given = parser.parse_args()
+    given = arguments(__doc__, plants=(50, "plants of 2000 steps each"), free=(False, "free motion alone"))
     plants = given.plants
     report = Report("contact", 0)
     if not given.free:
@@ -140,7 +134,7 @@ def main() -> None:
         print(seed, found[-1], flush=True)
     alarms, uncertain, use = zip(*found, strict=True)
     table = [[2000 * plants, sum(alarms), sum(uncertain), float(max(use))]]
-    report.tables.append(Table("Free motion", ["steps", "alarms", "uncertain", "greatest residual per bound"], table))
+    report.table("Free motion", ["steps", "alarms", "uncertain", "greatest residual per bound"], table)
     report.claim(f"false alarms in {2000 * plants} steps", sum(alarms), "<=", 0)
     report.finish()
 

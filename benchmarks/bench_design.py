@@ -6,7 +6,6 @@ solved, and processor time; some two minutes with 1,000 scenes.
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from itertools import product
@@ -14,16 +13,14 @@ from itertools import product
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 
 DESIGN = "configs/design/mug_finger.yaml"
 
 
 def main() -> None:
     """Measure and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=10, help="values of each variable in the sweep")
-    count = parser.parse_args().count
+    count = arguments(__doc__, count=(10, "values of each variable in the sweep")).count
     began = time.process_time()
     found = cg.optimize_design(DESIGN)
     designed = time.process_time()
@@ -37,22 +34,17 @@ def main() -> None:
         grasp = cg.optimize_grasp(scene.changed(dict(zip(found.keys, values, strict=True))), raise_on_failure=False)
         costs.append(grasp.tension + 4000.0 * values[0] if grasp.solved else math.inf)
     swept = time.process_time()
-    runs = found.statistics["full_searches"] + found.statistics["solver_runs"]
+    counts = [found.statistics[name] for name in ("full_searches", "solver_runs")]
     rows = [
-        [
-            "design",
-            found.best.cost,
-            found.statistics["full_searches"],
-            found.statistics["solver_runs"],
-            designed - began,
-        ],
+        ["design", found.best.cost, *counts, designed - began],
         ["sweep", min(costs), len(costs), 0, swept - designed],
     ]
     columns = ["", "cost", "full searches", "runs from nearby grasps", "processor time [s]"]
     note = f"{DESIGN}, three variables. {sum(map(math.isfinite, costs))} scenes of the sweep have a grasp."
-    report = Report("design", 0, [Table("A design by gradient beside a sweep", columns, rows, note)])
+    report = Report("design", 0)
+    report.table("A design by gradient beside a sweep", columns, rows, note)
     report.claim("cost per that of the sweep", found.best.cost / min(costs), "<=", 1.0)
-    report.claim("solutions per those of the sweep", runs / len(costs), "<=", 0.05)
+    report.claim("solutions per those of the sweep", sum(counts) / len(costs), "<=", 0.05)
     report.finish()
 
 

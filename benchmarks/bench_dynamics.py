@@ -5,17 +5,16 @@ Run ``python -m benchmarks.bench_dynamics`` in the root of the repository; see R
 
 from __future__ import annotations
 
-import argparse
 import math
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from benchmarks.c_loop import STATES, CLoop, time_c_loop
-from benchmarks.harness import Timing, count_instructions, race
-from benchmarks.machine import one_core
-from benchmarks.paper.dynamics import RacedFinger, by_appendix, by_closed_forms
-from benchmarks.report import Report, Table
+from benchmarks.harness import STATES, CLoop, Timing, one_core, race, time_c_loop
+from benchmarks.paper import PaperModel
+from benchmarks.report import Report, arguments
+from continuum_grasp.core import compile
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import BasePose, Damping, Finger, PointMass, Rod, Tendons
 
@@ -49,16 +48,9 @@ def bare_model() -> FingerModel:
     return FingerModel(bare, elements=2, family="arc", gravity=(0.0, 0.0), tip_force=False)
 
 
-def paper_finger() -> RacedFinger:
-    """The same finger for the paper's equations."""
-    return RacedFinger(
-        mass_per_length=LINEAR_DENSITY,
-        bending_stiffness=STIFFNESS,
-        tip_mass=TIP_MASS,
-        arc_damping=DAMPING,
-        tendon_offset=TENDON_OFFSET,
-        base_angle=-math.pi / 2,
-    )
+def paper_dynamics(variant: str, **settings: Any) -> ca.Function:
+    """The same by the paper's equations as one would write them for speed."""
+    return PaperModel(finger(), variant, contacts=(0.3,), **settings).forward_dynamics
 
 
 def random_arguments(model: FingerModel, rng: np.random.Generator) -> list[np.ndarray]:
@@ -72,25 +64,52 @@ def random_arguments(model: FingerModel, rng: np.random.Generator) -> list[np.nd
     return [x, u, rng.uniform(-0.5, 0.5, (STATES, model.nw)), np.tile(model.p_nominal, (STATES, 1))]
 
 
+def count_instructions(function: Any) -> dict[str, int]:
+    """Instructions of a CasADi SX function.
+
+    ``total`` is ``Function.n_instructions()``: every operation, and every load of an input entry, store of
+    an output entry and constant as one instruction each. Limits on instruction counts in this project mean
+    ``total``. ``arithmetic`` leaves loads, stores and constants out; ``divisions`` and ``libm`` (sin, cos,
+    sqrt, exp, ...) are part of it.
+    """
+    if not function.is_a("SXFunction"):
+        raise TypeError(f"expected an SX function, got {function.class_name()}: expand() it")
+    ids = [function.instruction_id(k) for k in range(function.n_instructions())]
+    plain = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+    library = {
+        getattr(ca, f"OP_{name}")
+        for name in (
+            *("SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2", "SINH", "COSH", "TANH", "ASINH", "ACOSH"),
+            *("ATANH", "EXP", "EXPM1", "LOG", "LOG1P", "POW", "CONSTPOW", "SQRT", "ERF", "HYPOT", "FMOD"),
+        )
+    }
+    return {
+        "total": len(ids),
+        "loads": ids.count(ca.OP_INPUT),
+        "stores": ids.count(ca.OP_OUTPUT),
+        "constants": ids.count(ca.OP_CONST),
+        "arithmetic": sum(i not in plain for i in ids),
+        "divisions": sum(i in (ca.OP_DIV, ca.OP_INV) for i in ids),
+        "libm": sum(i in library for i in ids),
+    }
+
+
 def against_the_paper(report: Report, rng: np.random.Generator) -> None:
     """Two arcs with everything in against the paper's closed forms and its appendix."""
-    model, paper = full_model(), paper_finger()
+    model = full_model()
     functions = {
         OURS: model.forward_dynamics,
-        "closed forms, Lagrange": by_closed_forms(paper, bias="lagrange"),
-        "closed forms, Christoffel": by_closed_forms(paper, bias="christoffel"),
-        "energy by quadrature, Lagrange": by_closed_forms(paper, bias="quadrature"),
-        "appendix, corrected": by_appendix(paper),
+        "closed forms, Lagrange": paper_dynamics("closed_corrected", bias="lagrange"),
+        "closed forms, Christoffel": paper_dynamics("closed_corrected"),
+        "energy by quadrature, Lagrange": paper_dynamics("closed_corrected", bias="quadrature"),
+        "appendix, corrected": paper_dynamics("appendix_corrected"),
     }
     given = random_arguments(model, rng)
     extra = {}
     for name, function in functions.items():
         counts = count_instructions(function)
-        extra[name] = [
-            counts["total"],
-            counts["arithmetic"],
-            _difference(function, model.forward_dynamics, given),
-        ]
+        difference = _difference(function, model.forward_dynamics, given)
+        extra[name] = [counts["total"], counts["arithmetic"], difference]
     columns = ["instructions", "arithmetic", "greatest difference"]
     note = "Difference of xd, relative to its greatest entry, over states with both angles beyond 0.3 rad."
     found = {}
@@ -98,15 +117,11 @@ def against_the_paper(report: Report, rng: np.random.Generator) -> None:
         ("Two arcs, everything in, each evaluation waiting for the one before", True),
         ("Two arcs, everything in, evaluations overlapping", False),
     ):
-        timings = time_c_loop(functions, given, seed=report.seed, dependent=dependent)
+        timings = time_c_loop(functions, dict.fromkeys(functions, given), seed=report.seed, dependent=dependent)
         found[dependent] = report.add_race(title, timings, OURS, extra=extra, extra_columns=columns, note=note)
     ratio = found[True]
-    report.claim(
-        "closed forms in the paper's style take so many times as long",
-        ratio["closed forms, Lagrange"],
-        ">=",
-        8,
-    )
+    slower = ratio["closed forms, Lagrange"]
+    report.claim("closed forms in the paper's style take so many times as long", slower, ">=", 8)
     report.claim("two arcs take so many times the appendix", 1 / ratio["appendix, corrected"], "<=", 1.1)
 
 
@@ -137,7 +152,7 @@ def instructions(report: Report) -> None:
     counts = {name: count_instructions(model.forward_dynamics) for name, model in models.items()}
     columns = ["", *next(iter(counts.values()))]
     rows = [[name, *count.values()] for name, count in counts.items()]
-    report.tables.append(Table("Instructions", columns, rows, "total: with loads, stores and constants."))
+    report.table("Instructions", columns, rows, "total: with loads, stores and constants.")
     totals = [count["total"] for count in counts.values()]
     report.claim("instructions, everything in, constants folded", totals[0], "<=", 650)
     report.claim("instructions, bare", totals[2], "<=", 380)
@@ -145,16 +160,11 @@ def instructions(report: Report) -> None:
 
 def batch(report: Report, rng: np.random.Generator) -> None:
     """A batch in one call against one state at a time, on one core."""
-    try:
-        from continuum_grasp.core import compile as compile_model
-    except ImportError as error:
-        report.missing.append(f"batch of {BATCH}: {error}")
-        return
     rows = []
     for family in FAMILIES:
         model = full_model(family)
         given = random_arguments(model, rng)
-        core = compile_model(model)
+        core = compile(model)
         many = [np.ascontiguousarray(np.tile(g, (BATCH // STATES, 1))) for g in given]
 
         def evaluate(count: int, core: Any = core, many: list[np.ndarray] = many) -> None:
@@ -168,7 +178,7 @@ def batch(report: Report, rng: np.random.Generator) -> None:
         if family == "arc":
             report.claim(f"a batch of {BATCH} is so many times as fast per state", one / together, ">=", 4)
     columns = ["", "one at a time [ns]", "in a batch [ns]", "gain", "status"]
-    report.tables.append(Table(f"Batch of {BATCH} states, everything in", columns, rows))
+    report.table(f"Batch of {BATCH} states, everything in", columns, rows)
 
 
 def growth(report: Report, rng: np.random.Generator, most: int) -> None:
@@ -191,29 +201,27 @@ def growth(report: Report, rng: np.random.Generator, most: int) -> None:
     columns = ["family", "elements", "unknowns", "instructions", "median [ns]", "status"]
     rows.sort(key=lambda row: (FAMILIES.index(row[0]), row[1]))
     note = "Tip mass, gravity, damping and tip moment; -O1 above 8 elements, where -O3 takes minutes to compile."
-    report.tables.append(Table("Growth with the number of elements", columns, rows, note))
+    report.table("Growth with the number of elements", columns, rows, note)
     if two:
         ratio = two["matched_clothoid"].median / two["arc"].median
         report.claim("two matched clothoids take so many times two arcs", ratio, "<=", 2)
 
 
+PARTS = ("paper", "instructions", "batch", "growth")
+
+
 def main() -> None:
     """Run what is asked for and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parts = ("paper", "instructions", "batch", "growth")
-    parser.add_argument("--only", choices=parts, nargs="+", default=parts)
-    parser.add_argument("--elements", type=int, default=max(ELEMENTS), help="most elements in the growth table")
-    parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    report, rng = Report("dynamics", arguments.seed), np.random.default_rng(arguments.seed)
-    if "paper" in arguments.only:
+    asked = arguments(__doc__, only=(PARTS, ""), elements=(max(ELEMENTS), "most elements in the growth table"), seed=0)
+    report, rng = Report("dynamics", asked.seed), np.random.default_rng(asked.seed)
+    if "paper" in asked.only:
         against_the_paper(report, rng)
-    if "instructions" in arguments.only:
+    if "instructions" in asked.only:
         instructions(report)
-    if "batch" in arguments.only:
+    if "batch" in asked.only:
         batch(report, rng)
-    if "growth" in arguments.only:
-        growth(report, rng, arguments.elements)
+    if "growth" in asked.only:
+        growth(report, rng, asked.elements)
     report.finish()
 
 

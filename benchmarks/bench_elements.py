@@ -5,7 +5,6 @@ Run ``python -m benchmarks.bench_elements`` in the root of the repository; see R
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import re
 import shutil
@@ -21,11 +20,10 @@ import numpy as np
 
 import continuum_grasp as cg
 from benchmarks.bench_dynamics import finger
-from benchmarks.harness import race
-from benchmarks.machine import one_core
-from benchmarks.report import Report, Table
+from benchmarks.harness import compiled, compiler, defines, linked, one_core, race, run
+from benchmarks.report import Report, arguments
 from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.core.source import generated
+from continuum_grasp.core.source import generated as package_source
 from continuum_grasp.model import FingerModel, pattern
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.scene import BasePose, Damping, Finger, Rod
@@ -40,50 +38,24 @@ CONE = {"to": 0.25, "thickness": [0.02, 0.005], "width": [0.02, 0.005]}
 SPAN = 0.15
 """About the first period of the cone that falls from level [s]."""
 
-_LOOP = """
-#include <stdlib.h>
-int {name}(const double**, double**, long long*, double*, int);
-static double x[{nx}], u[8], w[8], xd[{nx}], work[{work}];
-static long long iw[{iw}];
-double *state(void) {{ return x; }}
-double loop(long long count) {{
-  const double *arg[{arg}] = {{x, u, w}};
-  double *res[{res}] = {{xd}}, sum = 0.0;
-  for (long long k = 0; k < count; ++k) {{
-    {name}(arg, res, iw, work, 0);
-    x[0] += 1e-200 * xd[{nx} - 1]; /* the next evaluation has to wait for this one */
-    sum += xd[{nx} / 2];
-  }}
-  return sum;
-}}
-int main(int count, char **words) {{
-  for (int k = 0; k < {nx}; ++k) x[k] = (k < {nx} / 2 ? 0.2 : 1.0) * ((k * 37 % 17) / 8.0 - 1.0);
-  return loop(count > 1 ? atoll(words[1]) : 0) > 1e300;
-}}
-"""
-
 
 class Compiled:
     """A function in a C loop: seconds of compiling, size of the code [kB], instructions, and time of an evaluation."""
 
     def __init__(self, function: ca.Function) -> None:
-        source, found = generated(function.name(), function), find_compiler()
+        source, found = package_source(function.name(), function), find_compiler()
         if found is None:
             raise RuntimeError("no C compiler found")
         folder = Path(tempfile.mkdtemp(prefix="continuum-grasp-benchmark-"))
-        words = {"name": function.name(), "nx": function.nnz_in(0), "work": max(function.sz_w(), 1)}
-        words |= {"iw": max(function.sz_iw(), 1), "arg": max(function.sz_arg(), 3), "res": max(function.sz_res(), 1)}
-        code, loop = folder / "code.c", folder / "loop.c"
-        code.write_text(source)
-        loop.write_text(_LOOP.format(**words))
-        flags, self._compiler = found.flags(source), found.command[0]
-        start = time.perf_counter()
-        self._run(*flags, "-c", code, "-o", folder / "code.o")
+        words: dict[str, Any] = {"FUNCTION": function.name(), "NX": function.nnz_in(0)}
+        for name, least in (("w", 1), ("iw", 1), ("arg", 3), ("res", 1)):
+            words[f"SZ_{name.upper()}"] = max(getattr(function, f"sz_{name}")(), least)
+        flags, start = found.flags(source), time.perf_counter()
+        code = compiled(folder, "code", source, flags)
         self.seconds = time.perf_counter() - start
-        sizes = subprocess.run(["size", folder / "code.o"], capture_output=True, text=True, check=True).stdout
-        self.kilobytes = sum(map(int, sizes.splitlines()[1].split()[:2])) / 1000
-        self._run(*flags, "-shared", loop, folder / "code.o", "-o", folder / "loop.so", "-lm")
-        self._library = ctypes.CDLL(str(folder / "loop.so"))
+        self.kilobytes = sum(map(int, run(["size", code]).splitlines()[1].split()[:2])) / 1000
+        text = defines(**words) + Path(__file__).with_name("elements_loop.c").read_text(encoding="utf-8")
+        self._library = linked(folder, [compiled(folder, "loop", text, flags), code], flags)
         self._library.loop.restype = ctypes.c_double
         self._library.main(1, None)
         self.instructions = self._counted(folder, flags)
@@ -91,21 +63,18 @@ class Compiled:
     def __call__(self, count: int) -> None:
         self._library.loop(ctypes.c_longlong(count))
 
-    def _run(self, *line: object) -> None:
-        subprocess.run([self._compiler, *map(str, line)], check=True)
-
     def _counted(self, folder: Path, flags: Sequence[str]) -> float:
         """Instructions of an evaluation, as valgrind counts them; NaN without it."""
         if shutil.which("valgrind") is None:
             return float("nan")
         # It knows no AVX-512.
         narrow = [flag.replace("-march=native", "-march=x86-64-v3") for flag in flags]
-        self._run(*narrow, folder / "loop.c", folder / "code.c", "-o", folder / "count", "-lm")
-        line = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", str(folder / "count")]
-        totals = []
-        for count in (0, COUNTED):
-            said = subprocess.run([*line, str(count)], capture_output=True, text=True, check=True).stderr
-            totals.append(int(re.findall(r"Collected : (\d+)", said)[0]))
+        run([compiler(), *narrow, folder / "loop.c", folder / "code.c", "-o", folder / "count", "-lm"])
+        line = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", folder / "count"]
+        totals = [
+            int(re.findall(r"Collected : (\d+)", run([*line, count], stderr=subprocess.STDOUT))[0])
+            for count in (0, COUNTED)
+        ]
         return (totals[1] - totals[0]) / COUNTED
 
 
@@ -180,7 +149,7 @@ def growth(report: Report, family: str, most: int, most_dense: int) -> None:
         "Instructions of x86-64 with AVX2 and FMA, counted by valgrind; ns with all that the processor has. The "
         f"package takes the dense program below {FEWEST} elements."
     )
-    report.tables.append(Table(f"Forward dynamics, {family}", columns, rows, note))
+    report.table(f"Forward dynamics, {family}", columns, rows, note)
 
 
 def implicit(report: Report) -> None:
@@ -200,7 +169,7 @@ def implicit(report: Report) -> None:
         rows.append([count, *(float(np.linalg.norm(tip(steps) - true)) / 0.25 for steps in (100, 200, 400))])
     columns = ["elements", "100 steps", "200 steps", "400 steps"]
     note = "Error of the tip per length after the first period of a cone of 1:4, against 6400 steps."
-    report.tables.append(Table("Steps implicit in elasticity and damping", columns, rows, note))
+    report.table("Steps implicit in elasticity and damping", columns, rows, note)
     report.claim("error of 100 steps with 64 elements per that with 8", rows[-1][1] / rows[0][1], "<=", 1.2)
 
 
@@ -209,15 +178,13 @@ FEWEST = pattern.FEWEST_ELEMENTS
 
 def main() -> None:
     """Run what is asked for and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--elements", type=int, default=max(ELEMENTS), help="most elements")
-    parser.add_argument("--dense", type=int, default=32, help="most elements of the dense program")
-    parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    report = Report("elements", arguments.seed)
+    asked = arguments(
+        __doc__, elements=(max(ELEMENTS), "most elements"), dense=(32, "most elements of the dense program"), seed=0
+    )
+    report = Report("elements", asked.seed)
     pattern.FEWEST_ELEMENTS = 2  # sweeps of few elements too, to compare
     for family in FAMILIES:
-        growth(report, family, arguments.elements, arguments.dense)
+        growth(report, family, asked.elements, asked.dense)
     implicit(report)
     report.finish()
 

@@ -7,13 +7,12 @@ a Cortex-M4F in float and a Cortex-M7 in double. The limits of instructions are 
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.export.targets import TOOLS
 from tests.export_cases import TENDONS, loop_scene, two_arcs
 
@@ -42,8 +41,7 @@ def row(found: dict[str, Any], name: str, functions: tuple[str, ...]) -> list[An
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.parse_args()
+    arguments(__doc__)
     report = Report("embedded", 0)
     steps, calls = [], []
     for real, board in BOARDS:
@@ -67,10 +65,10 @@ def main() -> None:
         if real == "float":
             report.claim(f"steady_tip.yaml, {board}: bytes of code", calls[-1][-2], "<=", MOST_CODE)
     report.machine |= {tool: found["measured"][key] for tool, key in zip(TOOLS, ("compiler", "emulator"), strict=True)}
-    report.tables.append(Table("Steps", ["", "mean", "most", "code of all parts [bytes]", "stack [bytes]"], steps))
+    report.table("Steps", ["", "mean", "most", "code of all parts [bytes]", "stack [bytes]"], steps)
     kinds = [f"{kind}, {which}" for kind in ("usual", "start", "hard") for which in ("mean", "most")]
     note = "usual: goes on from a plan; start: without one; hard: limits change under way, states jump."
-    report.tables.append(Table("Calls of controllers", ["", *kinds, "code [bytes]", "stack [bytes]"], calls, note))
+    report.table("Calls of controllers", ["", *kinds, "code [bytes]", "stack [bytes]"], calls, note)
     report.finish()
 
 

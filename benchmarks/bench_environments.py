@@ -9,14 +9,13 @@ the compiled periods in it alone.
 
 from __future__ import annotations
 
-import argparse
 import time
 from typing import Any
 
 import numpy as np
 
-from benchmarks.machine import one_core
-from benchmarks.report import Report, Table
+from benchmarks.harness import one_core
+from benchmarks.report import Report, arguments
 from continuum_grasp.environments import TASKS, FingerVectorEnv
 from continuum_grasp.environments.plants import rows_of
 
@@ -54,10 +53,7 @@ def rate(env: FingerVectorEnv, seed: int) -> tuple[float, float, int]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1024, help="plants of an environment")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
+    asked = arguments(__doc__, count=(1024, "plants of an environment"), seed=0)
     report, rows = Report("environments", asked.seed), list[list[Any]]()
     for name, task in TASKS.items():
         for sensors in ("state", None):
@@ -72,7 +68,7 @@ def main() -> None:
     columns = ["environment", "sensors", "states", "instructions", "steps of RK4", "time error [1/length]"]
     columns += ["periods/s", "environment steps/s", "episodes"]
     note = f"{asked.count} plants, one core, double precision; CPU time, medians of {ROUNDS} rounds of {STEPS} steps."
-    report.tables.append(Table("Environments", columns, rows, note))
+    report.table("Environments", columns, rows, note)
     report.finish()
 
 

@@ -8,13 +8,12 @@ each number, with other noise of 0.5 mm; ``covered`` is the share of 95 % interv
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, design_experiments
 
 _SIGMA = 5e-4
@@ -57,39 +56,24 @@ def even(rows: int) -> list[dict[str, float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--fingers", type=int, default=40)
-    parser.add_argument("--rows", type=int, default=6)
-    parser.add_argument("--seed", type=int, default=34)
-    asked = parser.parse_args()
+    asked = arguments(__doc__, fingers=40, rows=6, seed=34)
     assumed = scene(asked.rows)
     plan = design_experiments(assumed)
     names = list(_CHOICES)
     cells = [plan.pose_headings.index(name) for name in names]
-    ways = {
-        f"{asked.rows} proposed": [
-            {n: float(row[c]) for n, c in zip(names, cells, strict=True)} for row in plan.pose_rows
-        ],
-        f"{2 * asked.rows} spread": even(2 * asked.rows),
-    }
+    proposed = [{n: float(row[c]) for n, c in zip(names, cells, strict=True)} for row in plan.pose_rows]
+    ways = {f"{asked.rows} proposed": proposed, f"{2 * asked.rows} spread": even(2 * asked.rows)}
     print(plan.pairs())
     for way, rows in ways.items():
         print(way, rows)
     plain = cg.Scene(**{name: getattr(assumed, name) for name in cg.Scene.model_fields})
-    widths: dict[str, list[Any]] = {way: [] for way in ways}
-    missed: dict[str, list[Any]] = {way: [] for way in ways}
-    inside: dict[str, list[Any]] = {way: [] for way in ways}
+    found: dict[str, list[Any]] = {way: [] for way in ways}
     for number in range(asked.fingers):
         rng = np.random.default_rng([asked.seed, number])
         stiffness, density, offset = np.array([0.006, 0.05, 0.005]) * rng.uniform(0.8, 1.25, 3)
         clamp = float(rng.uniform(-0.1, 0.1))
-        true = plain.changed(
-            {
-                "finger.rod.bending_stiffness": float(stiffness),
-                "finger.rod.linear_density": float(density),
-                "finger.tendons.offset": float(offset),
-            }
-        )
+        rod = {"finger.rod.bending_stiffness": float(stiffness), "finger.rod.linear_density": float(density)}
+        true = plain.changed({**rod, "finger.tendons.offset": float(offset)})
         for way, rows in ways.items():
             given = {name: np.array([row[name] for row in rows]) for name in names}
             of_true = {**given, "base_angle": given["base_angle"] + clamp}
@@ -99,18 +83,18 @@ def main() -> None:
             data = Poses([Reading(axis, seen[:, k], sigma=_SIGMA) for k, axis in enumerate("xy")], given)
             fit = cg.identify(plain, data, parameters=list(_NAMES))
             truth = np.array([stiffness, density, clamp, offset])
-            widths[way].append(fit.intervals[:, 1] - fit.intervals[:, 0])
-            missed[way].append(fit.values - truth)
-            inside[way].append((fit.intervals[:, 0] <= truth) & (truth <= fit.intervals[:, 1]))
+            low, high = fit.intervals.T
+            found[way].append([high - low, fit.values - truth, (low <= truth) & (truth <= high)])
         print(number, flush=True)
     table = []
     for k, (name, unit) in enumerate(zip(plan.names, plan.units, strict=True)):
         for way in ways:
-            width, off = np.median(np.array(widths[way])[:, k]), np.sqrt(np.mean(np.array(missed[way])[:, k] ** 2))
-            table.append([name, unit, way, width, off, 100.0 * np.mean(np.array(inside[way])[:, k])])
+            width, off, inside = np.array(found[way], dtype=float)[:, :, k].T
+            numbers = np.median(width), np.sqrt(np.mean(off**2)), 100.0 * np.mean(inside)
+            table.append([name, unit, way, *map(float, numbers)])
     report = Report("experiments", asked.seed)
     columns = ["unknown", "unit", "poses", "interval, median width", "error, r.m.s.", "covered [%]"]
-    report.tables.append(Table("Poses", columns, table, __doc__ or ""))
+    report.table("Poses", columns, table, __doc__ or "")
     for row in table:
         print(row)
     report.finish()

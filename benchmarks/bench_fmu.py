@@ -5,6 +5,12 @@ takes some and leaves the others as they were found before. A finger takes 100 s
 which is compiled and called apart from them. Of a closed loop plant and controller take 100 periods together, with the
 plant's noise set to 0, beside ``run_closed_loop``. All is compiled quickly: what the strict C computes does not depend
 on that.
+
+``--tools`` takes units to tools that share nothing with fmpy instead (3 min): Ecos and libcosim, which are C++ (``pip
+install ecospy libcosimpy``; Ecos needs oneTBB, Debian: ``libtbb12``). Each tool steps the finger of
+``configs/simulate/tendon_step.yaml``, and plant and controller of ``configs/mpc/steady_tip.yaml``, connected by equal
+names. Both tools step all units at once and exchange values afterwards, which delays a command by a period; the plant
+is therefore exported without the 10 ms by which its sensors are late. Beside them: the same exchange by fmpy.
 """
 
 from __future__ import annotations
@@ -13,11 +19,12 @@ import os
 
 os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
-import argparse
 import json
 import tempfile
 import time
 import zipfile
+from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +33,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 import continuum_grasp as cg
-from benchmarks.report import RESULTS, Report, Table
+from benchmarks.report import RESULTS, Report, arguments
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
@@ -49,15 +56,21 @@ HELD = 1e-3
 """The same where loads vary within a step, over which an FMU holds them at what they are in its middle."""
 
 
-def opened(unit: FunctionalMockupUnit) -> Instance:
+PULL = {"input.tension_1": 12.0}
+"""Inputs of the finger alone [N]."""
+Unit = FunctionalMockupUnit
+
+
+def opened(unit: Unit) -> Instance:
     """An instance of a unit in which validation finds nothing."""
     if problems := validate_fmu(str(unit.file)):
         raise RuntimeError(f"{unit.file.name}: {problems}")
-    fmpy.extract(str(unit.file), str(unit.file.with_suffix("")))
+    if not unit.file.with_suffix("").exists():  # a library that is loaded must not be written again
+        fmpy.extract(str(unit.file), str(unit.file.with_suffix("")))
     return Instance(unit)
 
 
-def finger(scene: Scene, units: dict[tuple[str, str], FunctionalMockupUnit], folder: Path) -> tuple[str, float, float]:
+def finger(scene: Scene, units: dict[tuple[str, str], Unit], folder: Path) -> tuple[str, float, float]:
     """What steps are compared with, the largest difference of a state, and what it may be."""
     one = units["plant", "2"]
     with zipfile.ZipFile(one.file) as archive:
@@ -78,7 +91,7 @@ def finger(scene: Scene, units: dict[tuple[str, str], FunctionalMockupUnit], fol
     return "C package", far, 0.0
 
 
-def loop(scene: ControlScene, units: dict[tuple[str, str], FunctionalMockupUnit]) -> tuple[str, float, float]:
+def loop(scene: ControlScene, units: dict[tuple[str, str], Unit]) -> tuple[str, float, float]:
     """What commands are compared with, their largest difference per the largest of them, and what it may be."""
     period, horizon = scene.controller.step, scene.controller.horizon
     scene = scene.replaced(plant=scene.plant.replaced(noise=0.0), duration=STEPS * period)
@@ -127,16 +140,140 @@ def row(config: Path, folder: Path) -> list[Any]:
     return [name, len(units), size, beside, far, verdict, time.monotonic() - began]
 
 
+def shared(plant: Unit, control: Unit) -> tuple[list[str], list[str]]:
+    """Names of measurements and of commands, which both units have."""
+    measured = [name for name in plant.outputs if name.startswith("measurement.")]
+    return measured, [name for name in plant.inputs if name.startswith("command.")]
+
+
+def by_fmpy(units: list[Unit]) -> list[list[float]]:
+    """Tips after each step; inputs are handed over at the start, and after each step of all units."""
+    ones = [opened(unit) for unit in units]
+    tips, h = [], max(unit.step for unit in units)
+    if len(ones) == 1:
+        for name, value in PULL.items():
+            ones[0].set(name, [value])
+    else:
+        ones[1].set("measurement.", ones[0].get("measurement."))
+        ones[0].set("command.", ones[1].get("command."))
+    for k in range(STEPS):
+        for one in ones:
+            one.step(k * h, h)
+        tips.append(ones[0].get("tip.")[:2].tolist())
+        if len(ones) > 1:
+            command = ones[1].get("command.")
+            ones[1].set("measurement.", ones[0].get("measurement."))
+            ones[0].set("command.", command)
+    return tips
+
+
+def by_ecos(units: list[Unit]) -> list[list[float]]:
+    """The same by Ecos."""
+    from ecospy import EcosSimulation, EcosSimulationStructure
+
+    structure = EcosSimulationStructure()
+    for unit in units:
+        structure.add_model(unit.what, unit.file)
+    if len(units) == 1:
+        structure.add_parameter_set("start", {f"plant::{name}": value for name, value in PULL.items()})
+    else:
+        measured, commands = shared(*units)
+        for name in measured:
+            structure.make_real_connection(f"plant::{name}", f"controller::{name}")
+        for name in commands:
+            structure.make_real_connection(f"controller::{name}", f"plant::{name}")
+    tips = []
+    with EcosSimulation(max(unit.step for unit in units), structure=structure) as simulation:
+        simulation.init(parameter_set="start" if len(units) == 1 else None)
+        for _ in range(STEPS):
+            simulation.step()
+            tips.append([simulation.get_real(f"plant::tip.{name}") for name in "xy"])
+    return tips
+
+
+def by_libcosim(units: list[Unit]) -> list[list[float]]:
+    """The same by libcosim."""
+    from libcosimpy.CosimExecution import CosimExecution
+    from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+    from libcosimpy.CosimObserver import CosimObserver
+    from libcosimpy.CosimSlave import CosimLocalSlave
+
+    log_output_level(CosimLogLevel.WARNING)
+    execution = CosimExecution.from_step_size(round(1e9 * max(unit.step for unit in units)))
+    at = [execution.add_local_slave(CosimLocalSlave(str(unit.file), unit.what)) for unit in units]
+    numbers = [{v.name.decode(): v.reference for v in execution.slave_variables(k)} for k in at]
+    observer = CosimObserver.create_last_value()
+    execution.add_observer(observer)
+    if len(units) == 1:
+        for name, value in PULL.items():
+            execution.real_initial_value(at[0], numbers[0][name], value)
+    else:
+        measured, commands = shared(*units)
+        for names, source, sink in ((measured, 0, 1), (commands, 1, 0)):
+            for name in names:
+                execution.connect_real_variables(at[source], numbers[source][name], at[sink], numbers[sink][name])
+    tips = []
+    for _ in range(STEPS):
+        if not execution.step():
+            raise RuntimeError("libcosim refuses to step")
+        tips.append(observer.last_real_values(at[0], [numbers[0][f"tip.{name}"] for name in "xy"]))
+    return tips
+
+
+TOOLS: dict[str, tuple[str, tuple[str, ...], Callable[[list[Unit]], Any]]] = {
+    "Ecos": ("ecospy", ("2", "3"), by_ecos),
+    "libcosim": ("libcosimpy", ("2",), by_libcosim),
+}
+"""By name: package, versions of the standard that it reads, and how it steps."""
+
+
+def try_tools() -> None:
+    """Step units by every tool, and write the report."""
+    report, rows = Report("fmu_tools", 0), list[list[Any]]()
+    with tempfile.TemporaryDirectory() as folder:
+        loop = load(ROOT / "configs/mpc/steady_tip.yaml")
+        prompt = loop.replaced(plant=loop.plant.replaced(delay=0.0))
+        fingers = export_fmu(ROOT / "configs/simulate/tendon_step.yaml", folder)
+        plants = export_fmu(prompt, folder, what=["plant"], name="steady_tip")
+        controllers = export_fmu(loop, folder, what=["controller"], name="steady_tip")
+        silent = loop.replaced(plant=loop.plant.replaced(noise=0.0), duration=STEPS * loop.controller.step)
+        end = cg.run_closed_loop(silent).tip[-1]
+        for tool, (package, versions, steps) in TOOLS.items():
+            try:
+                name = f"{tool} ({package} {metadata.version(package)})"
+            except metadata.PackageNotFoundError:
+                report.missing.append(f"{tool}: {package} is not installed")
+                continue
+            for fmi in versions:
+                for what, group in (("finger", (fingers,)), ("plant and controller", (plants, controllers))):
+                    units = [unit for made in group for unit in made if unit.fmi == fmi]
+                    expected, found = np.array(by_fmpy(units)), np.array(steps(units))
+                    far = float(np.abs(found - expected).max())
+                    away = 1e3 * float(np.linalg.norm(found[-1] - end)) if len(units) > 1 else None
+                    rows.append([name, f"{fmi}.0", what, far, away])
+                    print(*rows[-1], sep=" | ", flush=True)
+                    report.claim(f"{tool}, FMI {fmi}.0, {what}: difference from fmpy [m]", far, "<=", 0.0)
+    columns = ["tool", "FMI", "units", "tip, largest difference from fmpy [m]", "end, from run_closed_loop [mm]"]
+    note = f"{STEPS} steps of 1 ms of a finger, {STEPS} periods of 10 ms of a loop; fmpy {metadata.version('fmpy')}."
+    report.table("Functional mock-up units in other tools", columns, rows, note)
+    report.finish()
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="configurations, such as mpc/steady_tip")
-    asked = parser.parse_args()
+    asked = arguments(
+        __doc__,
+        only=([str], "configurations, such as mpc/steady_tip"),
+        tools=(False, "other tools instead"),
+    )
+    if asked.tools:
+        return try_tools()
     shipped = [path for kind in ("simulate", "mpc") for path in sorted((ROOT / "configs" / kind).glob("*.yaml"))]
     report, rows, earlier = Report("fmu", 0), list[list[Any]](), dict[str, list[Any]]()
     if asked.only and RECORD.exists():
         earlier = {row[0]: row for row in json.loads(RECORD.read_text())["tables"][0]["rows"]}
     for config in shipped:
-        if asked.only and (name := f"{config.parent.name}/{config.stem}") not in asked.only:
+        name = f"{config.parent.name}/{config.stem}"
+        if asked.only and name not in asked.only:
             if name in earlier:
                 rows.append(earlier[name])
             else:
@@ -146,14 +283,14 @@ def main() -> None:
             try:
                 rows.append(row(config, Path(folder)))
             except Exception as error:
-                name = f"{config.parent.name}/{config.stem}"
                 rows.append([name, 0, 0.0, "", None, f"**failed**: {type(error).__name__}: {error}", 0.0])
         print(*rows[-1], sep=" | ", flush=True)
     report.claim("configurations whose units are neither equal nor refused", sum("**" in r[5] for r in rows), "<=", 0)
     columns = ["configuration", "units", "kB", "beside", "largest difference", "verdict", "s"]
     note = f"{STEPS} steps of a finger, differences of states; {STEPS} periods of a loop, of commands per the largest."
-    report.tables.append(Table("Functional mock-up units of the shipped configurations", columns, rows, note))
+    report.table("Functional mock-up units of the shipped configurations", columns, rows, note)
     report.finish()
+    return None
 
 
 if __name__ == "__main__":

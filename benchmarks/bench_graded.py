@@ -7,7 +7,6 @@ moment-linear elements with a known tip alone, is computed by numpy (``rod_shape
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -15,16 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.graded_rods import RODS
-from benchmarks.report import Report, Table
-from benchmarks.rod_shapes import ShapeRod, equal_lengths, wavelength_lengths
+from benchmarks.bench_accuracy import Case, scene
+from benchmarks.report import Report, arguments
+from benchmarks.rod_shapes import RODS, ShapeRod, equal_lengths, wavelength_lengths
 from continuum_grasp.accuracy.choice import Errors, errors_of
-from continuum_grasp.accuracy.truth import find_truth
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Fidelity, Scene
+from tests.rods import force
 
-HORIZONTAL = -math.pi / 2
 COUNTS = (2, 4, 8)
 ACCURACIES = (1e-9, 1e-7, 1e-5, 1e-3)
 """Of the evaluation, the first that an element has quadrature nodes for."""
@@ -33,15 +31,9 @@ MARGIN = 1.3
 Lengths = Callable[[Scene, int], list[float]]
 
 
-def scene(rod: dict[str, Any], **keys: Any) -> Scene:
-    """A straight finger along +X, weightless by default."""
-    finger = {"rod": rod, "base": {"angle": HORIZONTAL}, **keys.pop("finger", {})}
-    return Scene.model_validate({"finger": finger, "gravity": (0.0, 0.0), **keys})
-
-
-def force(value: float) -> dict[str, Any]:
+def across(value: float) -> dict[str, Any]:
     """A force across at the tip."""
-    return {"kind": "force", "at": 1.0, "force": (0.0, value)}
+    return force(1.0, (0.0, value))
 
 
 def couple(at: float, value: float) -> dict[str, Any]:
@@ -65,35 +57,32 @@ def at_rest() -> dict[str, Scene]:
     bent = {"rest_curvature": [0.0, 6.0]}
     curled = {**RODS["wedge 0.25"], "sections": [{**RODS["wedge 0.25"]["sections"][0], **bent}]}
     return {
-        "uniform, tip force 2": scene(RODS["uniform"], loads=[force(2.0)]),
-        "wedge 0.25, tip force 0.5": scene(RODS["wedge 0.25"], loads=[force(0.5)]),
-        "cone 0.25, tip force 0.3": scene(RODS["cone 0.25"], loads=[force(0.3)]),
+        "uniform, tip force 2": scene(RODS["uniform"], loads=[across(2.0)]),
+        "wedge 0.25, tip force 0.5": scene(RODS["wedge 0.25"], loads=[across(0.5)]),
+        "cone 0.25, tip force 0.3": scene(RODS["cone 0.25"], loads=[across(0.3)]),
         "cone 0.25, weight 4": scene(RODS["cone 0.25"], gravity=(0.0, -4.0)),
         "cone 0.1, weight 4": scene(RODS["cone 0.1"], gravity=(0.0, -4.0)),
         "cone 0.25, tendon to the tip, tip force -0.1": scene(
-            RODS["cone 0.25"], loads=[force(-0.1)], **pulled(0.25, slope=0.75)
+            RODS["cone 0.25"], loads=[across(-0.1)], **pulled(0.25, slope=0.75)
         ),
         "cone 0.25, tendon to 0.6, tip force -0.1": scene(
-            RODS["cone 0.25"], loads=[force(-0.1)], **pulled(0.25, end=0.6, slope=0.75)
+            RODS["cone 0.25"], loads=[across(-0.1)], **pulled(0.25, end=0.6, slope=0.75)
         ),
         "cone 0.25, couple 0.5 at 0.5, weight 0.8": scene(RODS["cone 0.25"], loads=[couple(0.5, 0.5)], **weight),
         "uniform, couple 0.5 at 0.5, weight 0.8": scene(RODS["uniform"], loads=[couple(0.5, 0.5)], **weight),
         "uniform, tendon to 0.6, tip force -0.7": scene(
-            {**RODS["uniform"], "diameter": 0.02}, loads=[force(-0.7)], **pulled(1.2, end=0.6)
+            {**RODS["uniform"], "diameter": 0.02}, loads=[across(-0.7)], **pulled(1.2, end=0.6)
         ),
-        "step, tip force 0.3": scene(RODS["step"], loads=[force(0.3)]),
+        "step, tip force 0.3": scene(RODS["step"], loads=[across(0.3)]),
         "step, rest curvature 0.5 and -1.5, tip force -0.2, weight 0.3": scene(
-            RODS["step"], loads=[force(-0.2)], **stepped
+            RODS["step"], loads=[across(-0.2)], **stepped
         ),
         "wedge 0.25, rest curvature 0 to 6, weight 1": scene(curled, gravity=(0.0, -1.0)),
     }
 
 
-class Case:
-    """A scene and its truth."""
-
-    def __init__(self, given: Scene) -> None:
-        self.scene, self.truth = given, find_truth(given)
+class Rod(Case):
+    """A rod that is not uniform, and its truth."""
 
     def model(self, family: Any, lengths: Sequence[float], *, moves: bool) -> Errors:
         """Errors of the package's model."""
@@ -116,7 +105,7 @@ class Case:
         """The projection of the exact rod."""
         return ShapeRod(self.scene, lengths(self.scene, count), family, matched)
 
-    def tip(self, rod: ShapeRod) -> float:
+    def shape_tip(self, rod: ShapeRod) -> float:
         """Error of a projection's tip per length."""
         try:
             found = rod.tip(rod.rest())
@@ -124,7 +113,7 @@ class Case:
             return math.nan
         return float(np.linalg.norm(found - self.truth.cases[0].backbone[-1]))
 
-    def frequencies(self, rod: ShapeRod) -> np.ndarray:
+    def shape_frequencies(self, rod: ShapeRod) -> np.ndarray:
         """Relative errors of a projection's frequencies."""
         true = self.truth.cases[0].frequencies_hz
         return np.abs(rod.frequencies(rod.rest()) / true - 1.0)
@@ -134,12 +123,12 @@ def frequencies(report: Report) -> None:
     """Errors of the first two natural frequencies of the straight rods."""
     rows = []
     for name, rod in RODS.items():
-        case = Case(scene(rod))
+        case = Rod(scene(rod))
         for count in COUNTS:
             equal, graded = (lengths(case.scene, count) for lengths in (equal_lengths, wavelength_lengths))
             found = [
                 case.model("arc", equal, moves=True).frequencies,
-                case.frequencies(case.shapes("clothoid", "tip", count, equal_lengths)),
+                case.shape_frequencies(case.shapes("clothoid", "tip", count, equal_lengths)),
                 case.model("matched_clothoid", equal, moves=True).frequencies,
                 case.model("matched_clothoid", graded, moves=True).frequencies,
             ]
@@ -150,9 +139,7 @@ def frequencies(report: Report) -> None:
         "Relative errors. Curvature linear and moment linear with the tip's curvature known (`matched_clothoid`). The "
         "mesh rule, the default, makes elements of equal integral of (rho A / EI)^(1/4); the others are equally long."
     )
-    report.tables.append(
-        Table("Natural frequencies of straight rods, by unknowns", ["rod", "unknowns", *columns], rows, note)
-    )
+    report.table("Natural frequencies of straight rods, by unknowns", ["rod", "unknowns", *columns], rows, note)
     by = {(row[0], row[1]): row for row in rows}
     jump = by["step", 4]
     report.claim("step, 4 unknowns, mode 1: moment linear per curvature linear", jump[6] / jump[4], "<=", 0.01)
@@ -166,7 +153,7 @@ def poses(report: Report) -> None:
     """Errors of the tip at rest."""
     rows = []
     for name, given in at_rest().items():
-        case = Case(given)
+        case = Rod(given)
         for count in COUNTS:
             equal, graded = (lengths(given, count) for lengths in (equal_lengths, wavelength_lengths))
             rows.append(
@@ -174,8 +161,8 @@ def poses(report: Report) -> None:
                     name,
                     count,
                     case.model("arc", equal, moves=False).tip,
-                    case.tip(case.shapes("clothoid", "tip", count, equal_lengths)),
-                    case.tip(case.shapes("moment", "tip", count, equal_lengths)),
+                    case.shape_tip(case.shapes("clothoid", "tip", count, equal_lengths)),
+                    case.shape_tip(case.shapes("moment", "tip", count, equal_lengths)),
                     case.model("matched_clothoid", equal, moves=False).tip,
                     case.model("matched_clothoid", graded, moves=False).tip,
                 ]
@@ -186,7 +173,7 @@ def poses(report: Report) -> None:
         "the shape (`matched_clothoid`); before it only the curvature that they give the tip. A dash: refused, an "
         "element's length times its greatest curvature is more than a turn."
     )
-    report.tables.append(Table("Tip at rest, error / L", ["rod and load", "unknowns", *columns], rows, note))
+    report.table("Tip at rest, error / L", ["rod and load", "unknowns", *columns], rows, note)
     by = {(row[0], row[1]): row for row in rows}
     for name in by:
         row = by[name]
@@ -207,14 +194,10 @@ def measured(part: str) -> Report:
 
 def main() -> None:
     """Measure everything and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="*", choices=list(PARTS))
-    parser.add_argument("--jobs", type=int, default=2)
-    arguments = parser.parse_args()
+    asked = arguments(__doc__, only=(tuple(PARTS), ""), jobs=2)
     report = Report("graded", 0)
-    wanted = [part for part in PARTS if not arguments.only or part in arguments.only]
-    with ProcessPoolExecutor(arguments.jobs) as pool:
-        for found in pool.map(measured, wanted):
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        for found in pool.map(measured, asked.only):
             report.tables += found.tables
             report.claims += found.claims
     report.finish()

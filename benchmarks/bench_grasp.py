@@ -7,9 +7,7 @@ retained for a last look (fresh), tips of two and of three fingers, and scenes m
 
 from __future__ import annotations
 
-import argparse
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +15,9 @@ import numpy as np
 from benchmarks.grasp_oracle.check import LIMITS
 from benchmarks.grasp_oracle.truth import answers
 from benchmarks.grasp_outcomes import CLOSE, Outcome, outcome
-from benchmarks.report import RESULTS, Report, Table
-from continuum_grasp.workers import ProcessPool, cores
+from benchmarks.harness import spread
+from benchmarks.report import RESULTS, Report, arguments
+from continuum_grasp.workers import cores
 
 ONE = 1000
 """Answers of one finger that are looked at while the optimizer is worked on; those beyond are fresh."""
@@ -67,7 +66,7 @@ def add_times(report: Report, words: str, outcomes: list[Outcome]) -> None:
     rows.append(["iterations [1]", *(percentile(steps, p) for p in (50, 95, 100))])
     note = "Processor time. after_build: everything but the build, checks included; all: as a caller waits."
     columns = ["", "median [ms]", "95 % [ms]", "most [ms]"]
-    report.tables.append(Table(f"Times, {words}", columns, rows, note))
+    report.table(f"Times, {words}", columns, rows, note)
 
 
 def add_held(report: Report, kind: str, outcomes: list[Outcome], words: str) -> None:
@@ -87,7 +86,7 @@ def add_held(report: Report, kind: str, outcomes: list[Outcome], words: str) -> 
     rows = [
         [name, max((o.worst[name] for o in outcomes if o.worst), default=math.nan), LIMITS[name]] for name in LIMITS
     ]
-    report.tables.append(Table(f"Worst residuals, {words}", ["", "worst", "limit"], rows))
+    report.table(f"Worst residuals, {words}", ["", "worst", "limit"], rows)
     bad = [[o.seed, o.what, o.status, o.note] for o in outcomes if not o.good]
     title, limit = "Not solved, or worse", f"{100 * CLOSE:g} %"
     note = (
@@ -95,10 +94,10 @@ def add_held(report: Report, kind: str, outcomes: list[Outcome], words: str) -> 
     )
     if kind in ("two", "three"):
         note += " Oracles of several fingers need not know the best."
-    report.tables.append(Table(f"{title}, {words}", ["seed", "scene", "status", ""], bad, note))
+    report.table(f"{title}, {words}", ["seed", "scene", "status", ""], bad, note)
     bad = [[o.seed, o.what, o.status, o.note] for o in outcomes if o.better]
     note = f"By more than {limit}; all were checked."
-    report.tables.append(Table(f"Better than the oracle, {words}", ["seed", "scene", "status", ""], bad, note))
+    report.table(f"Better than the oracle, {words}", ["seed", "scene", "status", ""], bad, note)
 
 
 def add_none(report: Report, kind: str, outcomes: list[Outcome], words: str) -> None:
@@ -113,9 +112,9 @@ def add_none(report: Report, kind: str, outcomes: list[Outcome], words: str) -> 
         some = [o for o in outcomes if o.what == cause]
         rows.append([cause, len(some), *(share(some, name) for name in ("good", "right", "first", "number"))])
     columns = ["cause", "scenes", "infeasible %", "named %", "named first %", "number %"]
-    report.tables.append(Table(f"Why not, {words}", columns, rows))
+    report.table(f"Why not, {words}", columns, rows)
     bad = [[o.seed, o.what, o.status, o.note] for o in outcomes if not (o.good and o.right and o.number)]
-    report.tables.append(Table(f"Other words or numbers, {words}", ["number", "cause", "status", ""], bad))
+    report.table(f"Other words or numbers, {words}", ["number", "cause", "status", ""], bad)
     add_times(report, words, outcomes)
 
 
@@ -128,58 +127,57 @@ def add_efforts(report: Report, found: dict[str, list[Outcome]]) -> None:
         rows.append([effort, len(some), *rates, *(percentile(after, p) for p in (50, 95, 100))])
     columns = ["effort", "scenes", "solved %", "within 0.5 % %", "called infeasible %"]
     columns += ["median [ms]", "95 % [ms]", "most [ms]"]
-    report.tables.append(Table("Efforts of the search", columns, rows, "Times after the build, processor time."))
+    report.table("Efforts of the search", columns, rows, "Times after the build, processor time.")
 
 
-def judged(pool: ProcessPool, kind: str, rows: list[dict[str, Any]], effort: str, verbose: bool) -> list[Outcome]:
+def judged(kind: str, rows: list[dict[str, Any]], effort: str, jobs: int, verbose: bool) -> list[Outcome]:
     """The outcomes of the scenes of some answers, in their order."""
     found: dict[int, Outcome] = {}
-    for k, future in pool.as_completed(_outcome, [(kind, row, effort) for row in rows]):
-        found[k] = last = future.result()
+    tasks = [(k, kind, row, effort) for k, row in enumerate(rows)]
+    for task, last, error in spread(_outcome, tasks, jobs):
+        if error is not None:
+            raise error
+        found[task[0]] = last
         if verbose:
             flags = "" if last.good and not last.false else "  <<<"
             print(kind, last.seed, last.what, last.status, last.note, flags, flush=True)
     return [found[k] for k in range(len(rows))]
 
 
-def _outcome(task: tuple[str, dict[str, Any], str]) -> Outcome:
-    return outcome(*task)
+def _outcome(task: tuple[int, str, dict[str, Any], str]) -> Outcome:
+    return outcome(*task[1:])
 
 
 def main() -> None:
     """Run the kinds asked for and write the reports."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kind", nargs="*", choices=list(KINDS), default=list(KINDS))
-    parser.add_argument("--count", type=int, default=ONE, help="most scenes of a kind")
-    parser.add_argument("--first", type=int, default=0, help="answers to pass over")
-    parser.add_argument("--seeds", type=int, nargs="*", help="these seeds alone")
-    parser.add_argument("--efforts", nargs="*", choices=EFFORTS, default=[], help="other efforts too, of one finger")
-    parser.add_argument("--jobs", type=int, default=cores(), help="processes")
-    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write the reports")
-    parser.add_argument("--verbose", action="store_true")
-    arguments = parser.parse_args()
-    pool = ProcessPool(arguments.jobs)
-    try:
-        for kind in arguments.kind:
-            name, words, _ = KINDS[kind]
-            report = Report(name, 0)
-            rows = known(kind)[arguments.first :][: arguments.count]
-            if arguments.seeds is not None:
-                rows = [row for row in rows if row["seed"] in arguments.seeds]
-            outcomes = judged(pool, kind, rows, "", arguments.verbose)
-            if not outcomes:
-                report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
-            elif kind in ("none", "both"):
-                add_none(report, kind, outcomes, words)
-            else:
-                add_held(report, kind, outcomes, words)
-                efforts = [e for e in arguments.efforts if e != "normal" and kind == "one"]
-                if efforts:
-                    by = {e: judged(pool, kind, rows, e, arguments.verbose) for e in efforts} | {"normal": outcomes}
-                    add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
-            report.finish(arguments.folder)
-    finally:
-        pool.close(True)
+    asked = arguments(
+        __doc__,
+        kind=(tuple(KINDS), ""),
+        count=(ONE, "most scenes of a kind"),
+        first=(0, "answers to pass over"),
+        seeds=([int], "these seeds alone"),
+        efforts=([str], "other efforts too, of one finger", EFFORTS),
+        jobs=(cores(), "processes"),
+        folder=(RESULTS, "where to write the reports"),
+        verbose=False,
+    )
+    for kind in asked.kind:
+        name, words, _ = KINDS[kind]
+        report = Report(name, 0)
+        rows = known(kind)[asked.first :][: asked.count]
+        rows = [row for row in rows if not asked.seeds or row["seed"] in asked.seeds]
+        outcomes = judged(kind, rows, "", asked.jobs, asked.verbose)
+        if not outcomes:
+            report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
+        elif kind in ("none", "both"):
+            add_none(report, kind, outcomes, words)
+        else:
+            add_held(report, kind, outcomes, words)
+            efforts = [e for e in asked.efforts if e != "normal" and kind == "one"]
+            by = {e: judged(kind, rows, e, asked.jobs, asked.verbose) for e in efforts} | {"normal": outcomes}
+            if efforts:
+                add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
+        report.finish(asked.folder)
 
 
 if __name__ == "__main__":

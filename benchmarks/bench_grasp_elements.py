@@ -1,7 +1,7 @@
 """Whether a grasp scene and its images have the same grasp, with fingers of several elements, and how long that takes.
 
 Run ``python -m benchmarks.bench_grasp_elements`` in the root of the repository. Scenes are random
-(``benchmarks.grasp_images``); the best of all images of a scene, and of records named by ``--with``, is the oracle.
+(``benchmarks.grasp_images``); the best of all images of a scene is the oracle.
 Grasps of uniform fingers are checked by equations that share nothing with the package, and outlines that two elements
 do not hold are searched by brute force (``benchmarks.grasp_oracle``). Times are processor time after the build.
 
@@ -11,28 +11,28 @@ whole list of scenes, ``--population 0.1`` a tenth of every kind, ``--count 0`` 
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import re
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from benchmarks.grasp_images import IMAGES, drawn, force_unit, images, scene_of
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.search import Search as Oracle
-from benchmarks.report import RESULTS, Report, Table
+from benchmarks.harness import spread
+from benchmarks.report import RESULTS, Report, Table, arguments
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.workers import ProcessPool, cores
+from continuum_grasp.workers import cores
 
 EQUAL, LITTLE, WORSE = 1e-6, 1e-6, 1e-2
 """Relative difference of equal tensions; tension that is none, per the greatest; part by which one is worse."""
@@ -101,12 +101,10 @@ def _searched(scene: GraspScene) -> tuple[str, float | None, float, int, Any]:
 
 
 def judged(rows: list[Row], known: dict[str, float]) -> dict[str, list[str]]:
-    """What is wrong with the images of some scenes."""
+    """What is wrong with the images of some scenes, of each of which the least known tension is the oracle."""
     scenes: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         scenes.setdefault((row["scene"], row["effort"]), []).append(row)
-        if row["tension"] is not None:
-            known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
     wrong: dict[str, list[str]] = {}
     names = ("status differs", "tension differs", "worse", "missed", "false certificate", "false infeasible")
     status, tension, worse, missed, false, infeasible = (wrong.setdefault(name, []) for name in names)
@@ -130,8 +128,12 @@ def judged(rows: list[Row], known: dict[str, float]) -> dict[str, list[str]]:
     return wrong
 
 
-def report_of(name: str, rows: list[Row], known: dict[str, float]) -> Report:
+def report_of(name: str, rows: list[Row]) -> Report:
     """Claims and tables of some rows."""
+    known: dict[str, float] = {}
+    for row in rows:
+        if row["tension"] is not None:
+            known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
     report, wrong = Report(name, 0), judged(rows, known)
     for what, found in wrong.items():
         report.claim(what, len(found), "<=", 0)
@@ -140,7 +142,7 @@ def report_of(name: str, rows: list[Row], known: dict[str, float]) -> Report:
         groups.setdefault((row["kind"], row["effort"]), []).append(row)
     times, table = [], []
     for (kind, effort), group in groups.items():
-        found = [len(each) for each in judged(group, dict(known)).values()]
+        found = [len(each) for each in judged(group, known).values()]
         table.append([kind, effort, len({row["scene"] for row in group}), len(group), *found])
         for status in sorted({row["status"] for row in group}):
             some = [row for row in group if row["status"] == status]
@@ -149,8 +151,8 @@ def report_of(name: str, rows: list[Row], known: dict[str, float]) -> Report:
             ]
             times.append([kind, effort, status, len(some), *map(float, spent)])
     columns = ["kind", "effort", "status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
-    report.tables.append(Table("By kind and status", columns, times, "Processor time after the build."))
-    report.tables.append(Table("By kind", ["kind", "effort", "scenes", "images", *wrong], table))
+    report.table("By kind and status", columns, times, "Processor time after the build.")
+    report.table("By kind", ["kind", "effort", "scenes", "images", *wrong], table)
     report.tables += [Table(what, ["scene"], [[each] for each in found]) for what, found in wrong.items() if found]
     return report
 
@@ -163,64 +165,46 @@ def read(file: Path) -> list[Row]:
 
 def main() -> None:
     """Run the scenes asked for and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--kind", nargs="*", default=["one"], help="one, union, two, three, wrap, tapered, outline, infeasible"
+    asked = arguments(
+        __doc__,
+        kind=(["one"], "one, union, two, three, wrap, tapered, outline, infeasible"),
+        first=(0, "the first seed"),
+        count=(40, "seeds per kind"),
+        population=(float, "this part of the whole list in place of --kind and --count"),
+        elements=[4, 8],
+        effort=(["normal"], "quick, normal, thorough"),
+        images=(tuple(IMAGES), ""),
+        search=(False, "no reasons why there is no grasp"),
+        rows=(Path, "record to go on with; by default one in the folder"),
+        jobs=(cores(), "processes"),
+        name=("grasp_elements", "name of the report"),
+        folder=(RESULTS, "where to write the report"),
     )
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--count", type=int, default=40, help="seeds per kind")
-    parser.add_argument("--population", type=float, help="this part of the whole list in place of --kind and --count")
-    parser.add_argument("--elements", type=int, nargs="*", default=[4, 8])
-    parser.add_argument("--effort", nargs="*", default=["normal"], help="quick, normal, thorough")
-    parser.add_argument("--images", nargs="*", choices=list(IMAGES), default=list(IMAGES))
-    parser.add_argument("--case", type=Path, nargs="*", default=[], help="scenes of files, with their own elements")
-    parser.add_argument("--search", action="store_true", help="no reasons why there is no grasp")
-    parser.add_argument("--rows", type=Path, help="record to go on with; by default one in the folder")
-    parser.add_argument("--with", dest="others", type=Path, nargs="*", default=[], help="records that may know better")
-    parser.add_argument("--jobs", type=int, default=cores(), help="processes")
-    parser.add_argument("--name", default="grasp_elements", help="name of the report")
-    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write the report")
-    arguments = parser.parse_args()
-    counts = dict.fromkeys(arguments.kind, arguments.count)
-    if arguments.population is not None:
-        counts = {kind: math.ceil(arguments.population * count) for kind, count in POPULATION.items()}
-    cases = [
-        (kind, f"{kind} {arguments.first + s}, {n}", drawn(kind, arguments.first + s), n)
-        for n in arguments.elements
-        for kind, count in counts.items()
-        for s in range(count)
-    ]
-    for file in arguments.case:
-        data = yaml.safe_load(file.read_text(encoding="utf-8"))
-        cases.append(("case", file.stem, data, data["fidelity"]["elements"]))
-    arguments.folder.mkdir(parents=True, exist_ok=True)
-    record = arguments.rows or arguments.folder / "grasp_elements_rows.jsonl"
+    counts = dict.fromkeys(asked.kind, asked.count)
+    if asked.population is not None:
+        counts = {kind: math.ceil(asked.population * count) for kind, count in POPULATION.items()}
+    asked.folder.mkdir(parents=True, exist_ok=True)
+    record = asked.rows or asked.folder / "grasp_elements_rows.jsonl"
     rows = read(record)
     done = {(row["scene"], row["image"], row["effort"]) for row in rows}
     tasks = [
-        (kind, name, image, shown, n, effort, arguments.search)
-        for effort in arguments.effort
-        for kind, name, data, n in cases
-        for image, shown in images(data, arguments.images).items()
-        if (name, image, effort) not in done
+        (kind, name, image, shown, n, effort, asked.search)
+        for effort, n, (kind, count) in product(asked.effort, asked.elements, counts.items())
+        for seed in range(asked.first, asked.first + count)
+        for image, shown in images(drawn(kind, seed), asked.images).items()
+        if ((name := f"{kind} {seed}, {n}"), image, effort) not in done
     ]
     # Scenes that differ in numbers alone share their equations.
     tasks.sort(key=lambda task: (task[0], task[4], re.sub(r"-?\d+(\.\d+)?(e-?\d+)?", "", json.dumps(task[3]))))
-    pool = ProcessPool(arguments.jobs)
-    try:
-        with record.open("a", encoding="utf-8") as lines:
-            for _, future in pool.as_completed(outcome, tasks):
-                rows.append(future.result())
-                # A new line first: an interruption may have torn the last one.
-                lines.write("\n" + json.dumps(rows[-1]))
-                lines.flush()
-    finally:
-        pool.close(True)
-    known: dict[str, float] = {}
-    for row in (row for file in arguments.others for row in read(file) if row["tension"] is not None):
-        known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
-    report = report_of(arguments.name, rows, known)
-    report.finish(arguments.folder)
+    with record.open("a", encoding="utf-8") as lines:
+        for _, row, error in spread(outcome, tasks, asked.jobs):
+            if error is not None:
+                raise error
+            rows.append(row)
+            # A new line first: an interruption may have torn the last one.
+            lines.write("\n" + json.dumps(row))
+            lines.flush()
+    report_of(asked.name, rows).finish(asked.folder)
 
 
 if __name__ == "__main__":

@@ -7,13 +7,12 @@ in a right answer, a warning or a refusal that says why; anything else is WRONG.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 
-from benchmarks.hard_cases.attempt import RIGHT, WRONG, Judged, judge
+from benchmarks.hard_cases import RIGHT, WRONG, judge
 from benchmarks.hard_cases.motion import motion_attempts
 from benchmarks.hard_cases.statics import static_attempts
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, Table, arguments
 
 COLUMNS = ["case", "family", "method", "error", "limit", "steps", "time [s]", "verdict"]
 NOTE = """\
@@ -23,29 +22,21 @@ reference are those of time.method. Times are of one run, with what had to be co
 need it, the truth.""".replace("\n", " ")
 
 
-def table(title: str, judged: list[Judged]) -> Table:
-    """Outcomes as a table."""
-    rows = [
-        [j.attempt.case, j.attempt.family, j.attempt.method, j.error, j.attempt.limit, j.steps, j.seconds, j.verdict]
-        for j in judged
-    ]
-    return Table(title, COLUMNS, rows, NOTE)
-
-
 def main() -> None:
     """Make every attempt and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="attempts with this in case, family and method")
-    only = parser.parse_args().only
+    only = arguments(__doc__, only=("", "attempts with this in case, family and method")).only
     report, all_judged = Report("hard_cases", 0), []
     for title, attempts in (("At rest", static_attempts()), ("In motion", motion_attempts())):
-        judged = []
+        rows: list[list[object]] = []
         for attempt in attempts:
-            if only in attempt.name:
-                judged.append(judge(attempt))
-                print(f"{attempt.name}: {judged[-1].verdict}", flush=True)
-        report.tables.append(table(title, judged))
-        all_judged += judged
+            if only not in attempt.name:
+                continue
+            j = judge(attempt)
+            print(f"{attempt.name}: {j.verdict}", flush=True)
+            rows.append([attempt.case, attempt.family, attempt.method, j.error, attempt.limit, j.steps, j.seconds])
+            rows[-1].append(j.verdict)
+            all_judged.append(j)
+        report.table(title, COLUMNS, rows, NOTE)
     counts = Counter(j.kind for j in all_judged)
     rows = [[kind, counts[kind]] for kind in sorted(counts, key=lambda k: (k != RIGHT, k))]
     report.tables.insert(0, Table("Verdicts", ["verdict", "attempts"], rows))
@@ -53,9 +44,7 @@ def main() -> None:
     report.claim("verdicts other than expected", sum(j.surprising for j in all_judged), "<=", 0)
     if only:
         report.missing.append(f"all attempts without {only!r}")
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

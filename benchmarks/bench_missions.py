@@ -205,7 +205,7 @@ def main() -> None:
     if asked.only:
         return
     report = Report("missions", asked.seed)
-    report.tables.append(Table("Missions of two fingers drawn at random", COLUMNS, rows, __doc__.partition("\n")[0]))
+    report.table("Missions of two fingers drawn at random", COLUMNS, rows, __doc__.partition("\n")[0])
     report.claim("held and released", sum(done), ">=", asked.missions)
     report.finish()
 

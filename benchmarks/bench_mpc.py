@@ -2,7 +2,7 @@
 
 Run ``python -m benchmarks.bench_mpc`` in the root of the repository; parts of it by ``--only``, problems by ``--cases``
 (``cart_pole`` and ``two_links`` are no continuum fingers). Closed loops in C on one core, timed by the processor time
-of their thread in rounds in which the solvers take turns: the package's, acados (see ``mpc_acados``) and CasADi's
+of their thread in rounds in which the solvers take turns: the package's, acados (see ``mpc_external``) and CasADi's
 generated ``sqpmethod``; the same problems solved to convergence by IPOPT and do-mpc, from Python. What is not there is
 listed as not measured.
 """
@@ -16,21 +16,18 @@ import random
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import mpc_cases
-from benchmarks.harness import quartiles
-from benchmarks.machine import one_core
-from benchmarks.mpc_acados import acados_loops
+from benchmarks.harness import one_core, quartiles
 from benchmarks.mpc_cases import Case
-from benchmarks.mpc_dompc import dompc
+from benchmarks.mpc_external import acados_loops, dompc
 from benchmarks.mpc_loop import FLAGS, CLoop, LoopRun, rti_loop
 from benchmarks.mpc_peers import FORMS, converged, sqp_loop
 from benchmarks.mpc_world import World
-from benchmarks.report import RESULTS, Report, Table
+from benchmarks.report import RESULTS, Report, arguments
 from continuum_grasp.control.controller import Controller
 
 Array = NDArray[np.float64]
@@ -41,8 +38,6 @@ PEER = "sqpmethod + qrqp, custom_jacobian"
 WORTH = 0.9
 """Share of solved steps below which a solver is run once only."""
 COSTS = ("closed-loop cost", "worst excess of a row, share")
-ONCE_OR_TWICE = ("one iteration, double", "two iterations, double")
-"""Loops whose cost is compared with that of a converged one."""
 CONTROLLED = ("nitinol_moment", "steady_tip")
 """Shipped scenes whose controllers are called from Python."""
 
@@ -85,15 +80,15 @@ def our_loops(case: Case) -> dict[str, CLoop]:
     }
 
 
-def add_race(report: Report, arguments: argparse.Namespace) -> None:
+def add_race(report: Report, asked: argparse.Namespace) -> None:
     """Headline: one iteration per step in C, by others and by ours."""
-    for name in arguments.cases:
+    for name in asked.cases:
         case = mpc_cases.case(name, seed=report.seed)
         loops = {f"sqpmethod + qrqp, {form}": sqp_loop(case, form) for form in FORMS}
         loops |= acados_loops(case, report.missing) | our_loops(case)
         checked = {label: loop(keep=True) for label, loop in loops.items()}
         timed = {label: loop for label, loop in loops.items() if checked[label].good.mean() >= WORTH}
-        runs = {label: [run] for label, run in checked.items()} | measured(timed, arguments.rounds, report.seed)
+        runs = {label: [run] for label, run in checked.items()} | measured(timed, asked.rounds, report.seed)
         rows = []
         for label, loop in loops.items():
             low, middle, high = quartiles(us(runs[label]))
@@ -111,7 +106,7 @@ def add_race(report: Report, arguments: argparse.Namespace) -> None:
             f"takes {1e9 * loops[OURS[0]].timer_cost():.0f} ns and is in every time. Quartiles are of the rounds' "
             f"medians. {'; '.join(f'{form}: {text}' for form, text in FORMS.items())}."
         )
-        report.tables.append(Table(f"Closed loop: {name}", columns, rows, note))
+        report.table(f"Closed loop: {name}", columns, rows, note)
         if name == "arcs":
             report.claim("arcs: sqpmethod + qrqp / ours, scalar", ratio(runs, PEER, OURS[0]), ">=", 7.0)
             report.claim("arcs: sqpmethod + qrqp / ours, lanes", ratio(runs, PEER, OURS[1]), ">=", 15.0)
@@ -127,17 +122,17 @@ def _method(case: Case) -> str:
     return str(getattr(case.stages, "method", "rk4"))
 
 
-def add_converged(report: Report, arguments: argparse.Namespace) -> None:
+def add_converged(report: Report, asked: argparse.Namespace) -> None:
     """Every problem solved: IPOPT from the shifted solution before, and do-mpc as it comes."""
-    for name in arguments.cases:
-        case = mpc_cases.case(name, seed=report.seed, steps=arguments.slow_steps)
+    for name in asked.cases:
+        case = mpc_cases.case(name, seed=report.seed, steps=asked.slow_steps)
         runs = {OURS[0]: rti_loop(case, lanes=False)(), OURS[1]: rti_loop(case)()}
         runs["IPOPT, Gauss-Newton"] = converged(case, soft=False)
         try:
             run, versions = dompc(case)
             runs[f"do-mpc {versions.get('do-mpc', '')}"] = run
         except RuntimeError as error:
-            report.missing.append(f"{name}: {error}")
+            report.missing.append(f"{name}: {str(error).splitlines()[-1]}")
         # Without the penalties of rows, which are hard here.
         none = np.zeros(case.stages.nc)
         plain = replace(case, stages=replace(case.stages, linear=none, quadratic=none))
@@ -151,44 +146,12 @@ def add_converged(report: Report, arguments: argparse.Namespace) -> None:
             "rows; do-mpc by its defaults (collocation of degree 2). Costs differ where solvers swing another way."
         )
         columns = ["", "median [us]", "99 %", "solved", *COSTS]
-        report.tables.append(Table(f"{name}: to convergence", columns, rows, note))
+        report.table(f"{name}: to convergence", columns, rows, note)
         if name == "arcs" and len(runs) == 4:
             report.claim("arcs: do-mpc / ours, scalar", rows[3][1] / rows[0][1], ">=", 400.0)
 
 
-def add_cost(report: Report, arguments: argparse.Namespace) -> None:
-    """What one iteration per step costs in the closed loop."""
-    rows = []
-    for name in (name for name in arguments.cases if name in mpc_cases.FINGERS):
-        case = mpc_cases.case(name, seed=report.seed, steps=arguments.cost_steps)
-        truth = converged(case)
-        least = case.cost(truth.x, truth.u)
-        runs = {
-            "IPOPT, Gauss-Newton": truth,
-            "IPOPT, exact Hessian": converged(case, exact=True, steps=arguments.exact_steps),
-            ONCE_OR_TWICE[0]: rti_loop(case)(keep=True),
-            "one iteration, float": rti_loop(case, real="float")(keep=True),
-            ONCE_OR_TWICE[1]: rti_loop(case, iterations=2)(keep=True),
-            "three iterations, double": rti_loop(case, iterations=3)(keep=True),
-        }
-        for label, run in runs.items():
-            count = len(run.u)
-            reference = least if count == case.steps else case.cost(truth.x[: count + 1], truth.u[:count])
-            cost = case.cost(run.x, run.u)
-            more = 100.0 * (cost / reference - 1.0)
-            solved = f"{int(run.good.sum())}/{count}"
-            rows.append([name, label, cost, f"{more:+.4f}", case.excess(run.x, run.u), solved])
-            if label in ONCE_OR_TWICE and (name, label) != ("jumps", ONCE_OR_TWICE[0]):
-                report.claim(f"{name}, {label}: closed-loop cost beyond converged [%]", more, "<=", 0.1)
-    note = (
-        "Violations at their penalty included. jumps: a setpoint that jumps farther than one linearization reaches; of "
-        "one iteration per step stated with no limit (controller.sqp_iterations: 2 is the second one)."
-    )
-    columns = ["problem", "solver", "closed-loop cost", "more than converged [%]", "worst excess of a row", "solved"]
-    report.tables.append(Table("Closed-loop cost", columns, rows, note))
-
-
-def add_python(report: Report, arguments: argparse.Namespace) -> None:
+def add_python(report: Report, asked: argparse.Namespace) -> None:
     """What a step from Python takes beyond its phases in C."""
     rows = []
     for name in CONTROLLED:
@@ -196,7 +159,7 @@ def add_python(report: Report, arguments: argparse.Namespace) -> None:
         plant, stages = World(controller), controller.stages
         u, took = np.clip(np.zeros(stages.nu), stages.u_min, stages.u_max), []
         with one_core():
-            for _ in range(arguments.python_steps):
+            for _ in range(asked.python_steps):
                 measurement = plant.step(u, stages.p_nominal)
                 began = time.perf_counter_ns()
                 command = controller.step(measurement)
@@ -213,33 +176,32 @@ def add_python(report: Report, arguments: argparse.Namespace) -> None:
         "compiled with the flags of the package, not with those of this benchmark."
     )
     columns = ["", "", "quartile 1 [us]", "median [us]", "quartile 3 [us]", "p99 [us]"]
-    report.tables.append(Table("From Python", columns, rows, note))
+    report.table("From Python", columns, rows, note)
 
 
-PARTS = {"race": add_race, "converged": add_converged, "cost": add_cost, "python": add_python}
+PARTS = {"race": add_race, "converged": add_converged, "python": add_python}
 
 
 def main() -> None:
     """Run the parts asked for and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
-    parser.add_argument("--cases", nargs="*", choices=mpc_cases.NAMES, default=list(mpc_cases.NAMES))
-    parser.add_argument("--rounds", type=int, default=15)
-    parser.add_argument("--slow-steps", type=int, default=150, help="of do-mpc and IPOPT")
-    parser.add_argument("--cost-steps", type=int, default=400, help="of the converged loops")
-    parser.add_argument("--exact-steps", type=int, default=60, help="of those with an exact Hessian")
-    parser.add_argument("--python-steps", type=int, default=5000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--name", default="mpc", help="name of the report")
-    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write it")
-    arguments = parser.parse_args()
-    report = Report(arguments.name, arguments.seed)
+    asked = arguments(
+        __doc__,
+        only=(tuple(PARTS), ""),
+        cases=(mpc_cases.NAMES, ""),
+        rounds=15,
+        slow_steps=(150, "of do-mpc and IPOPT"),
+        python_steps=5000,
+        seed=0,
+        name=("mpc", "name of the report"),
+        folder=(RESULTS, "where to write it"),
+    )
+    report = Report(asked.name, asked.seed)
     report.machine["flags"] = " ".join(FLAGS)
-    for part in arguments.only:
-        PARTS[part](report, arguments)
+    for part in asked.only:
+        PARTS[part](report, asked)
         print(part, "done", time.strftime("%H:%M:%S"), flush=True)
     report.machine["load_average_after"] = list(os.getloadavg())
-    report.finish(arguments.folder)
+    report.finish(asked.folder)
 
 
 if __name__ == "__main__":

@@ -8,16 +8,15 @@ the rod, and leads it round a circle; times are those that ``requestAnimationFra
 
 from __future__ import annotations
 
-import argparse
 import math
 import shutil
 import time
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 
 PAGES = Path(__file__).parents[1] / "docs" / "live"
 WIDTHS = (390, 900, 1280)
@@ -41,18 +40,6 @@ CIRCLE, TURN = 0.06, 2.0
 """Radius of the circle per length of the finger, and time of a turn [s]."""
 LATE = 20.0
 """A frame that comes later than a fiftieth of a second after the one before [ms]."""
-
-
-class Browser(Protocol):
-    """What is asked of a browser."""
-
-    version: str
-
-    def open(self, file: Path, width: int) -> None: ...
-    def ask(self, script: str) -> Any: ...
-    def move(self, x: float, y: float) -> None: ...
-    def press(self, down: bool) -> None: ...
-    def close(self) -> None: ...
 
 
 class Chromium:
@@ -126,7 +113,7 @@ class Firefox:
         self.browser.quit()
 
 
-def drag(browser: Browser, file: Path, width: int, seconds: float) -> list[Any]:
+def drag(browser: Chromium | Firefox, file: Path, width: int, seconds: float) -> list[Any]:
     """Frames of a page while something in it is dragged."""
     browser.open(file, width)
     patience = time.monotonic() + 60.0
@@ -162,12 +149,13 @@ def drag(browser: Browser, file: Path, width: int, seconds: float) -> list[Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--browser", choices=("chromium", "firefox"), default="chromium")
-    parser.add_argument("--binary", help="program of the browser")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of each page and width")
-    asked = parser.parse_args()
-    browser: Browser = (Chromium if asked.browser == "chromium" else Firefox)(asked.binary)
+    asked = arguments(
+        __doc__,
+        browser=("chromium", "", ("chromium", "firefox")),
+        binary=(str, "program of the browser"),
+        seconds=(10.0, "of each page and width"),
+    )
+    browser = (Chromium if asked.browser == "chromium" else Firefox)(asked.binary)
     rows = []
     for file in sorted(PAGES.glob("*.html")):
         for width in WIDTHS:
@@ -180,10 +168,8 @@ def main() -> None:
     columns = ["page", "width [px]", "frames/s", "frame, median [ms]", "95 % [ms]", "worst [ms]"]
     columns += [f"later than {LATE:g} ms [%]", "simulated s per s", "moves of the mouse/s"]
     note = f"Headless {browser.version}, {asked.seconds:g} s each, {HEIGHT} px high, while the mouse drags."
-    report.tables.append(Table("Frames of the pages in real time", columns, rows, note))
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.table("Frames of the pages in real time", columns, rows, note)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ the tip over the second from the motion of 12 free clothoids. Times are of stepp
 
 from __future__ import annotations
 
-import argparse
 import math
 import statistics
 import time
@@ -17,12 +16,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
-from benchmarks.baselines import mujoco_sweep, pyelastica_check
+from benchmarks.baselines import PeerError, release_peers
 from benchmarks.baselines.release_ours import OwnRun, by_rule, front, own_runs, rms_error
-from benchmarks.baselines.release_peers import HINGES, PeerError, ReleasePeers, describe_rod
-from benchmarks.harness import Timing, race, ratios
-from benchmarks.machine import one_core
-from benchmarks.report import Report, Table
+from benchmarks.baselines.release_peers import HINGES, ChainRun, ReleasePeers, describe_rod
+from benchmarks.harness import Timing, one_core, race, ratios
+from benchmarks.report import Report, Table, arguments
 from continuum_grasp.accuracy.motion import Motion, reference_motion
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.scene import Actuation, Rod
@@ -126,14 +124,8 @@ def _graded(scene: Scene, *sections: dict[str, Any]) -> Scene:
     """The scene with a rod of these sections, and damping in proportion to its stiffness."""
     finger = scene.finger
     uniform = finger.rod
-    rod = Rod.model_validate(
-        {
-            "length": uniform.length,
-            "youngs_modulus": uniform.youngs_modulus,
-            "density": uniform.density,
-            "sections": sections,
-        }
-    )
+    given = {key: getattr(uniform, key) for key in ("length", "youngs_modulus", "density")}
+    rod = Rod.model_validate({**given, "sections": sections})
     damping = finger.damping.replaced(material=finger.damping.material * rod.stiffness / uniform.stiffness)
     return scene.replaced(finger=finger.replaced(rod=rod, damping=damping))
 
@@ -153,14 +145,12 @@ def _own_entry(run: OwnRun) -> Entry:
     return Entry(name, "ours", run.error, run.steps, run.cold, lambda count: run.run(FRAME * count))
 
 
-def mujoco_entries(
-    release: Release, peers: ReleasePeers
-) -> tuple[list[Entry], dict[tuple[int, str], mujoco_sweep.ChainRun]]:
+def mujoco_entries(release: Release, peers: ReleasePeers) -> tuple[list[Entry], dict[tuple[int, str], ChainRun]]:
     """MuJoCo's chains: of each number of hinges the best settings of a sweep."""
     entries, chosen = [], {}
     for hinges in HINGES:
-        runs = mujoco_sweep.sweep(peers, release.rod, hinges, release.reference, thin=release.graded)
-        for key, run in mujoco_sweep.best(runs, release.tolerance).items():
+        runs = release_peers.sweep(peers, release.rod, hinges, release.reference, thin=release.graded)
+        for key, run in release_peers.best(runs, release.tolerance).items():
             chosen[hinges, key] = run
             if all(run.name != entry.name for entry in entries):
                 peers.make(run.name, "mujoco", release.rod, run.settings, frames=0)
@@ -173,7 +163,7 @@ def other_entries(release: Release, peers: ReleasePeers, library: str, report: R
     """Rods of segments, or PyElastica's with its cross-check."""
     if library == "pyelastica":
         rod = release.rod
-        table, name, run = pyelastica_check.check(peers, rod, release.reference)
+        table, name, run = release_peers.check(peers, rod, release.reference)
         report.tables.append(replace(table, title=f"{table.title}: {release.title}"))
         error = rms_error(run.tip, release.reference)
         return [Entry(name, library, error, run.steps, run.cold, partial(_step, peers, name))]
@@ -199,7 +189,7 @@ def measure(release: Release, peers: ReleasePeers | None, report: Report) -> Non
     """One scene: all errors, then all times in one race."""
     release.prepare()
     entries, ruled = own_entries(release)
-    chains: dict[tuple[int, str], mujoco_sweep.ChainRun] = {}
+    chains: dict[tuple[int, str], ChainRun] = {}
     for library in release.libraries if peers is not None else ():
         try:
             if library == "mujoco":
@@ -266,8 +256,8 @@ def claims(
     release: Release,
     entries: list[Entry],
     timings: dict[str, Timing],
-    fastest: mujoco_sweep.ChainRun,
-    rule: mujoco_sweep.ChainRun,
+    fastest: ChainRun,
+    rule: ChainRun,
     matched: OwnRun,
 ) -> None:
     """Against 10 hinges: with steps by the same rule, and against its fastest setting."""
@@ -283,44 +273,36 @@ def claims(
 
 def main() -> None:
     """Measure the scenes that are asked for; write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
     known = releases()
-    parser.add_argument("--scenes", nargs="+", choices=known, default=["straight", "held", "undamped"])
-    parser.add_argument(
-        "--graded", action="store_true", help="the rods that are not uniform, and a tendon's end inside"
+    asked = arguments(
+        __doc__,
+        seed=0,
+        scenes=(["straight", "held", "undamped"], "", known),
+        graded=(False, "the rods that are not uniform, and a tendon's end inside"),
     )
-    arguments = parser.parse_args()
-    scenes = GRADED if arguments.graded else arguments.scenes
-    report = Report("peers_graded" if arguments.graded else "peers", arguments.seed)
+    report = Report("peers_graded" if asked.graded else "peers", asked.seed)
+    peers, installed = None, list[str]()
     with one_core():
         try:
             peers = ReleasePeers()
-            installed = [name for name in LABELS if _installed(peers, name, report)]
         except PeerError as error:
-            peers, installed = None, []
             report.missing.append(f"all other libraries: {error}")
-        if "jsrm" in installed and not arguments.graded:
+        for name in LABELS if peers else ():
+            try:
+                report.machine[name] = peers.version(name)
+                installed.append(name)
+            except PeerError as error:
+                report.missing.append(f"{LABELS[name]}: {error}")
+        if "jsrm" in installed and not asked.graded:
             report.missing.append(NOT_TRIED)
-        if "soromox" in installed and arguments.graded:
+        if "soromox" in installed and asked.graded:
             report.missing.append(STEPWISE)
-        for name in scenes:
+        for name in GRADED if asked.graded else asked.scenes:
             release = known[name]
-            release = replace(release, libraries=tuple(k for k in release.libraries if k in installed))
-            measure(release, peers, report)
+            measure(replace(release, libraries=tuple(k for k in release.libraries if k in installed)), peers, report)
         if peers is not None:
             peers.close()
     report.finish()
-
-
-def _installed(peers: ReleasePeers, library: str, report: Report) -> bool:
-    """Whether a library is there; its version goes to the machine's description."""
-    try:
-        report.machine[library] = peers.version(library)
-    except PeerError as error:
-        report.missing.append(f"{LABELS[library]}: {error}")
-        return False
-    return True
 
 
 if __name__ == "__main__":

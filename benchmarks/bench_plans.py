@@ -10,7 +10,6 @@ played by another integrator (LSODA, 1e-7): how far the tip is from its goal at 
 
 from __future__ import annotations
 
-import argparse
 import time
 from typing import Any
 
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.guess import first_state_of_plan
 from continuum_grasp.scene import Tendons
@@ -110,9 +109,7 @@ def row(seed: int, drive: str) -> list[Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=20, help="cases")
-    asked = parser.parse_args()
+    asked = arguments(__doc__, count=(20, "cases"))
     report = Report("plans", 0)
     columns = ["seed", "", "friction, cells", "family", "objective", "status"]
     columns += ["off its goal [um]", "moves on by [um]", "processor time [s]"]
@@ -121,7 +118,7 @@ def main() -> None:
         for seed in range(asked.count):
             rows.append(row(seed, drive))
             print(rows[-1], flush=True)
-        report.tables.append(Table(title, columns, rows))
+        report.table(title, columns, rows)
         good = [one for one in rows if one[5] in ("feasible", "optimal")]
         report.claim(f"share of plans that were found, {title.lower()}", len(good) / len(rows), ">=", share)
         report.claim(f"their tips move on by [um], {title.lower()}", max(one[7] for one in good), "<=", 180.0)

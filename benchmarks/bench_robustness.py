@@ -7,13 +7,11 @@ not swing. A loop that does neither without a word is silent, the worst of all.
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +19,7 @@ from numpy.typing import NDArray
 
 import continuum_grasp as cg
 from benchmarks.mpc_cases import CONFIGS
-from benchmarks.report import RESULTS, Report, Table
+from benchmarks.report import RESULTS, Report, arguments
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
@@ -259,15 +257,15 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
         f"the command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s, and "
         "times count from there; all else is wrong from the start."
     )
-    report.tables.append(Table("Last second", columns, rows, note))
+    report.table("Last second", columns, rows, note)
     counts = [
         [loop, *[sum(one.loop == loop and one.verdict == v for one in found) for v in _VERDICTS]] for loop in loops
     ]
     counts.append(["all", *[sum(one.verdict == v for one in found) for v in _VERDICTS]])
-    report.tables.append(Table("Verdicts", ["", *_VERDICTS], counts))
+    report.table("Verdicts", ["", *_VERDICTS], counts)
     statuses = Counter(word for one in found for word, n in one.status.items() for _ in range(n))
     healths = Counter(word for one in found for word, n in one.health.items() for _ in range(n))
-    report.tables.append(Table("Steps", ["", "steps"], [[k, n] for k, n in (statuses + healths).most_common()]))
+    report.table("Steps", ["", "steps"], [[k, n] for k, n in (statuses + healths).most_common()])
 
 
 _VERDICTS = ("near", "near, reported", "safe state", "far, reported", "swings, reported", "SILENT")
@@ -341,32 +339,31 @@ def add_scenarios(report: Report, loop: str, seed: int) -> None:
         f"{loop}, input_rate in brackets [s2/N2], supervisor off: root mean square distance of the tip from its "
         f"setpoint [mm] / change of the command per period [N] over the last {LAST:g} s of {PLANNED:g} s."
     )
-    report.tables.append(Table("Scenarios", ["plant", *columns], rows, note))
+    report.table("Scenarios", ["plant", *columns], rows, note)
 
 
 def main() -> None:
     """Run the loops asked for and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--loops", nargs="*", choices=LOOPS, default=list(LOOPS))
-    parser.add_argument("--groups", nargs="*", default=[], help="of wrong plants; all where not given")
-    parser.add_argument("--seeds", type=int, default=2, help="how many noises of each")
-    parser.add_argument("--seed", type=int, default=0, help="the first")
-    parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--name", default="robustness", help="name of the report")
-    parser.add_argument("--scenarios", action="store_true", help="what controller.scenarios gains, of steady_tip alone")
-    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write it")
-    arguments = parser.parse_args()
-    report = Report("scenarios" if arguments.scenarios else arguments.name, arguments.seed)
-    if arguments.scenarios:
-        add_scenarios(report, "steady_tip", arguments.seed)
-        report.finish(arguments.folder)
-        return
-    seeds = range(arguments.seed, arguments.seed + arguments.seeds)
-    with ProcessPoolExecutor(arguments.jobs) as pool:
-        tasks = [pool.submit(outcomes, loop, seeds, arguments.groups) for loop in arguments.loops]
-        found = [one for task in tasks for one in task.result()]
-    add(report, found)
-    report.finish(arguments.folder)
+    asked = arguments(
+        __doc__,
+        loops=(LOOPS, ""),
+        groups=([str], "of wrong plants; all where not given"),
+        seeds=(2, "how many noises of each"),
+        seed=(0, "the first"),
+        jobs=1,
+        name=("robustness", "name of the report"),
+        scenarios=(False, "what controller.scenarios gains, of steady_tip alone"),
+        folder=(RESULTS, "where to write it"),
+    )
+    report = Report("scenarios" if asked.scenarios else asked.name, asked.seed)
+    if asked.scenarios:
+        add_scenarios(report, "steady_tip", asked.seed)
+    else:
+        seeds = range(asked.seed, asked.seed + asked.seeds)
+        with ProcessPoolExecutor(asked.jobs) as pool:
+            tasks = [pool.submit(outcomes, loop, seeds, asked.groups) for loop in asked.loops]
+            add(report, [one for task in tasks for one in task.result()])
+    report.finish(asked.folder)
 
 
 if __name__ == "__main__":

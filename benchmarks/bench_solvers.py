@@ -6,12 +6,11 @@ same starts; plans also by IPOPT with the Hessian that the other solver needs, s
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import NLP, Attempt, Budget, Solver, Start
 from continuum_grasp.planning import plan
@@ -87,9 +86,8 @@ def timed() -> list[float]:
 
 def main() -> None:
     """Solve every scene by every solver and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="scenes with this in their name")
-    only, report, spent = parser.parse_args().only, Report("solvers", 0), timed()
+    only = arguments(__doc__, only=("", "scenes with this in their name")).only
+    report, spent = Report("solvers", 0), timed()
     for kind, names, row_of in (("plan", PLANS, of_plan), ("grasp", GRASPS, of_grasp)):
         rows = []
         for name in names:
@@ -100,7 +98,7 @@ def main() -> None:
                 began, spent[0] = time.process_time(), 0.0
                 rows.append([name, label, *row_of(scene), spent[0], time.process_time() - began])
                 print(*rows[-1], flush=True)
-        report.tables.append(Table(f"Shipped scenes: {kind}", COLUMNS, rows, NOTE))
+        report.table(f"Shipped scenes: {kind}", COLUMNS, rows, NOTE)
     if only:
         report.missing.append(f"all scenes without {only!r}")
     report.finish()

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from time import perf_counter
 
 import numpy as np
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp import equilibrium, modes
 from continuum_grasp.accuracy.space import apart, motion_within
 from continuum_grasp.errors import ContinuumGraspError
@@ -138,11 +137,7 @@ def rest_errors(given: Scene) -> tuple[tuple[float, float], tuple[float, float]]
 
 def main() -> None:
     """Run every scene, and write the report."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--count", type=int, default=80)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--minutes", type=float, default=math.inf, help="no further scene begins after these")
-    given = parser.parse_args()
+    given = arguments(__doc__, count=80, seed=0, minutes=(math.inf, "no further scene begins after these"))
     random, report = np.random.default_rng(given.seed), Report("space_error", given.seed)
     motions = [f"motion, {group}" for group in dict.fromkeys(_KINDS.values())]
     pairs = {name: [] for name in ("motion", *motions, "equilibrium", "first frequency")}
@@ -185,12 +180,12 @@ def main() -> None:
             report.claim(f"{name}: median", median, "<=", 2.0)
             summary.append([name, len(values), ratio.size, f"{covered:.0%}", round(least, 2), round(median, 2)])
     columns = ["", "scenes", "off by more than 1e-4", "covered", "least estimate / true error", "median"]
-    report.tables.append(Table("Share of true errors that the estimate covers", columns, summary))
+    report.table("Share of true errors that the estimate covers", columns, summary)
     columns, note = (
         ["model", "motion", "equilibrium", "first frequency"],
         "Motions against 8 clothoids, the rest the exact rod.",
     )
-    report.tables.append(Table("Estimate / true error", columns, rows, note))
+    report.table("Estimate / true error", columns, rows, note)
     report.finish()
     print("failed", failed)
 

@@ -9,7 +9,6 @@ those of two winches, 10 mm in 80 ms and 6 mm back.
 
 from __future__ import annotations
 
-import argparse
 import copy
 import time
 from collections.abc import Callable, Sequence
@@ -19,9 +18,8 @@ from typing import Any
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.c_loop import STATES, CLoop
-from benchmarks.machine import one_core
-from benchmarks.report import Report, Table
+from benchmarks.harness import STATES, CLoop, one_core
+from benchmarks.report import Report, arguments
 from tests.tendon_cases import LENGTH, OFFSET, STIFFNESS, Loaded, bend, finger, way
 from tests.truth.tendon import HingedFinger
 from tests.truth.tendon_motion import MovingFinger
@@ -221,16 +219,14 @@ def costs(report: Report) -> None:
         rows.append([name, model.nx, model.instructions, model.instructions - free, float(ratio)])
     columns = ["", "states", "instructions", f"more than {reference}", "times its CPU time"]
     note = f"CPU times: medians of {ROUNDS} rounds."
-    report.tables.append(Table("The forward dynamics of two clothoids", columns, rows, note))
+    report.table("The forward dynamics of two clothoids", columns, rows, note)
     for name, _, _, more, _ in rows:
         if name.endswith(("1 cell", "2 cells")):
             report.claim(f"instructions, {name}: more than {reference}", more, "<=", 200 if "1 cell" in name else 340)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--hinges", type=int, default=60)
-    hinges = parser.parse_args().hinges
+    hinges = arguments(__doc__, hinges=60).hinges
     report = Report("tendons", 0)
     rows: dict[str, list[Any]] = {law: [law] for law in LAWS}
     for k, friction in enumerate(FRICTIONS):
@@ -252,7 +248,7 @@ def main() -> None:
         "the force, per the range with the pulling before; force alone: per that of the force's cycles. wall: of the "
         "wall's force."
     )
-    report.tables.append(Table("Loops at rest", ["law", *columns], list(rows.values()), note))
+    report.table("Loops at rest", ["law", *columns], list(rows.values()), note)
     motions = [
         [f"friction {mu}, {cells} cell" + "s" * (cells > 1), *moved(mu, cells)]
         for mu in (0.0, 0.15, 0.3)
@@ -264,7 +260,7 @@ def main() -> None:
         "Differences from the chain. The earlier law, under which tension always falls towards the tip, was off by "
         "27 mm and 7.5 N at friction 0.15 in the trial that chose this one."
     )
-    report.tables.append(Table("Two winches", ["", "angle [rad]", "tip [mm]", "tensions, r.m.s. [N]"], motions, note))
+    report.table("Two winches", ["", "angle [rad]", "tip [mm]", "tensions, r.m.s. [N]"], motions, note)
     limits = {"friction 0.15, 2 cells": (0.007, 2.2, 0.33), "friction 0.3, 2 cells": (0.019, 3.0, 0.66)}
     for row in motions:
         for what, value, limit in zip(("angle", "tip", "tension"), row[1:], limits.get(row[0], ()), strict=False):

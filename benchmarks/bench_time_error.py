@@ -3,44 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.core import Core
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Trajectory, simulate
+from tests.rods import NITINOL, force, integrated, rod_scene
 
 CASES = (("arc", 4, 1e-3), ("matched_clothoid", 2, 1e-3), ("matched_clothoid", 2, 1e-2), ("clothoid", 4, 1e-3))
 TOLERANCES = (1e-3, 1e-4, 1e-6)
 _MOST = 2_000
 
 
-def released(family: str, elements: int, step: float, tolerance: float, duration: float = 1.0) -> Scene:
+def released(family: str, elements: int, step: float, tolerance: float) -> Scene:
     """The paper's rod, lifted by a tip force of 0.8 N and let go, undamped."""
-    return Scene.model_validate(
-        {
-            "finger": {
-                "rod": {"length": 0.6, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9},
-                "base": {"position": [0.0, 0.0], "angle": -np.pi / 2},
-            },
-            "gravity": [0.0, -9.81],
-            "fidelity": {"family": family, "elements": elements, "bending_range": 4.0},
-            "initial": {"pose": "equilibrium", "held_by": [{"kind": "force", "at": 0.6, "force": [0.0, 0.8]}]},
-            "time": {"duration": duration, "step": step, "tolerance": tolerance},
-        }
-    )
-
-
-def truth(found: Trajectory) -> np.ndarray:
-    """States by DOP853 at a tolerance of 1e-12."""
-    core, u, w = found.core, np.zeros(found.model.nu), np.zeros(found.model.nw)
-
-    def rate(t: float, x: np.ndarray) -> np.ndarray:
-        return core.forward_dynamics(x, u, w)
-
-    span = (0.0, found.t[-1])
-    return solve_ivp(rate, span, found.x[0], "DOP853", found.t, rtol=1e-12, atol=1e-13).y.T
+    initial = {"pose": "equilibrium", "held_by": [force(0.6, [0.0, 0.8])]}
+    time = {"duration": 1.0, "step": step, "tolerance": tolerance}
+    return rod_scene(NITINOL, family, elements, initial=initial, time=time)
 
 
 def error(core: Core, states: np.ndarray, exact: np.ndarray, length: float) -> float:
@@ -66,12 +46,13 @@ def as_exact(found: Trajectory, exact: np.ndarray, size: float) -> int:
 
 def main() -> None:
     """Run every case, and write the report."""
+    arguments(__doc__)
     report, rows, ratios, covered = Report("time_error", 0), [], [], []
     for family, elements, step in CASES:
         exact = None
         for tolerance in TOLERANCES:
             found = simulate(released(family, elements, step, tolerance))
-            exact = truth(found) if exact is None else exact
+            exact = integrated(found.scene) if exact is None else exact
             true = error(found.core, found.x, exact, found.length)
             fixed = as_exact(found, exact, true) * (len(found.t) - 1)
             taken = int(found.statistics["steps_taken"])
@@ -89,7 +70,7 @@ def main() -> None:
     report.claim(f"{what}, greatest", max(ratios), "<=", 2.0)
     columns = ["model", "output step", "tolerance", "sub-steps", "estimate / L", "true error / L"]
     columns += ["steps taken", "fixed steps of that error", "ratio"]
-    report.tables.append(Table("Undamped release, one second, against DOP853", columns, rows, ""))
+    report.table("Undamped release, one second, against DOP853", columns, rows, "")
     report.finish()
 
 

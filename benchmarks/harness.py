@@ -1,4 +1,4 @@
-"""Timing, side by side, and what is written about it.
+"""Timing, side by side, of anything that can be called, and of C that CasADi generated.
 
 A contestant is a callable that takes a number and does its work that many times. ``race`` first calls each
 once for one evaluation (cold), then finds how many evaluations fill a sample, then takes the samples in
@@ -8,19 +8,32 @@ disturbs all alike. Ratios are formed within rounds.
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
 import random
+import subprocess
+import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
+
+from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.workers import ProcessPool
 
 Contestant = Callable[[int], Any]
 
 # What is compiled for the next process would disturb the next measurement.
 os.environ.setdefault("CONTINUUM_GRASP_BACKGROUND", "0")
+
+CFLAGS = ("-O3", "-march=native", "-fPIC")
+STATES = 1024
+"""Different arguments that a C loop goes through; a power of two."""
 
 
 @dataclass
@@ -161,42 +174,173 @@ def _dropped(timing: Timing) -> bool:
     return timing.failed > 0 and timing.reason != "returned False"
 
 
-def count_instructions(function: Any) -> dict[str, int]:
-    """Instructions of a CasADi SX function.
+@contextlib.contextmanager
+def one_core() -> Iterator[int | None]:
+    """Keep this thread, and threads and processes started from it, on one core, where the system allows it.
 
-    ``total`` is ``Function.n_instructions()``: every operation, and every load of an input entry, store of
-    an output entry and constant as one instruction each. Limits on instruction counts in this project mean
-    ``total``. ``arithmetic`` leaves loads, stores and constants out; ``divisions`` and ``libm`` (sin, cos,
-    sqrt, exp, ...) are part of it.
+    Yields
+    ------
+    int or None
+        The core.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield None
+        return
+    before = os.sched_getaffinity(0)
+    core = max(before)
+    os.sched_setaffinity(0, {core})
+    try:
+        yield core
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def spread(
+    work: Callable[[Any], Any], tasks: Sequence[Any], jobs: int
+) -> Iterator[tuple[Any, Any, BaseException | None]]:
+    """Work off tasks in processes of their own, each of which may die: task, outcome and error as they come."""
+    pool = ProcessPool(jobs)
+    try:
+        for k, future in pool.as_completed(work, tasks):
+            error = future.exception()
+            yield tasks[k], None if error else future.result(), error
+    finally:
+        pool.close(True)
+
+
+# C.
+
+
+def compiler() -> str:
+    """The C compiler that the package itself would use."""
+    found = find_compiler()
+    if found is None:
+        raise RuntimeError("no C compiler found: the benchmarks need CC, cc, gcc or clang")
+    return found.command[0]
+
+
+def run(command: Sequence[object], **options: Any) -> str:
+    """Run a program, and return what it wrote; RuntimeError with the end of its errors where it fails."""
+    line = [str(word) for word in command]
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
+    done = subprocess.run(line, text=True, check=False, **options)
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(line)} failed:\n{(done.stderr or done.stdout)[-3000:]}")
+    return done.stdout
+
+
+def generated(function: ca.Function, **options: Any) -> str:
+    """CasADi's C of a function; RuntimeError if it could not write it: CasADi only warns, and writes an #error."""
+    given = {"casadi_int": "long long int", "with_header": False, **options}
+    generator = ca.CodeGenerator(f"{function.name()}.c", given)
+    generator.add(function)
+    text = str(generator.dump())
+    if "#error" in text:
+        raise RuntimeError(f"CasADi generates no code of {function.name()}")
+    return text
+
+
+def compiled(folder: Path, name: str, source: str, flags: Sequence[str] = CFLAGS) -> Path:
+    """The object file of a C source, compiled apart from all others."""
+    file = folder / f"{name}.c"
+    file.write_text(source, encoding="utf-8")
+    run([compiler(), *flags, "-c", file, "-o", file.with_suffix(".o")])
+    return file.with_suffix(".o")
+
+
+def linked(folder: Path, objects: Sequence[Path], flags: Sequence[str] = ()) -> ctypes.CDLL:
+    """The library of some object files, without optimization across them."""
+    library = folder / "linked.so"
+    run([compiler(), "-shared", "-Wl,-Bsymbolic", *objects, "-o", library, *flags, "-lm"])
+    return ctypes.CDLL(str(library))
+
+
+def defines(**values: object) -> str:
+    """Lines of C that define some words."""
+    return "".join(f"#define {name} {value}\n" for name, value in values.items())
+
+
+class CLoop:
+    """A compiled loop around one function; call it with the number of evaluations.
+
+    The function is compiled on its own and linked to the loop without optimization across them, so the
+    compiler cannot hoist, merge or leave out evaluations. Every evaluation reads other arguments (``STATES``
+    of them, in turn) and all its results are summed.
 
     Parameters
     ----------
     function : casadi.Function
-        An SX function.
-
-    Returns
-    -------
-    dict of str to int
+        Dense inputs and outputs. Calls in it are generated with it.
+    inputs : sequence of numpy.ndarray
+        Per input, (STATES, entries), or anything for an empty input.
+    dependent : bool
+        Let every evaluation wait for the one before, as in a simulation. Without it the processor works on
+        several at once, and a short function looks faster than it will be in use.
+    flags : sequence of str
+        Compiler flags.
     """
-    import casadi as ca
 
-    if not function.is_a("SXFunction"):
-        raise TypeError(f"expected an SX function, got {function.class_name()}: expand() it")
-    ids = [function.instruction_id(k) for k in range(function.n_instructions())]
-    plain = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-    library = {
-        getattr(ca, f"OP_{name}")
-        for name in (
-            *("SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "ATAN2", "SINH", "COSH", "TANH", "ASINH", "ACOSH"),
-            *("ATANH", "EXP", "EXPM1", "LOG", "LOG1P", "POW", "CONSTPOW", "SQRT", "ERF", "HYPOT", "FMOD"),
-        )
-    }
-    return {
-        "total": len(ids),
-        "loads": ids.count(ca.OP_INPUT),
-        "stores": ids.count(ca.OP_OUTPUT),
-        "constants": ids.count(ca.OP_CONST),
-        "arithmetic": sum(i not in plain for i in ids),
-        "divisions": sum(i in (ca.OP_DIV, ca.OP_INV) for i in ids),
-        "libm": sum(i in library for i in ids),
-    }
+    def __init__(
+        self, function: ca.Function, inputs: Sequence[Any], *, dependent: bool = True, flags: Sequence[str] = CFLAGS
+    ) -> None:
+        sizes = [function.nnz_in(i) for i in range(function.n_in())]
+        self._inputs = [
+            np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype=float), (STATES, size)))
+            for value, size in zip(inputs, sizes, strict=True)
+            if size
+        ]
+        self._state = np.zeros(max(1, *sizes))
+        self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
+        folder, loop = Path(self._folder.name), Path(__file__).with_name("c_loop.c").read_text(encoding="utf-8")
+        objects = [compiled(folder, "function", generated(function), flags)]
+        objects.append(compiled(folder, "loop", _words(function, sizes, dependent) + loop, flags))
+        self._library = linked(folder, objects)
+        pointers = ctypes.POINTER(ctypes.c_double)
+        self._loop = self._library.loop
+        self._loop.restype = ctypes.c_double
+        self._loop.argtypes = [ctypes.POINTER(pointers), pointers, ctypes.c_longlong]
+        self._in = (pointers * max(1, len(self._inputs)))(*[a.ctypes.data_as(pointers) for a in self._inputs])
+        self._x = self._state.ctypes.data_as(pointers)
+
+    def __call__(self, count: int) -> float:
+        """Evaluate so many times; the sum of all results."""
+        return float(self._loop(self._in, self._x, count))
+
+
+def _words(function: ca.Function, sizes: Sequence[int], dependent: bool) -> str:
+    """What ``c_loop.c`` asks for of a function."""
+    given = [i for i, size in enumerate(sizes) if size]
+    arguments = [f"arg[{i}] = in[{k}] + j * {sizes[i]};" for k, i in enumerate(given)]
+    counts = [function.nnz_out(i) for i in range(function.n_out())]
+    starts = np.concatenate([[0], np.cumsum(counts)]).tolist()
+    if dependent:
+        first, last = given[0], starts[-1] - 1
+        arguments.append(f"for (int i = 0; i < {sizes[first]}; ++i) x[i] = arg[{first}][i] + tiny * out[{last}];")
+        arguments.append(f"arg[{first}] = x;")
+    return defines(
+        FUNCTION=function.name(),
+        **{name.upper(): max(1, getattr(function, f"sz_{name}")()) for name in ("arg", "res", "iw", "w")},
+        OUT=max(1, starts[-1]),
+        MASK=STATES - 1,
+        SET_ARGUMENTS=" ".join(arguments),
+        SET_RESULTS=" ".join(f"res[{i}] = out + {start};" for i, start in enumerate(starts[:-1])),
+        SUM=" + ".join(f"out[{i}]" for i in range(starts[-1])),
+    )
+
+
+def time_c_loop(
+    functions: Mapping[str, ca.Function],
+    inputs: Mapping[str, Sequence[Any]],
+    *,
+    repeats: int = 31,
+    seed: int = 0,
+    dependent: bool = True,
+    flags: Sequence[str] = CFLAGS,
+) -> dict[str, Timing]:
+    """Time one evaluation of generated functions in C, double, on one core, side by side.
+
+    Arguments are those of `CLoop`, inputs by name, and of `race`; 1e9 * ``median`` are nanoseconds per evaluation.
+    """
+    loops = {name: CLoop(f, inputs[name], dependent=dependent, flags=flags) for name, f in functions.items()}
+    with one_core():
+        return race(loops, repeats=repeats, seed=seed)

@@ -12,17 +12,14 @@ coordinate, and is no ellipsoid. Readings are late and noisy as the mission says
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import os
-import subprocess
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import baselines
 from continuum_grasp.closed_loop.plant_model import plant_scene
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
@@ -50,7 +47,6 @@ STEP = 5e-5
 """Of MuJoCo [s]: a pad of half a gram on its spring turns by 0.1 rad in it."""
 PAD_MASS = 5e-4
 """Of the face of a pad [kg]."""
-SERVER = Path(__file__).parent / "baselines" / "mujoco_mission.py"
 
 
 def scene_of_plant(of: Assignment, variation: Variation) -> Scene:
@@ -160,33 +156,11 @@ def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
     raise InputError("the chain has no base")
 
 
-class Peer:
+class Peer(baselines.Peer):
     """MuJoCo in its own interpreter."""
 
     def __init__(self) -> None:
-        python = os.environ.get("CONTINUUM_GRASP_PEERS_PYTHON")
-        if not python:
-            raise InputError("name the interpreter that has MuJoCo in CONTINUUM_GRASP_PEERS_PYTHON")
-        command = [python, str(SERVER)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-
-    def ask(self, **request: Any) -> dict[str, Any]:
-        """One request, and its answer."""
-        process = self._process
-        if process.stdin is None or process.stdout is None:
-            raise InputError("no pipe to MuJoCo")
-        process.stdin.write(json.dumps(request) + "\n")
-        process.stdin.flush()
-        line = process.stdout.readline()
-        if not line:
-            raise InputError("MuJoCo ended; see its error stream")
-        return dict(json.loads(line))
-
-    def close(self) -> None:
-        """End it."""
-        if self._process.stdin is not None:
-            self._process.stdin.close()
-        self._process.wait(timeout=10)
+        super().__init__("mujoco_mission.py")
 
 
 def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variation) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-/* The hooks of mpc_loop.c by acados's generated solver `loop`; limits of inputs, u_min and u_max, are written above. */
+/* The hooks of mpc_loop.c by acados's generated solver `loop`; U_MIN and U_MAX, limits of inputs, are defined above. */
 #include <string.h>
 #include "acados_c/ocp_nlp_interface.h"
 #include "acados_solver_loop.h"
@@ -8,6 +8,7 @@ static ocp_nlp_config *config;
 static ocp_nlp_dims *dims;
 static ocp_nlp_in *in;
 static ocp_nlp_out *out;
+static const double u_min[] = U_MIN, u_max[] = U_MAX;
 static void *options;
 
 static void phase(int which)

@@ -28,6 +28,12 @@ PULSE = slice(120, 126)
 """Control steps of a push that no solver knows of."""
 HEAVIER = 1.1
 """Mass of the plant's pole, or payload, over that of the model, where the model is no continuum finger."""
+RODS: dict[str, tuple[str, dict[str, Any]]] = {
+    "arcs": ("", {}),
+    "jumps": ("; setpoints jump unannounced", {"largest": 1.0, "announced": False}),
+    "lag": (" with lag", {"family": "matched_clothoid", "substeps": None, "largest": 0.6, "speed": 40.0}),
+}
+"""Words on a loop of the rod, and in what it differs from the first one: rows are violated, the moment lags."""
 FINGERS = ("arcs", "jumps", "tendons", "lag")
 NAMES = (*FINGERS, "cart_pole", "two_links")
 
@@ -98,16 +104,12 @@ def state_step(stages: Stages) -> ca.Function:
 
 
 def case(name: str, *, steps: int = 400, seed: int = 0) -> Case:
-    """One of ``NAMES``; the seed draws setpoints of fingers."""
-    drawn = {"seed": seed} if name in FINGERS else {}
-    return {
-        "arcs": arcs,
-        "jumps": jumps,
-        "tendons": tendons,
-        "lag": lag,
-        "cart_pole": cart_pole,
-        "two_links": two_links,
-    }[name](steps=steps, **drawn)
+    """One of ``NAMES``; the seed draws setpoints of rods."""
+    if name in RODS:
+        words, changes = RODS[name]
+        made = arcs(steps=steps, seed=seed, **changes)
+        return replace(made, name=name, what=made.what + words)
+    return {"tendons": tendons, "cart_pole": cart_pole, "two_links": two_links}[name](steps=steps)
 
 
 def arcs(
@@ -115,74 +117,58 @@ def arcs(
     steps: int = 400,
     seed: int = 0,
     horizon: int = 30,
-    elements: int = 2,
     family: str = "arc",
     substeps: int | None = 1,
-    bounds: str = "box",
+    zones: bool = False,
     largest: float = 1.2,
     speed: float = 15.0,
     announced: bool = True,
 ) -> Case:
     """The problem of the trials: two arcs of nickel-titanium, tip moment, setpoints of bending that switch.
 
-    Setpoints are drawn up to ``largest`` [rad]; ``announced`` ones are known over the horizon.
-    ``bounds``: none, box (bending 1.5 rad and rates, as in the trials), or zones (box, and a half-plane that four
-    sections of every element keep out of).
+    Setpoints are drawn up to ``largest`` [rad]; ``announced`` ones are known over the horizon. Bounded are bending
+    (1.5 rad) and rates, as in the trials; with ``zones`` also a half-plane that four sections of every element keep out
+    of.
     """
-    finger = cg.load(CONFIGS / "fingers" / "nitinol_60cm.yaml")
-    scene = _scene(
-        finger=finger,
-        gravity=(0.0, -9.81),
-        contacts=(0.3,) if elements % 2 == 0 else (),
-        fidelity={"family": family, "elements": elements},
-        controller={
-            "horizon": {"stages": horizon, "stage": 0.01, "substeps": substeps},
-            "cost": {
-                "bending": {"running": 100.0, "terminal": 10.0},
-                "effort": 1.0,
-                "speed": {"running": 0.01, "terminal": 0.001},
+    bounds: dict[str, Any] = {"curvature": 5.0, "speed": speed}
+    if zones:
+        wall = {"type": "half_plane", "point": (0.0, -0.25), "normal_angle": np.pi / 2, "of": "backbone"}
+        bounds["keep_out"] = {"floor": wall}
+    scene = ControlScene.model_validate(
+        {
+            "finger": cg.load(CONFIGS / "fingers" / "nitinol_60cm.yaml"),
+            "parameters": ("gravity", "bending_stiffness"),
+            "gravity": (0.0, -9.81),
+            "contacts": (0.3,),
+            "fidelity": {"family": family, "elements": 2},
+            "controller": {
+                "horizon": {"stages": horizon, "stage": 0.01, "substeps": substeps},
+                "cost": {
+                    "bending": {"running": 100.0, "terminal": 10.0},
+                    "effort": 1.0,
+                    "speed": {"running": 0.01, "terminal": 0.001},
+                },
+                "input": {"moment_max": 0.3, "time_constant": 0.02 if family == "matched_clothoid" else None},
+                "bounds": bounds,
             },
-            "input": {"moment_max": 0.3, "time_constant": 0.02 if family == "matched_clothoid" else None},
-            "bounds": _bounds(bounds, curvature=5.0, speed=speed),
-        },
+        }
     )
     stages, prediction = _stages(scene)
-    if family == "arc" and elements == 2 and bounds == "box":  # the second arc may be faster
+    if family == "arc" and not zones:  # the second arc may be faster
         scale = np.array([1.0, 1.0, 1.0, 40.0 / speed])
         stages = replace(stages, c_min=-scale, c_max=scale)
     rng = np.random.default_rng(seed)
-    targets = rng.uniform(-largest, largest, (steps // 50 + 1, 1)) * np.ones(elements) * 2.0 / elements
     rows = np.zeros((steps, stages.nr))
-    rows[:, :elements] = np.repeat(targets, 50, axis=0)[:steps]
+    rows[:, :2] = np.repeat(rng.uniform(-largest, largest, (steps // 50 + 1, 1)), 50, axis=0)[:steps]
     known = np.vstack([rows, np.repeat(rows[-1:], horizon, axis=0)])
     ahead = [known[k : k + horizon + 1] if announced else known[k : k + 1] for k in range(steps)]
     references = np.stack([np.broadcast_to(r, (horizon + 1, stages.nr)) for r in ahead])
-    what = f"NiTi rod, {elements} {family.replace('_', ' ')}s, tip moment"
+    what = f"NiTi rod, 2 {family.replace('_', ' ')}s, tip moment"
     return _closed("arcs", what, scene, stages, prediction, references, np.zeros(1))
 
 
-def jumps(*, steps: int = 400, seed: int = 0) -> Case:
-    """The same with setpoints that jump unannounced, so that rows are violated."""
-    made = arcs(steps=steps, seed=seed, largest=1.0, announced=False)
-    return replace(made, name="jumps", what=f"{made.what}; setpoints jump unannounced")
-
-
-def lag(*, steps: int = 400, seed: int = 0) -> Case:
-    """The same rod of matched clothoids, whose tip moment follows with a lag."""
-    made = arcs(
-        steps=steps,
-        seed=seed,
-        family="matched_clothoid",
-        substeps=None,
-        largest=0.6,
-        speed=40.0,
-    )
-    return replace(made, name="lag", what=f"{made.what} with lag")
-
-
-def tendons(*, steps: int = 400, seed: int = 0, horizon: int = 30) -> Case:
+def tendons(*, steps: int = 400, horizon: int = 30) -> Case:
     """The hand finger: two tendons with lag and rate limits, its tip on a circle."""
-    del seed
     circle = {"center": (-0.0827, 0.1515), "radius": 0.02, "frequency": 1.0, "phase": 0.6}  # m, Hz, rad
     scene = cg.load(CONFIGS / "mpc" / "tip_arc.yaml").changed({"reference": {"tip": circle}})
     controller = scene.controller.model_dump()
@@ -270,21 +256,6 @@ def _other(name: str, what: str, problem: ControlProblem, x0: Any, references: A
     s = problem.stages
     heavier = np.tile(HEAVIER * s.p_nominal, (len(references), 1))
     return Case(name, what, None, s, np.array(x0, float), np.zeros(s.nu), s.p_nominal, heavier, references)
-
-
-def _scene(**data: Any) -> ControlScene:
-    parameters = ("gravity", "bending_stiffness")
-    return ControlScene.model_validate({"parameters": parameters, **data})
-
-
-def _bounds(which: str, *, curvature: float, speed: float) -> dict[str, Any]:
-    if which == "none":
-        return {"curvature": None}
-    found: dict[str, Any] = {"curvature": curvature, "speed": speed}
-    if which == "zones":
-        wall = {"type": "half_plane", "point": (0.0, -0.25), "normal_angle": np.pi / 2, "of": "backbone"}
-        found["keep_out"] = {"floor": wall}
-    return found
 
 
 def _stages(scene: ControlScene) -> tuple[Stages, Prediction]:

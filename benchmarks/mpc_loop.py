@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.machine import compiler, one_core
+from benchmarks.harness import compiled, defines, generated, linked, one_core, run
 from benchmarks.mpc_cases import Case
 from benchmarks.real_time_iteration import Settings
 from continuum_grasp.control.ocp.stages import Stages
@@ -27,7 +26,7 @@ FLAGS = ("-O3", "-march=native", "-ffast-math", "-fPIC", "-w")
 """Of every contestant."""
 WARM = 20
 """Iterations on the first problem before the loop begins."""
-_LOOP = Path(__file__).with_name("mpc_loop.c")
+FOLDER = Path(__file__).parent
 
 
 @dataclass
@@ -86,35 +85,17 @@ class CLoop:
     ) -> None:
         self.case, self._late, self._primal = case, late, primal
         self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
-        folder = Path(self._folder.name)
-        plant = case.plant()
-        stages = case.stages
+        folder, plant, stages = Path(self._folder.name), case.plant(), case.stages
         self._plan = (stages.stages + 1) * stages.nx + stages.stages * stages.nu
-        sizes = {
-            "NX": stages.nx,
-            "NU": stages.nu,
-            "NP": stages.np,
-            "PLAN": self._plan,
-            "REFS": (stages.stages + 1) * stages.nr,
-            "PLANT_ARG": plant.sz_arg(),
-            "PLANT_RES": plant.sz_res(),
-            "PLANT_IW": plant.sz_iw(),
-            "PLANT_W": plant.sz_w(),
-        }
-        defined = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
-        (folder / "solver.c").write_text(source, encoding="utf-8")
-        (folder / "loop.c").write_text(defined + _LOOP.read_text(encoding="utf-8"), encoding="utf-8")
-        names = ["solver", "loop"]
+        sizes = {"NX": stages.nx, "NU": stages.nu, "NP": stages.np, "PLAN": self._plan}
+        sizes |= {"REFS": (stages.stages + 1) * stages.nr}
+        sizes |= {f"PLANT_{name.upper()}": getattr(plant, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
+        units = {"solver": source, "loop": defines(**sizes) + (FOLDER / "mpc_loop.c").read_text(encoding="utf-8")}
         for function in (plant, *functions):
-            (folder / f"{function.name()}_.c").write_text(generated(function), encoding="utf-8")
-            names.append(f"{function.name()}_")
-        for name in names:
-            _run([compiler(), *FLAGS, *flags, "-c", f"{folder}/{name}.c", "-o", f"{folder}/{name}.o"])
-        library = folder / "loop.so"
-        objects = [f"{folder}/{name}.o" for name in names]
-        _run([compiler(), "-shared", "-Wl,-Bsymbolic", *objects, "-o", str(library), *flags, "-lm"])
-        self.code_bytes: float = _text_size(folder / f"{names[-1] if functions else 'solver'}.o")
-        self._library = ctypes.CDLL(str(library))
+            units[f"{function.name()}_"] = generated(function, with_mem=False, static_aux=True)
+        objects = [compiled(folder, name, text, (*FLAGS, *flags)) for name, text in units.items()]
+        self.code_bytes: float = _text_size(objects[-1] if functions else objects[0])
+        self._library = linked(folder, objects, flags)
         self._library.timer_cost.restype = ctypes.c_double
 
     def timer_cost(self) -> float:
@@ -167,99 +148,20 @@ def _parts(stages: Stages, plan: Array) -> tuple[Array, Array]:
     return plan[:states].reshape(-1, stages.nx), plan[states:].reshape(-1, stages.nu)
 
 
-def generated(function: ca.Function) -> str:
-    """CasADi's C of a function.
-
-    Raises
-    ------
-    RuntimeError
-        If CasADi could not generate it: it only warns, and writes an #error.
-    """
-    options = {"with_header": False, "casadi_int": "long long int", "with_mem": False, "static_aux": True}
-    generator = ca.CodeGenerator(f"{function.name()}.c", options)
-    generator.add(function)
-    text = str(generator.dump())
-    if "#error" in text:
-        raise RuntimeError(f"CasADi generates no code of {function.name()}")
-    return text
-
-
-def _text_size(path: Path) -> int:
-    said = subprocess.run(["size", str(path)], capture_output=True, text=True, check=False).stdout
-    return int(said.splitlines()[1].split()[0]) if said.count("\n") > 1 else 0
-
-
-def _run(command: list[str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr[-3000:]}")
-
-
-# The package's real-time iteration as the solver in the loop.
-
-_HOOKS = """
-static rti_plan plan;
-static rti_work work;
-static rti_settings settings;
-static const unsigned char nominal[sizeof(rti_settings)] = {{{settings}}};
-static double input[RTI_NU];
-static const double *last_p, *last_refs;
-
-void solver_start(const double *x0, const double *u0)
-{{
-  real x[RTI_NX], u[RTI_NU];
-  for (int i = 0; i < RTI_NX; ++i) x[i] = (real)x0[i];
-  for (int i = 0; i < RTI_NU; ++i) u[i] = (real)u0[i];
-  memcpy(&settings, nominal, sizeof settings);
-  rti_start(&plan, x, u);
-}}
-void solver_shift(void) {{ rti_shift(&plan, &settings, 1); }}
-void solver_prepare(const double *p, const double *refs)
-{{
-  {convert}
-  last_p = p;
-  last_refs = refs;
-  rti_prepare(&work, &plan, &settings, {p}, {refs});
-}}
-int solver_feedback(const double *x0)
-{{
-  rti_report report;
-  real x[RTI_NX];
-  for (int i = 0; i < RTI_NX; ++i) x[i] = (real)x0[i];
-  int status = rti_feedback(&work, &plan, &settings, x, &report);
-  for (int k = 1; k < {iterations} && status >= 0; ++k) {{
-    solver_prepare(last_p, last_refs);
-    status = rti_feedback(&work, &plan, &settings, x, &report);
-  }}
-  for (int i = 0; i < RTI_NU; ++i) input[i] = (double)plan.u[0][i];
-  return status == RTI_ITERATION_LIMIT ? -100 : status;
-}}
-const double *solver_input(void) {{ return input; }}
-void solver_plan(double *to)
-{{
-  for (int k = 0; k <= RTI_N; ++k)
-    for (int i = 0; i < RTI_NX; ++i) *to++ = (double)plan.x[k][i];
-  for (int k = 0; k < RTI_N; ++k)
-    for (int i = 0; i < RTI_NU; ++i) *to++ = (double)plan.u[k][i];
-}}
-"""
-_NARROW = """static real given_p[RTI_SIZE(RTI_NP)], given_refs[(RTI_N + 1) * RTI_SIZE(RTI_NR)];
-  for (int i = 0; i < RTI_NP; ++i) given_p[i] = (real)p[i];
-  for (int i = 0; i < (RTI_N + 1) * RTI_NR; ++i) given_refs[i] = (real)refs[i];"""
+def _text_size(path: Path) -> float:
+    """Bytes of code of an object file; NaN where no program reports them."""
+    try:
+        return float(run(["size", path]).splitlines()[1].split()[0])
+    except (OSError, RuntimeError):
+        return math.nan
 
 
 def rti_loop(case: Case, *, lanes: bool = True, real: str = "double", iterations: int = 1) -> CLoop:
-    """The real-time iteration in a closed loop in C; a step that stops at its iteration limit counts as failed."""
+    """The package's real-time iteration in a closed loop in C; a step that stops at its iteration limit has failed."""
     number: Any = np.float64 if real == "double" else np.float32
     settings = Settings(case.stages, number)
     data = ctypes.string_at(settings.address, settings.size)
-    narrow = real != "double"
-    hooks = _HOOKS.format(
-        settings=", ".join(map(str, data)),
-        iterations=iterations,
-        convert=_NARROW if narrow else "",
-        p="given_p" if narrow else "p",
-        refs="given_refs" if narrow else "refs",
-    )
-    primal = math.inf if iterations > 1 else 1e-3 if narrow else 1e-6  # of one problem, linearized at the guess
+    words = defines(SETTINGS=", ".join(map(str, data)), ITERATIONS=iterations)
+    hooks = words + (FOLDER / "mpc_rti.c").read_text(encoding="utf-8")
+    primal = math.inf if iterations > 1 else 1e-6 if real == "double" else 1e-3  # of one problem, linearized once
     return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + hooks, primal=primal)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.machine import CFLAGS, compiler
+from benchmarks.harness import CFLAGS, compiled, defines, generated, linked
 from benchmarks.mpc_cases import state_step
-from benchmarks.mpc_loop import generated
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
@@ -23,18 +21,6 @@ Array = NDArray[np.float64]
 
 FINER = 2
 """Runge-Kutta steps of the plant for one of the controller's model."""
-_WRAPPER = """
-int world(const double **arg, double **res, long long int *iw, double *w, int mem);
-void advance(double *z, const double *u, const double *p, double *y)
-{{
-  static long long int iw[{iw} + 1];
-  static double w[{w} + 1], next[{nz} + 1];
-  const double *arg[{arg} + 1] = {{z, u, p}};
-  double *res[{res} + 1] = {{next, y}};
-  world(arg, res, iw, w, 0);
-  for (int i = 0; i < {nz}; ++i) z[i] = next[i];
-}}
-"""
 
 
 class World:
@@ -108,12 +94,10 @@ class World:
 
     def _compiled(self, world: ca.Function) -> Any:
         self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
-        path = Path(self._folder.name)
-        sizes = {name: getattr(world, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
-        text = generated(world) + _WRAPPER.format(nz=world.numel_out(0), **sizes)
-        (path / "world.c").write_text(text, encoding="utf-8")
-        command = [compiler(), *CFLAGS, "-w", "-shared", f"{path}/world.c", "-o", f"{path}/world.so", "-lm"]
-        subprocess.run(command, check=True, capture_output=True)
-        function = ctypes.CDLL(f"{path}/world.so").advance
+        folder, sizes = Path(self._folder.name), {"NZ": world.numel_out(0)}
+        sizes |= {f"SZ_{name.upper()}": getattr(world, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
+        text = generated(world, with_mem=False, static_aux=True) + defines(**sizes)
+        text += Path(__file__).with_name("mpc_world.c").read_text(encoding="utf-8")
+        function = linked(folder, [compiled(folder, "world_", text, (*CFLAGS, "-w"))]).advance
         function.restype = None
         return function

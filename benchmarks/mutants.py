@@ -6,7 +6,6 @@ python -m benchmarks.mutants --only grasp    # those whose file name contains a 
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import subprocess
@@ -19,7 +18,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from benchmarks.faults import FAULTS, Fault
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 600.0
@@ -81,10 +80,7 @@ def tried(folder: Path, fault: Fault, count: int) -> Verdict:
 
 def main() -> int:
     """Try every fault and write the report; 1 where fewer than the limit are noticed."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", help="faults whose file name contains this")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    asked = parser.parse_args()
+    asked = arguments(__doc__, only=("", "faults whose file name contains this"), jobs=(os.cpu_count() or 1, ""))
     faults = [fault for fault in FAULTS if asked.only in fault.file]
     for fault in faults:
         fault.put_into((ROOT / fault.file).read_text(encoding="utf-8"))  # all apply, or nothing is tried
@@ -115,7 +111,7 @@ def main() -> int:
     report = Report("mutants", 0)
     columns = ["file", "right", "wrong", "verdict", "first test that failed, or reason"]
     rows = [[v.fault.file, v.fault.right, v.fault.wrong, v.word, v.fault.reason or v.test] for v in verdicts]
-    report.tables.append(Table("Faults", columns, rows, "Quick tests of the module alone, up to the first failure."))
+    report.table("Faults", columns, rows, "Quick tests of the module alone, up to the first failure.")
     report.claim("share of faults that are caught", caught / len(counted), ">=", CAUGHT)
     report.finish()
     return int(report.status != "all limits met")

@@ -1,19 +1,68 @@
-"""What a benchmark found, as JSON and as a Markdown table made from it."""
+"""What a benchmark is asked for, on what it runs, and what it found, as JSON and as a Markdown table made from it."""
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
+import os
+import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import Timing, ratios
-from benchmarks.machine import describe
+from benchmarks.harness import CFLAGS, Timing, compiler, ratios, run
 
 RESULTS = Path(__file__).with_name("results")
+PACKAGES = ("casadi", "numpy", "continuum-grasp")
+
+
+def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
+    """What the command line asks for.
+
+    Parameters
+    ----------
+    doc : str
+        Of the benchmark.
+    **options
+        By name: a default, or a tuple of it, of what it is, and of choices. ``False`` is a switch, a type stands for
+        none of that type, a tuple for some of its entries, a list for any values, or for some of the choices.
+    """
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, option in options.items():
+        default, words, *choices = option if isinstance(option, tuple) else (option, "")
+        kind: dict[str, Any] = {"default": default, "type": type(default)}
+        if default is False:
+            kind = {"action": "store_true"}
+        elif isinstance(default, type):
+            kind = {"type": default}
+        elif isinstance(default, tuple):
+            kind = {"default": default, "nargs": "*", "choices": default}
+        elif isinstance(default, list):
+            (entry,) = {value if isinstance(value, type) else type(value) for value in default}
+            kind = {"default": [] if entry in default else default, "nargs": "*", "type": entry}
+        if choices:
+            kind["choices"] = list(*choices)
+        parser.add_argument(f"--{name.replace('_', '-')}", help=words, **kind)
+    return parser.parse_args()
+
+
+def describe() -> dict[str, Any]:
+    """Processor, cores, governor, load before the run, versions, compiler and its flags."""
+    return {
+        "cpu": _cpu_model(),
+        "cores": os.cpu_count(),
+        "governor": _read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor") or "not readable",
+        "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+        "python": platform.python_version(),
+        **{name: _version(name) for name in PACKAGES},
+        "compiler": _compiler_version(),
+        "flags": " ".join(CFLAGS),
+    }
 
 
 @dataclass
@@ -55,6 +104,10 @@ class Report:
     """What could not be measured, and why."""
     machine: dict[str, Any] = field(default_factory=describe)
 
+    def table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], note: str = "") -> None:
+        """Add a table."""
+        self.tables.append(Table(title, list(columns), [list(row) for row in rows], note))
+
     def add_race(
         self,
         title: str,
@@ -82,7 +135,7 @@ class Report:
             more = list((extra or {}).get(name, [""] * len(extra_columns)))
             rows.append([name, *ns, found[name][1], cold, *more, timing.reason or timing.status])
         columns = ["", "median [ns]", "quartile 1 [ns]", "quartile 3 [ns]", f"times {reference}", "cold [us]"]
-        self.tables.append(Table(title, [*columns, *extra_columns, "status"], rows, note))
+        self.table(title, [*columns, *extra_columns, "status"], rows, note)
         self.timings[title] = {name: timing.as_json() for name, timing in timings.items()}
         return {name: ratio[1] for name, ratio in found.items()}
 
@@ -178,3 +231,31 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _cpu_model() -> str:
+    for line in _read("/proc/cpuinfo").splitlines():
+        if line.startswith("model name"):
+            return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _read(path: str) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8").strip()
+    except OSError:
+        return ""
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _compiler_version() -> str:
+    try:
+        return run([compiler(), "--version"]).splitlines()[0]
+    except (RuntimeError, OSError) as error:
+        return f"none ({error})"

@@ -8,14 +8,13 @@ many; ``--precision float`` does the same in single precision.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from typing import Any
 
 import numpy as np
 
 from benchmarks.real_time_iteration import STATUS, RealTimeIteration
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.errors import SolverError
 from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 
@@ -66,12 +65,7 @@ def statuses(rti: RealTimeIteration, count: int, rng: np.random.Generator) -> Co
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--problems", type=int, default=10_000)
-    parser.add_argument("--states", type=int, default=200_000)
-    parser.add_argument("--precision", choices=("double", "float"), default="double")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = arguments(__doc__, problems=10_000, states=200_000, precision=("double", "", ("double", "float")), seed=0)
     report = Report("rti_oracle" if options.precision == "double" else "rti_oracle_float", options.seed)
     rows, reported, worst = [], Counter(), 0.0
     for k in range(SETS):
@@ -89,8 +83,8 @@ def main() -> None:
     columns = ["set", "N nx nu ns others", "problems", "median", "99.9 %", "worst", "cost above", "cost below"]
     columns += ["rounds", "most rounds", "not solved", "no answer of qpOASES"]
     note = "Largest difference of the answer over its largest entry; cost over the larger of 1 and itself."
-    report.tables.append(Table("Against qpOASES", columns, rows, note))
-    report.tables.append(Table("Random states", ["status", "states"], [list(item) for item in reported.items()]))
+    report.table("Against qpOASES", columns, rows, note)
+    report.table("Random states", ["status", "states"], [list(item) for item in reported.items()])
     limit = 1e-6 if options.precision == "double" else 1e-3
     report.claim("worst difference from qpOASES", worst, "<=", limit)
     report.claim("states without a plan", reported["none"], "<=", 0.0)

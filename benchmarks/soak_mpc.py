@@ -1,7 +1,7 @@
 """A million steps of controllers in closed loops, with everything wrong that a controller may be given.
 
-Run ``python -m benchmarks.soak_mpc`` in the root of the repository. Each scene runs in a process of its own, so that a
-crash is seen; references, disturbances, pushes and what is injected are drawn at random. After every step: the command
+Run ``python -m benchmarks.soak_mpc`` in the root of the repository. Scenes run in worker processes, so that a crash is
+seen; references, disturbances, pushes and what is injected are drawn at random. After every step: the command
 is finite and within the limits of input and rate, the status is one of the documented ones, and each fault injected
 shows among the anomalies. A controller that trips is left to its ramp for a while and then begins anew.
 
@@ -11,12 +11,8 @@ trip.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import os
-import subprocess
-import sys
 import time
 from collections import Counter
 from dataclasses import dataclass, field
@@ -27,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import mpc_cases
-from benchmarks.machine import CFLAGS
+from benchmarks.harness import CFLAGS, spread
 from benchmarks.mpc_world import World
-from benchmarks.report import RESULTS, Report, Table
+from benchmarks.report import RESULTS, Report, arguments
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Anomaly, Health, Status
 from continuum_grasp.errors import InputError
@@ -332,9 +328,10 @@ def _resident() -> int:
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
-def child(name: str, steps: int, seed: int, nominal: bool) -> None:
-    """Run one scene and print its counts."""
-    print(json.dumps(vars(Soak(name, seed, nominal).run(steps))))
+def counts_of(task: tuple[str, int, int, bool]) -> dict[str, Any]:
+    """The counts of a scene: its name, steps, seed, and whether nothing is injected."""
+    name, steps, seed, nominal = task
+    return vars(Soak(name, seed, nominal).run(steps))
 
 
 def add(report: Report, found: dict[str, dict[str, Any]], nominal: bool) -> None:
@@ -362,63 +359,50 @@ def add(report: Report, found: dict[str, dict[str, Any]], nominal: bool) -> None
         "jumps reported: of measurements that jump within their range, those that the status calls outliers, which an "
         "estimator that is unsure or a controller without one cannot; us per step: with plant and checks, in Python."
     )
-    report.tables.append(Table("Steps", columns, rows, note))
-    rows = [[kind, *(int(data["injected"].get(kind, 0)) for data in found.values())] for kind in EVENTS]
-    report.tables.append(Table("Injected", ["", *found], rows))
-    names = [health.name.lower() for health in Health]
-    rows = [[kind, *(int(data["health"].get(kind, 0)) for data in found.values())] for kind in names]
-    rows.append(["trips", *(int(data["trips"]) for data in found.values())])
-    report.tables.append(Table("Health", ["", *found], rows))
-    names = [(a.name or "").lower() for a in Anomaly]
-    rows = [[kind, *(int(data["anomalies"].get(kind, 0)) for data in found.values())] for kind in names]
-    report.tables.append(Table("Anomalies reported", ["", *found], rows))
+    report.table("Steps", columns, rows, note)
+    kinds = {
+        "injected": ("Injected", list(EVENTS)),
+        "health": ("Health", [health.name.lower() for health in Health]),
+        "anomalies": ("Anomalies reported", [(a.name or "").lower() for a in Anomaly]),
+    }
+    for key, (title, names) in kinds.items():
+        rows = [[kind, *(int(data[key].get(kind, 0)) for data in found.values())] for kind in names]
+        rows += [["trips", *(int(data["trips"]) for data in found.values())]] * (key == "health")
+        report.table(title, ["", *found], rows)
     examples = [[name, text] for name, data in found.items() for text in data["examples"]]
     if examples:
-        report.tables.append(Table("Broken", ["scene", ""], examples))
+        report.table("Broken", ["scene", ""], examples)
 
 
 def main() -> None:
     """Run all scenes and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=1_000_000, help="of all scenes together")
-    parser.add_argument("--scenes", nargs="*", choices=list(SCENES), default=list(SCENES))
-    parser.add_argument("--jobs", type=int, default=1, help="processes at once")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--nominal", action="store_true", help="inject nothing: no trip is allowed")
-    parser.add_argument("--name", default="soak_mpc", help="name of the report")
-    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write it")
-    parser.add_argument("--child", help=argparse.SUPPRESS)
-    arguments = parser.parse_args()
-    if arguments.child:
-        return child(arguments.child, arguments.steps, arguments.seed, arguments.nominal)
-    report = Report(arguments.name, arguments.seed)
+    asked = arguments(
+        __doc__,
+        steps=(1_000_000, "of all scenes together"),
+        scenes=(tuple(SCENES), ""),
+        jobs=(1, "processes at once"),
+        seed=0,
+        nominal=(False, "inject nothing: no trip is allowed"),
+        name=("soak_mpc", "name of the report"),
+        folder=(RESULTS, "where to write it"),
+    )
+    report = Report(asked.name, asked.seed)
     report.machine["flags"] = f"of the package; plant: {' '.join(CFLAGS)}"
-    whole = sum(SCENES[name][2] for name in arguments.scenes)
-    waiting = list(enumerate(arguments.scenes))
-    running: dict[str, subprocess.Popen[str]] = {}
+    whole = sum(SCENES[name][2] for name in asked.scenes)
+    tasks = [
+        (name, math.ceil(asked.steps * SCENES[name][2] / whole), asked.seed + k, asked.nominal)
+        for k, name in enumerate(asked.scenes)
+    ]
     found: dict[str, dict[str, Any]] = {}
-    while waiting or running:
-        while waiting and len(running) < arguments.jobs:
-            k, name = waiting.pop(0)
-            steps = math.ceil(arguments.steps * SCENES[name][2] / whole)
-            command = [sys.executable, "-m", "benchmarks.soak_mpc", "--child", name]
-            command += ["--steps", str(steps), "--seed", str(arguments.seed + k), *["--nominal"] * arguments.nominal]
-            running[name] = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        for name, process in list(running.items()):
-            if process.poll() is None:
-                continue
-            said = (process.communicate()[0] or "").strip().splitlines()
-            del running[name]
-            if process.returncode == 0 and said:
-                found[name] = json.loads(said[-1])
-                print(name, found[name]["steps"], "steps,", sum(found[name]["broken"].values()), "broken", flush=True)
-            else:
-                report.claim(f"{name}: exit status", abs(process.returncode), "<=", 0)
-                print(name, "ended with", process.returncode, flush=True)
-        time.sleep(0.2)
-    add(report, {name: found[name] for name in arguments.scenes if name in found}, arguments.nominal)
-    report.finish(arguments.folder)
-    return None
+    for (name, *_), counts, error in spread(counts_of, tasks, asked.jobs):
+        if error is None:
+            found[name] = counts
+            print(name, counts["steps"], "steps,", sum(counts["broken"].values()), "broken", flush=True)
+        else:
+            report.claim(f"{name}: crashes", 1, "<=", 0)
+            print(name, "ended with", error, flush=True)
+    add(report, {name: found[name] for name in asked.scenes if name in found}, asked.nominal)
+    report.finish(asked.folder)
 
 
 if __name__ == "__main__":

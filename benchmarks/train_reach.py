@@ -9,7 +9,6 @@ own.
 
 from __future__ import annotations
 
-import argparse
 import time
 from typing import Any
 
@@ -22,7 +21,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, arguments
 from continuum_grasp.environments import TASKS, FingerEnv, FingerVectorEnv
 
 PLANTS, TRIED = 256, 64
@@ -127,10 +126,7 @@ def cost_of_controller() -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=float, default=2e6, help="environment steps of the training")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
+    asked = arguments(__doc__, steps=(2e6, "environment steps of the training"), seed=0)
     model, env = learner(asked.seed)
     began = time.thread_time()
     model.learn(int(asked.steps))
@@ -148,7 +144,7 @@ def main() -> None:
         f"PPO of stable-baselines3 {stable_baselines3.__version__}, {model.num_timesteps} environment steps, "
         f"{taken:.0f} s of CPU time; costs of {TRIED} plants over 1 s."
     )
-    report.tables.append(Table("Reach: a policy beside the controller", columns, rows, note))
+    report.table("Reach: a policy beside the controller", columns, rows, note)
     report.finish()
     print(note, *rows, f"ratio {ratio:.3f}", report.status, sep="\n")
 

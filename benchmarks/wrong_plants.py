@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -16,11 +16,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.scene.control import ControlScene
 
-__all__ = ["FAULT", "Bench", "Wrong", "wrongs"]
-
 Array = NDArray[np.float64]
-Reading = Callable[[Array, float], Array]
-"""What arrives of a measurement that was taken at a time [s]."""
 
 FAULT = 1.0
 """When sensors fail [s]: after the first motion."""

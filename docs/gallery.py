@@ -268,7 +268,7 @@ def update(record: dict[str, Any], again: Iterable[str]) -> None:
 
 def measure(record: dict[str, Any], wanted: Iterable[str]) -> None:
     """Time every example, from start to end of its process, with an empty cache and, where it fills that, once more."""
-    from benchmarks.machine import describe
+    from benchmarks.report import describe
 
     machine, same = describe(), ("cpu", "cores", "compiler")
     times: dict[str, Any] = {"seconds": {}}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from benchmarks.graded_rods import RODS, sections, taper
+from benchmarks.rod_shapes import RODS, sections, taper
 from continuum_grasp.scene import Scene
 from continuum_grasp.scene.profile import Channel, Curve
 from tests.closed_forms.graded import stepped_frequencies, tapered_frequencies

@@ -6,25 +6,22 @@ jsrm 0.0.18) and name it in the environment variable ``CONTINUUM_GRASP_PEERS_PYT
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import subprocess
-import tempfile
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
 
-from benchmarks.baselines import VARIABLE
+from benchmarks.baselines import Peer
+from benchmarks.baselines.release_ours import rms_error, worst
+from benchmarks.report import Table
+from continuum_grasp.accuracy.motion import Motion
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.export import export_mjcf
 from continuum_grasp.scene.simulate import Scene
 
-_SERVER = Path(__file__).with_name("release_server.py")
 _SHEAR_RATIO = 1.0 / 2.6
 _PLACES = 2001
 HINGES = (5, 10, 20, 40, 80)
@@ -43,64 +40,15 @@ class PeerRun:
     """(T, 2) at equally spaced instants of the second [m]; NaN from where it ran away; empty if not asked for."""
 
 
-class PeerError(RuntimeError):
-    """A peer that is not there, or that failed."""
-
-
-class ReleasePeers:
+class ReleasePeers(Peer):
     """A process with the peer libraries."""
 
-    def __init__(self, python: str | os.PathLike[str] | None = None) -> None:
-        interpreter = os.fspath(python) if python is not None else os.environ.get(VARIABLE, "")
-        if not interpreter:
-            raise PeerError(f"no interpreter given: set {VARIABLE}")
-        self._folder = tempfile.TemporaryDirectory(prefix="peers_")
-        environment = {**os.environ, "XLA_FLAGS": "--xla_cpu_multi_thread_eigen=false", "OMP_NUM_THREADS": "1"}
-        try:
-            self._process = subprocess.Popen(
-                [interpreter, os.fspath(_SERVER)],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                text=True,
-                cwd=self._folder.name,
-                env=environment,
-            )
-        except OSError as error:
-            raise PeerError(f"cannot run {interpreter}: {error}") from error
-
-    def __enter__(self) -> ReleasePeers:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """End the process."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
-        try:
-            self._process.wait(timeout=10)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-        self._folder.cleanup()
-
-    def _ask(self, **request: Any) -> dict[str, Any]:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        try:
-            self._process.stdin.write(json.dumps(request) + "\n")
-            self._process.stdin.flush()
-            reply: dict[str, Any] = json.loads(self._process.stdout.readline())
-        except (OSError, ValueError) as error:
-            raise PeerError(f"the peers' process does not answer: {error}") from error
-        if "error" in reply:
-            raise PeerError(reply["error"])
-        return reply
+    def __init__(self) -> None:
+        super().__init__("release_server.py")
 
     def version(self, package: str) -> str:
         """Version of a package, or raises ``PeerError`` where it is not installed."""
-        return str(self._ask(version=package)["version"])
+        return str(self.ask(version=package)["version"])
 
     def make(
         self, name: str, kind: str, rod: Mapping[str, Any], settings: Mapping[str, Any], frames: int = 200
@@ -118,13 +66,13 @@ class ReleasePeers:
         frames : int
             Instants in the second, or as many of them as are ends of steps; 0 for none.
         """
-        reply = self._ask(make=name, kind=kind, rod=dict(rod), settings=dict(settings), frames=frames)
+        reply = self.ask(make=name, kind=kind, rod=dict(rod), settings=dict(settings), frames=frames)
         tip = np.empty((0, 2)) if reply["tip"] is None else np.array(reply["tip"], dtype=float)
         return PeerRun(reply["steps"], reply["cold"], tip)
 
     def run(self, name: str, seconds: float) -> None:
         """Step one through a span of time."""
-        self._ask(run=name, seconds=seconds)
+        self.ask(run=name, seconds=seconds)
 
 
 def describe_rod(scene: Scene, truth: Truth) -> dict[str, Any]:
@@ -174,3 +122,153 @@ def _tensions(scene: Scene) -> list[float]:
     """Constant tensions of a scene [N]."""
     tensions = None if scene.actuation is None else scene.actuation.tensions
     return [float(one) for one in tensions or ()]  # type: ignore[arg-type]
+
+
+# MuJoCo: the settings of a hinge chain that are tried, and the best of them.
+
+STEPS = (100, 200, 250, 300, 400, 500, 600, 800, 1000, 1200, 1400, 1600, 2000, 2800, 4000, 5600, 10000)
+"""Per second; ``FRAME`` of ``bench_peers`` has a whole number of each."""
+METHODS = (("implicitfast", False), ("implicitfast", True), ("Euler", False), ("Euler", True), ("discrete", False))
+METHODS += (("RK4", False),)
+"""Integrators, and whether the start is staggered."""
+_EVALUATIONS = {"RK4": 4}
+_AT_ITS_ERROR = 1.5
+
+
+@dataclass
+class ChainRun:
+    """One setting and what came of it."""
+
+    settings: dict[str, Any]
+    error: float
+    """R.m.s. against the reference [m]."""
+    step_error: float
+    """Greatest distance of the tip from that of the same hinges with the finest steps [m]."""
+    cold: float
+
+    @property
+    def cost(self) -> int:
+        """Evaluations of forces per second of motion."""
+        return self.settings["steps"] * _EVALUATIONS.get(self.settings["integrator"], 1)
+
+    @property
+    def name(self) -> str:
+        """Short and unique."""
+        s = self.settings
+        text = f"MuJoCo {s['hinges']} hinges ({s['layout']}), {s['integrator']}, {s['steps']}/s"
+        return text + (", staggered" if s["staggered"] else "")
+
+
+def sweep(
+    peers: ReleasePeers, rod: Mapping[str, Any], hinges: int, reference: Motion, thin: bool = False
+) -> list[ChainRun]:
+    """All settings that run through, for one number of hinges; every other time step where ``thin``."""
+    found = []
+    for layout in ("middle", "clamp") if rod["uniform"] else ("middle",):
+        motions = [
+            (settings, peers.make("swept", "mujoco", rod, settings))
+            for settings in _settings(hinges, layout, STEPS[::2] if thin else STEPS)
+        ]
+        finest = min((m for s, m in motions if s["steps"] == STEPS[-1]), key=lambda m: rms_error(m.tip, reference))
+        for settings, motion in motions:
+            error = rms_error(motion.tip, reference)
+            if error < 0.1 * rod["length"]:
+                found.append(ChainRun(settings, error, worst(motion.tip, finest.tip), motion.cold))
+    return found
+
+
+def _settings(hinges: int, layout: str, steps: tuple[int, ...]) -> Iterator[dict[str, Any]]:
+    for integrator, staggered in METHODS:
+        own = {"hinges": hinges, "layout": layout, "integrator": integrator, "staggered": staggered}
+        yield from ({**own, "steps": count} for count in steps)
+
+
+def best(runs: list[ChainRun], tolerance: float) -> dict[str, ChainRun]:
+    """The settings that are compared, of one number of hinges.
+
+    Returns
+    -------
+    dict
+        ``fastest``: the fewest evaluations with at most 1.5 times the error that the better layout has with the finest
+        steps, whatever its start; ``plain``: the same without the staggered start; ``rule``: the fewest
+        evaluations whose steps by themselves keep a tolerance [m]. Equal ones by error.
+    """
+    fine = min((r.error for r in runs if r.settings["steps"] == STEPS[-1]), default=math.inf)
+    near = [r for r in runs if r.error <= _AT_ITS_ERROR * fine]
+    groups = {
+        "fastest": near,
+        "plain": [r for r in near if not r.settings["staggered"]],
+        "rule": [r for r in runs if r.step_error <= tolerance and r.error <= _AT_ITS_ERROR * fine],
+    }
+    return {key: min(group, key=lambda r: (r.cost, r.error)) for key, group in groups.items() if group}
+
+
+# PyElastica: against our reference, extrapolated to endless elements and no thickness.
+
+ELEMENTS = (20, 40, 80)
+THICKNESS = 5.0
+SHOWN = 20
+"""Elements of the rod whose speed is measured."""
+_SHORT = 1e-3
+"""Span over which the true section's steps are timed [s]."""
+
+
+def check(peers: ReleasePeers, rod: Mapping[str, Any], reference: Motion) -> tuple[Table, str, PeerRun]:
+    """Errors of PyElastica's rods, and what remains after extrapolation.
+
+    Returns
+    -------
+    Table
+    str, PeerRun
+        Name under which the rod that is timed was made, and its motion.
+    """
+    rows: list[list[Any]] = []
+
+    def make(elements: int, thickness: float, shifted: bool = True) -> tuple[str, PeerRun]:
+        name = f"PyElastica {elements} elements, section {thickness:g} times as thick"
+        name += "" if shifted else ", clamp as it is"
+        settings = {"elements": elements, "thickness": thickness, "shifted": shifted}
+        run = peers.make(name, "pyelastica", rod, settings)
+        rows.append([name, run.steps, 1e3 * rms_error(run.tip, reference)])
+        return name, run
+
+    def add(name: str, tip: np.ndarray) -> None:
+        rows.append([name, None, 1e3 * rms_error(tip, reference)])
+
+    if not rod["uniform"]:  # the reference is checked by the uniform rod
+        shown = make(SHOWN, THICKNESS)
+        make(2 * SHOWN, THICKNESS)
+        return _checked(rows), *shown
+    _, raw = make(SHOWN, THICKNESS, shifted=False)
+    made = {n: make(n, THICKNESS) for n in ELEMENTS}
+    _, thin = make(SHOWN, 0.5 * THICKNESS)
+    tips = {n: run.tip for n, (_, run) in made.items()}
+    limit = _to_zero([1.0 / (n - 0.5) ** 2 for n in ELEMENTS], [tips[n] for n in ELEMENTS])
+    add(f"extrapolated over {', '.join(map(str, ELEMENTS))} elements", limit)
+    add("and to no thickness", limit + (thin.tip - tips[SHOWN]) * 4.0 / 3.0)
+    true = peers.make("true section", "pyelastica", rod, {"elements": SHOWN, "thickness": 1.0}, frames=0)
+    times = []
+    for _ in range(3):
+        began = time.perf_counter()
+        peers.run("true section", _SHORT)
+        times.append(time.perf_counter() - began)
+    note = (
+        f"Clamp as it is: node 0 and element 0 are held, so that the first half element does not bend, which costs "
+        f"{1e3 * rms_error(raw.tip, reference):.3g} mm with {SHOWN} elements; elsewhere the clamp is put half an "
+        f"element behind the wall. With the true section the stable step is 1/{true.steps} s, and {SHOWN} elements "
+        f"run at {_SHORT / min(times):.2g} times real time (timed over {1e3 * _SHORT:g} ms)."
+    )
+    return _checked(rows, note), *made[SHOWN]
+
+
+def _checked(rows: list[list[Any]], note: str = "") -> Table:
+    return Table("PyElastica against our reference", ["", "steps per s", "r.m.s. error [mm]"], rows, note)
+
+
+def _to_zero(at: list[float], values: list[np.ndarray]) -> np.ndarray:
+    """Value at zero of the polynomial through some values."""
+    total = np.zeros_like(values[0])
+    for k, value in enumerate(values):
+        weight = np.prod([other / (other - at[k]) for j, other in enumerate(at) if j != k])
+        total = total + weight * value
+    return total

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.grasp_oracle.geometry import Posture
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.rod import trace
-from benchmarks.grasp_oracle.scenes import one_finger
+from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -35,7 +35,7 @@ ENOUGH = 1e5
 
 def tighten(seed: int, number: int) -> dict[str, Any] | None:
     """What makes a scene infeasible: cause, what is needed, and the limit to set; None where the cause does not fit."""
-    scene, cause = one_finger(seed), CAUSES[number % len(CAUSES)]
+    scene, cause = scene_of("one", seed), CAUSES[number % len(CAUSES)]
     random = np.random.default_rng([3, seed])
     search = Search(numbers(scene))
     found = _NEEDS[cause](search, scene, random)
@@ -44,7 +44,7 @@ def tighten(seed: int, number: int) -> dict[str, Any] | None:
 
 def tighten_two(seed: int, number: int) -> dict[str, Any] | None:
     """The same by two limits: both causes, what each needs when the other is no limit, and the limits to set."""
-    scene, (shape, force) = one_finger(seed), PAIRS[number % len(PAIRS)]
+    scene, (shape, force) = scene_of("one", seed), PAIRS[number % len(PAIRS)]
     random = np.random.default_rng([5, seed])
     search = Search(numbers(scene))
     if shape == "bend" and search.hand.family != "arc":
@@ -66,7 +66,7 @@ def tighten_two(seed: int, number: int) -> dict[str, Any] | None:
 
 def tightened(row: dict[str, Any]) -> GraspScene:
     """The scene of a row."""
-    scene = one_finger(row["scene"])
+    scene = scene_of("one", row["scene"])
     causes = row["causes"] if "causes" in row else [row["cause"]]
     limits = row["limits"] if "limits" in row else [row["limit"]]
     for cause, limit in zip(causes, limits, strict=True):

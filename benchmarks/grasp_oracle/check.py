@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.grasp_oracle.forces import basis
+from benchmarks.grasp_oracle.forces import basis, bending_work, weight_work
 from benchmarks.grasp_oracle.outline import Outline
 from benchmarks.grasp_oracle.rod import Section, section, trace
 from continuum_grasp.scene.grasp import GraspScene
@@ -26,11 +26,13 @@ LIMITS = {
     "limit": 1e-6,
 }
 """Greatest residuals: parts of the greatest moment or force, of the finger's length, of the limit."""
+POINTS = 1000
+"""Per element, at which penetration is looked for."""
 ABOVE = 0.1
 """How far above a contact its normal is looked at, per half thickness of the finger."""
 
 
-def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -> dict[str, float]:
+def residuals(scene: GraspScene, arrays: Mapping[str, Any]) -> dict[str, float]:
     """Residuals of a grasp.
 
     Parameters
@@ -38,8 +40,6 @@ def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -
     scene : GraspScene
     arrays : mapping
         ``GraspResult.arrays``.
-    count : int
-        Points per element at which penetration is looked for.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -
         ``limit``: tension, strain, bend, lengths and pose beyond their limits.
     """
     own = {key: value for key, value in arrays.items() if not key.startswith("held.")}
-    worst = _Check(scene, own, count).worst
+    worst = _Check(scene, own).worst
     # With other friction states of the tendons, the tensions being the same: where the object lies is theirs.
     held = {key.removeprefix("held."): np.asarray(value) for key, value in arrays.items() if key.startswith("held.")}
     for k in range(len(held.get("object.pose", ()))):
@@ -62,14 +62,14 @@ def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -
             worst["limit"] = max(worst["limit"], _let_out(setup, own, there))
         pose = tuple(float(v) for v in there["object.pose"])
         lies = scene.object.model_copy(update={"position": pose[:2], "angle": pose[2], "free": None})
-        for key, value in _Check(scene.model_copy(update={"object": lies}), there, count).worst.items():
+        for key, value in _Check(scene.model_copy(update={"object": lies}), there).worst.items():
             # The reserve of cones is known to 1e-4 there.
             worst[key] = max(worst[key], 1e-2 * value if key == "cone" else value)
     return worst
 
 
 class _Check:
-    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], count: int) -> None:
+    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         self.scene = scene
         self.worst = dict.fromkeys(LIMITS, 0.0)
         self.names = [str(n) for n in arrays["contact_names"]]
@@ -89,7 +89,7 @@ class _Check:
         self._object()
         self._cones()
         for setup in setups:
-            self._finger(setup, arrays, count)
+            self._finger(setup, arrays)
         self._supports()
         if any(not np.isfinite(np.asarray(v, dtype=float)).all() for k, v in arrays.items() if _numeric(k, v)):
             self._note("limit", math.inf)
@@ -138,7 +138,7 @@ class _Check:
 
     # -- fingers -----------------------------------------------------------------------------------------------
 
-    def _finger(self, setup: Any, arrays: Mapping[str, Any], count: int) -> None:
+    def _finger(self, setup: Any, arrays: Mapping[str, Any]) -> None:
         finger, name = setup.finger, setup.name
         length = finger.rod.length
         lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
@@ -156,7 +156,7 @@ class _Check:
         there = {k: section(base[:2], base[2], ends, lengths, float(self.stations[k])) for k, _ in spots}
         self._touches(setup, spots, there, lengths)
         self._equilibrium(setup, family, ends, lengths, tip, tensions, base, spots, there)
-        points, _ = trace(base[:2], base[2], ends, lengths, count)
+        points, _ = trace(base[:2], base[2], ends, lengths, POINTS)
         flat = points.reshape(-1, 2)
         depth = max(float(-o.gap(flat).min()) for o in self._outlines(finger.thickness_radius))
         self._note("penetration", depth / length)
@@ -227,17 +227,11 @@ class _Check:
         rest = float(finger.profile.rest_curvature(finger.rod.length))
         lean = ends - rest
         net = (tensions[0] - tensions[1]) * tendons.offset
-        slope = np.zeros(2 * len(lengths))
         pulled = _tendon_work(tendons, tensions, ends, lengths, self.states[setup.name])
         pulled -= _dry_work(setup, lean, lengths, self.states[setup.name])
-        for k, (length, (a, b)) in enumerate(zip(lengths, lean, strict=True)):
-            slope[2 * k] += rod.stiffness * length * (2 * a + b) / 6.0 - pulled[k, 0]
-            slope[2 * k + 1] += rod.stiffness * length * (a + 2 * b) / 6.0 - pulled[k, 1]
-        gravity = self._gravity()
-        whole = section(base[:2], base[2], ends, lengths, float(lengths.sum()))
-        slope -= rod.mass_per_length * whole.mean_moves @ gravity
-        for mass in finger.masses:
-            slope -= mass.mass * section(base[:2], base[2], ends, lengths, mass.at).moves @ gravity
+        slope = bending_work(rod.stiffness, lean, lengths) - pulled.ravel()
+        at, masses = (base[:2], base[2], ends, lengths), [(mass.at, mass.mass) for mass in finger.masses]
+        slope -= weight_work(at, rod.mass_per_length, masses, self._gravity())
         couple = 0.0
         for k, name in spots:
             turn = -half * self.forces[k, 1]
@@ -246,7 +240,7 @@ class _Check:
                 couple = turn
         free = basis(family, len(lengths))
         scale = max(abs(net), rod.stiffness * float(np.abs(lean).max()))
-        reach = np.abs(free @ whole.turns)
+        reach = np.abs(free @ section(*at, float(lengths.sum())).turns)
         self._note("equilibrium", (np.abs(free @ slope) / reach).max() / scale)
         if family == "matched_clothoid":
             self._note("equilibrium", abs(rod.stiffness * (tip - rest) - net - couple) / scale)

@@ -8,6 +8,7 @@ least of the conic program from below, to that part.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -90,21 +91,11 @@ class Balance:
         self.weight_.append(weight)
 
     def _finger(self, k: int, hand: Hand, posture: Posture) -> None:
-        numbers = self.numbers
         ends, lengths = posture.ends, posture.lengths
-        count = len(lengths)
-        stiff, bend = np.zeros(2 * count), np.zeros(2 * count)
-        for i, ((a, b), length) in enumerate(zip(ends - hand.rest, lengths, strict=True)):
-            stiff[2 * i], stiff[2 * i + 1] = length * (2 * a + b) / 6.0, length * (a + 2 * b) / 6.0
-            bend[2 * i : 2 * i + 2] = 0.5 * length
-        stiff *= hand.stiffness
-        gravity = np.array(numbers.gravity)
-        work = np.zeros(2 * count)
-        if gravity.any():
-            whole = section(hand.base, hand.angle, ends, lengths, float(lengths.sum()))
-            work += hand.linear_density * whole.mean_moves @ gravity
-            for at, mass in hand.masses:
-                work += mass * section(hand.base, hand.angle, ends, lengths, at).moves @ gravity
+        count, bend = len(lengths), np.repeat(0.5 * lengths, 2)
+        at, gravity = (hand.base, hand.angle, ends, lengths), np.array(self.numbers.gravity)
+        missing = bending_work(hand.stiffness, ends - hand.rest, lengths)
+        missing -= weight_work(at, hand.linear_density, hand.masses, gravity)
         free = basis(hand.family, count)
         rows = np.zeros((2 * count, self.width))
         rows[:, 2 * k], rows[:, 2 * k + 1] = hand.offset * bend, -hand.offset * bend
@@ -114,7 +105,7 @@ class Balance:
                 rows[:, self.first + 3 * c] = there.moves @ touch.normal
                 rows[:, self.first + 3 * c + 1] = there.moves @ touch.across - hand.thickness * there.turns
         unit = hand.length**2  # moment per curvature, as a force
-        for row, right in zip(free @ rows / unit, free @ (stiff - work) / unit, strict=True):
+        for row, right in zip(free @ rows / unit, free @ missing / unit, strict=True):
             self._add(row, float(right))
         if hand.family == "matched_clothoid":
             row = np.zeros(self.width)
@@ -277,3 +268,20 @@ def basis(family: str, count: int) -> Array:
     for k in range(count):
         nodes[k, 2 * k] = nodes[k + 1, 2 * k + 1] = 1.0
     return nodes[:-1] if family == "matched_clothoid" else nodes
+
+
+def bending_work(stiffness: float, lean: Array, lengths: Array) -> Array:
+    """Change of the elastic energy with the curvatures at both ends of each element, given these above rest."""
+    a, b = lean.T
+    return stiffness * np.stack([lengths * (2 * a + b) / 6.0, lengths * (a + 2 * b) / 6.0], axis=1).ravel()
+
+
+def weight_work(at: tuple[Any, ...], density: float, masses: Iterable[tuple[float, float]], gravity: Array) -> Array:
+    """Work of the weight of a rod and of masses on it with these curvatures; ``at``: what ``section`` takes first."""
+    lengths = at[3]
+    if not gravity.any():
+        return np.zeros(2 * len(lengths))
+    work = density * section(*at, float(lengths.sum())).mean_moves @ gravity
+    for place, mass in masses:
+        work = work + mass * section(*at, place).moves @ gravity
+    return work

@@ -16,7 +16,7 @@ import numpy as np
 
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["DRAWN", "digest", "one_finger", "scene_of", "three_fingers", "two_fingers"]
+__all__ = ["DRAWN", "digest", "scene_of"]
 
 G = 9.81
 
@@ -38,23 +38,12 @@ class _View:
         return math.remainder(self.turn + self.flip * angle, 2.0 * math.pi)
 
 
-def one_finger(seed: int) -> GraspScene:
-    """One finger of two elements, a convex object, and mostly a palm."""
-    return scene_of("one", seed)
-
-
-def two_fingers(seed: int) -> GraspScene:
-    """Two fingers of two matched clothoids that pinch a convex object with their tips."""
-    return scene_of("two", seed)
-
-
-def three_fingers(seed: int) -> GraspScene:
-    """Three fingers of two matched clothoids that hold a convex object with their tips, a third of them on a palm."""
-    return scene_of("three", seed)
-
-
 def scene_of(kind: str, seed: int) -> GraspScene:
-    """The scene of a seed; what the oracles do not ask for is not asked of the package either."""
+    """The scene of a seed; what the oracles do not ask for is not asked of the package either.
+
+    ``one``: a finger of two elements, a convex object, and mostly a palm; ``two`` and ``three``: fingers of two matched
+    clothoids that pinch a convex object with their tips, a third of the latter on a palm.
+    """
     return GraspScene.model_validate(DRAWN[kind](seed) | UNASKED)
 
 

@@ -98,9 +98,14 @@ class Search:
             math.isinf(limits.strain) or self.strain(posture) <= limits.strain
         )
 
+    def _good(self, numbers: Numbers, clearance: float) -> list[Posture]:
+        """Shapes of the scan that keep strain, range and depth."""
+        pairs = zip(self.postures, self.depths, strict=True)
+        return [p for p, deep in pairs if deep <= clearance and self.allowed(p, numbers.limits)]
+
     # -- aims ------------------------------------------------------------------------------------------------
 
-    def best(self, aim: str = "sum", numbers: Numbers | None = None, most_depth: float | None = None) -> Best | None:
+    def best(self, aim: str = "sum", numbers: Numbers | None = None) -> Best | None:
         """Least of an aim of `Forces.least` over all shapes; None where no shape has forces that hold.
 
         Parameters
@@ -108,49 +113,28 @@ class Search:
         aim : str
         numbers : Numbers, optional
             The same scene with other limits.
-        most_depth : float, optional
-            Depth that counts as none [m].
         """
         numbers = numbers or self.numbers
         forces = Forces(numbers)
         sign = -1.0 if aim == "mass" else 1.0
-        clearance = CLEARANCE * self.hand.length if most_depth is None else most_depth
+        clearance = CLEARANCE * self.hand.length
 
         def value(posture: Posture, exact: bool = True) -> tuple[float, Array] | None:
             found = forces.least(self._balance(posture), aim, exact)
             return None if found is None else (sign * found[0], found[1])
 
-        good = [
-            p
-            for p, deep in zip(self.postures, self.depths, strict=True)
-            if deep <= clearance and self.allowed(p, numbers.limits)
-        ]
-        return self._over(good, value, numbers, clearance, sign)
+        return self._over(self._good(numbers, clearance), value, numbers, clearance, sign)
 
-    def least_measure(self, measure: Callable[[Posture], float], numbers: Numbers, into: str = "") -> Best | None:
-        """Least of a measure of the shape alone (strain, bend, depth) over all shapes that have forces that hold.
-
-        Parameters
-        ----------
-        measure : callable
-        numbers : Numbers
-            Its limits bound forces and the other measures.
-        into : str
-            "depth": the measure is the depth, which then is not bounded.
-        """
+    def least_measure(self, measure: Callable[[Posture], float], numbers: Numbers) -> Best | None:
+        """Least of a measure of the shape alone (strain, bend) over all shapes with forces that hold within limits."""
         forces = Forces(numbers)
 
         def value(posture: Posture, exact: bool = True) -> tuple[float, Array] | None:
             found = forces.least(self._balance(posture), "sum", exact)
             return None if found is None else (measure(posture), found[1])
 
-        clearance = math.inf if into == "depth" else CLEARANCE * self.hand.length
-        good = [
-            p
-            for p, deep in zip(self.postures, self.depths, strict=True)
-            if deep <= clearance and self.allowed(p, numbers.limits)
-        ]
-        return self._over(good, value, numbers, clearance, 1.0)
+        clearance = CLEARANCE * self.hand.length
+        return self._over(self._good(numbers, clearance), value, numbers, clearance, 1.0)
 
     def least_shape(self, measure: Callable[[Posture], float]) -> float | None:
         """Least of a measure over all shapes that touch and pass through nothing, whatever the forces."""
@@ -158,44 +142,36 @@ class Search:
         def value(posture: Posture, exact: bool = True) -> tuple[float, Array]:
             return measure(posture), np.empty(0)
 
-        clearance = CLEARANCE * self.hand.length
-        good = [p for p, deep in zip(self.postures, self.depths, strict=True) if deep <= clearance]
-        free = self.numbers.limited(strain=math.inf, bend=2.0 * math.pi)
-        found = []
-        for posture in good:
-            found.append((measure(posture), posture, None))
+        clearance, free = CLEARANCE * self.hand.length, self.numbers.limited(strain=math.inf, bend=2.0 * math.pi)
+        pairs = zip(self.postures, self.depths, strict=True)
+        found = [(measure(posture), posture, None) for posture, deep in pairs if deep <= clearance]
         found.sort(key=lambda f: f[0])
         if not found or self.isolated:
             return found[0][0] if found else None
         refined = [r for _, start, _ in self._apart(found) for r in self._refined(start, value, free, clearance)]
         return float(min(r[0] for r in refined))
 
-    def least_friction(self, numbers: Numbers, low: float = 0.0) -> float:
+    def least_friction(self, numbers: Numbers) -> float:
         """Least friction coefficient with which any shape has forces that hold; infinite without one."""
-        good = [
-            p
-            for p, deep in zip(self.postures, self.depths, strict=True)
-            if deep <= CLEARANCE * self.hand.length and self.allowed(p, numbers.limits)
-        ]
         needed, held = math.inf, []
-        for posture in good:
+        for posture in self._good(numbers, CLEARANCE * self.hand.length):
             if math.isinf(needed) or self._holds(posture, numbers.limited(friction=needed * (1.0 - 1e-6))):
-                found = self._friction(posture, numbers, low, needed)
+                found = self._friction(posture, numbers, needed)
                 if found < needed:
                     needed = found
                     held.append((found, posture, None))
         if not held or self.isolated:
             return needed
         for _, start, _ in self._apart(held[::-1]):
-            needed = min(needed, self._least_friction_near(start, numbers, low, needed))
+            needed = min(needed, self._least_friction_near(start, numbers, needed))
         for _ in range(8):  # until no other shape does with a little less
             other = self.best("sum", numbers.limited(friction=0.997 * needed))
             if other is None:
                 break
-            needed = min(0.997 * needed, self._least_friction_near(other.posture, numbers, low, needed))
+            needed = min(0.997 * needed, self._least_friction_near(other.posture, numbers, needed))
         return needed
 
-    def _least_friction_near(self, start: Posture, numbers: Numbers, low: float, most: float) -> float:
+    def _least_friction_near(self, start: Posture, numbers: Numbers, most: float) -> float:
         """Least coefficient on the curve of shapes through one."""
         walked = [start]
 
@@ -203,13 +179,13 @@ class Search:
             near = self._from_nearest(walked, u)
             if near is None or self.fingers.depth([near])[0] > CLEARANCE * self.hand.length:
                 return math.inf
-            return self._friction(near, numbers, low, 1.5 * most) if self.allowed(near, numbers.limits) else math.inf
+            return self._friction(near, numbers, 1.5 * most) if self.allowed(near, numbers.limits) else math.inf
 
         return _golden(value, start.u - self.step, start.u + self.step, 18)[1]
 
-    def _friction(self, posture: Posture, numbers: Numbers, low: float, high: float) -> float:
+    def _friction(self, posture: Posture, numbers: Numbers, high: float) -> float:
         """Least coefficient of one shape, by halving."""
-        top = min(high, 16.0)
+        low, top = 0.0, min(high, 16.0)
         if not self._holds(posture, numbers.limited(friction=top)):
             return math.inf
         for _ in range(26):

@@ -1,9 +1,8 @@
 """What the oracles say of the random scenes, stored in files beside this one.
 
 Run ``python -m benchmarks.grasp_oracle.truth one`` (or ``two``, ``three``, ``none``, ``both``) in the root of the
-repository; it resumes after an interruption. ``--again`` asks once more about scenes that have an answer, or about
-those whose seeds are given, and retains the better answer. Scenes are drawn anew from their seeds, so that only seeds
-and answers are stored; the first line of a file has a digest of the scenes, and answers to other scenes are refused.
+repository; it resumes after an interruption. Scenes are drawn anew from their seeds, so that only seeds and answers are
+stored; the first line of a file has a digest of the scenes, and answers to other scenes are refused.
 """
 
 from __future__ import annotations
@@ -29,8 +28,6 @@ AHEAD = 4
 """Scenes asked about at a time, per process: those beyond the last answer that is wanted are few."""
 SLACK = 1e-3
 """Sum of tensions, per sum of the greatest ones, up to which the bases press: not a pinch that is asked for."""
-SAME = 1e-5
-"""Relative difference of tensions up to which a newer answer replaces an older one."""
 TWICE = 999
 """The answer of ``one`` whose scene is the first with two tightened limits; earlier ones follow."""
 Row = dict[str, Any]
@@ -100,11 +97,6 @@ def _digest(kind: str, rows: list[Row]) -> str:
     return digest("one" if of_one else kind, [row["scene" if of_one else "seed"] for row in rows])
 
 
-def _least(row: Row) -> float:
-    """What makes one answer better than another; of limits the newer one."""
-    return float(row.get("tension", 0.0))
-
-
 def _read(file: Path) -> tuple[Row, list[Row]]:
     if not file.exists():
         return {"asked": 0, "scenes": ""}, []
@@ -130,36 +122,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kind", choices=sorted(KINDS))
     parser.add_argument("--count", type=int)
-    parser.add_argument("--again", type=int, nargs="*", metavar="SEED", help="ask once more about these scenes, or all")
     parser.add_argument("--jobs", type=int, default=cores())
-    arguments = parser.parse_args()
-    ask, count = KINDS[arguments.kind]
-    count = arguments.count or count
-    file = FOLDER / f"{arguments.kind}.jsonl"
-    answers(arguments.kind)  # refuses those of other scenes
+    asked = parser.parse_args()
+    ask, count = KINDS[asked.kind]
+    count = asked.count or count
+    file = FOLDER / f"{asked.kind}.jsonl"
+    answers(asked.kind)  # refuses those of other scenes
     head, rows = _read(file)
-    pool = ProcessPool(arguments.jobs)
+    pool = ProcessPool(asked.jobs)
     began = saved = time.monotonic()
     try:
-        if arguments.again is not None:
-            best = {row["seed"]: row for row in rows}
-            seeds = arguments.again or list(best)
-            for done, (_, future) in enumerate(pool.as_completed(ask, seeds), 1):
-                new = future.result()
-                if new is not None and _least(new) <= _least(best.get(new["seed"], new)) * (1.0 + SAME):
-                    best[new["seed"]] = new
-                if time.monotonic() - saved > SAVED or done == len(seeds):
-                    _write(file, arguments.kind, head["asked"], list(best.values()))
-                    saved = time.monotonic()
-                    print(f"{done} of {len(seeds)}, {saved - began:.0f} s", flush=True)
-            return
         while len(rows) < count:
-            seeds = list(range(head["asked"], head["asked"] + AHEAD * arguments.jobs))
+            seeds = list(range(head["asked"], head["asked"] + AHEAD * asked.jobs))
             found = [future.result() for _, future in pool.as_completed(ask, seeds)]
             rows += [row for row in found if row is not None]
             head["asked"] = seeds[-1] + 1
             if time.monotonic() - saved > SAVED or len(rows) >= count:
-                _write(file, arguments.kind, head["asked"], rows)
+                _write(file, asked.kind, head["asked"], rows)
                 saved = time.monotonic()
                 print(f"{len(rows)} of {head['asked']}, {saved - began:.0f} s", flush=True)
     finally:

@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.hard_cases.attempt import REFUSED, RIGHT, WARNED, Attempt, Found
-from benchmarks.hard_cases.scenes import (
+from benchmarks.hard_cases import (
     FAMILIES,
-    HANGING,
+    GRAVITY,
     LENGTH,
     MASS,
+    REFUSED,
+    RIGHT,
     STIFFNESS,
-    UPRIGHT,
-    WEIGHT,
+    WARNED,
+    Attempt,
+    Found,
     nitinol,
     push,
 )
@@ -26,6 +28,7 @@ from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Equilibrium, equilibrium
 from tests.closed_forms.rods import bent_by_moment, bent_by_tip_force, buckled_column, euler_load
+from tests.rods import HANGING, UPRIGHT
 
 Array = NDArray[np.float64]
 ELEMENTS = {"arc": 16, "clothoid": 4, "matched_clothoid": 4}
@@ -63,7 +66,7 @@ def sideways(family: str, elements: Any, load: float) -> Scene:
 def heavy(family: str, elements: Any) -> Scene:
     """100 times the rod's mass at the hanging tip, pulled aside with a third of its weight."""
     pull = push(100 * MASS * 9.81 / 3, 0.0)
-    return nitinol(family, elements, angle=HANGING, gravity=WEIGHT, tip_mass=100 * MASS, loads=[pull])
+    return nitinol(family, elements, angle=HANGING, gravity=GRAVITY, tip_mass=100 * MASS, loads=[pull])
 
 
 def coiled(family: str, elements: int, share: float) -> Scene:
@@ -75,7 +78,7 @@ def coiled(family: str, elements: int, share: float) -> Scene:
 def standing(family: str, elements: Any) -> Scene:
     """Upright under 1.5 times the tip mass that it can carry."""
     mass = 1.5 * EULER / 9.81
-    return nitinol(family, elements, angle=UPRIGHT, gravity=WEIGHT, tip_mass=mass, bending_range=4.0)
+    return nitinol(family, elements, angle=UPRIGHT, gravity=GRAVITY, tip_mass=mass, bending_range=4.0)
 
 
 def column(family: str, elements: Any, angle: float) -> Scene:
@@ -115,29 +118,21 @@ def _followed(across: float, before: Elastica | None) -> Elastica | None:
     return found if found.tip[0] < 0.0 else None
 
 
-def model_snap_load(family: str, elements: int) -> tuple[float, Equilibrium, Equilibrium]:
-    """The model's, with the last shape before the snap and the one after it."""
+def model_snap_load(family: str, elements: int) -> tuple[float, Equilibrium]:
+    """The model's, and the shape after the snap."""
+    side = 1 if equilibrium(snapping(family, elements, 0.0)).tip[0] < 0.0 else -1
+    last: list[Equilibrium] = []
 
     def followed(across: float, before: Equilibrium | None) -> Equilibrium | None:
-        scene = snapping(family, elements, across)
-        guess = None if before is None else before.q
-        options = {"side": side} if before is None else {"guess": guess}
-        found = equilibrium(scene, **options)
-        return found if found.tip[0] < 0.0 else None
-
-    first = equilibrium(snapping(family, elements, 0.0))
-    side = 1 if first.tip[0] < 0.0 else -1
-    retained: list[Equilibrium] = []
-
-    def remembered(across: float, before: Equilibrium | None) -> Equilibrium | None:
-        found = followed(across, before)
-        if found is not None:
-            retained[:] = [found]
+        options: dict[str, Any] = {"side": side} if before is None else {"guess": before.q}
+        found = equilibrium(snapping(family, elements, across), **options)
+        if found.tip[0] >= 0.0:
+            return None
+        last[:] = [found]
         return found
 
-    load = _last(remembered)
-    after = equilibrium(snapping(family, elements, load + 0.01), guess=retained[0].q)
-    return load, retained[0], after
+    load = _last(followed)
+    return load, equilibrium(snapping(family, elements, load + 0.01), guess=last[0].q)
 
 
 def _last(follow: Callable[[float, Any], Any]) -> float:
@@ -166,7 +161,7 @@ def true_snap() -> float:
 def snap_through(family: str) -> Found:
     """Snap load of the model against the elastica's, and the stable shape on the other side after it."""
     elements = ELEMENTS[family]
-    load, _, after = model_snap_load(family, elements)
+    load, after = model_snap_load(family, elements)
     true = solve_elastica(snapping("matched_clothoid", 2, load + 0.01), guess=_angles(after))
     error = abs(load - true_snap()) / true_snap() + (not after.stable) + (after.tip[0] <= 0.0)
     return Found(error + _distance(after.tip, true.tip), after.iterations, after.warnings)
@@ -241,14 +236,17 @@ def _deflected(scene: Scene, deflection: float) -> Found:
     return Found(abs(found.tip[1] / LENGTH / deflection - 1.0), found.iterations, found.warnings)
 
 
-def _pushed(load: float) -> tuple[float, float]:
-    pose = bent_by_tip_force(load)
+def _level(pose: Any) -> tuple[float, float]:
+    """Place of the tip of a closed form whose rod begins along world +X [m]."""
     return pose.along * LENGTH, pose.across * LENGTH
+
+
+def _pushed(load: float) -> tuple[float, float]:
+    return _level(bent_by_tip_force(load))
 
 
 def _coil(moment: float) -> tuple[float, float]:
-    pose = bent_by_moment(moment)
-    return pose.along * LENGTH, pose.across * LENGTH
+    return _level(bent_by_moment(moment))
 
 
 def _tip(scene: Scene) -> tuple[float, float]:

@@ -11,10 +11,8 @@ from fractions import Fraction
 
 import casadi as ca
 
-from benchmarks.paper.appendix_inertia import BIAS, MASS
-from benchmarks.paper.appendix_loads import GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN
-from benchmarks.paper.coefficients import Polynomial, Reading
-from benchmarks.paper.two_arcs import Terms, TwoArcs, is_zero
+from benchmarks.paper.coefficients import BIAS, GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN, MASS, Polynomial, Reading
+from benchmarks.paper.kinematics import Terms, TwoArcs, is_zero
 from continuum_grasp.model.planar import Scalar
 
 __all__ = ["POSITION", "position", "right_hand_side", "terms"]

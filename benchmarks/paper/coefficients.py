@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Literal
 
 from continuum_grasp.model.planar import Scalar
 
-__all__ = ["Coefficient", "Monomial", "Polynomial", "Reading", "misprint", "over", "right", "wrong"]
+__all__ = [
+    "BIAS",
+    "GRAVITY_ACROSS",
+    "GRAVITY_ALONG",
+    "JACOBIAN",
+    "MASS",
+    "Coefficient",
+    "Monomial",
+    "Polynomial",
+    "Reading",
+]
 
 Reading = Literal["corrected", "printed", "unrotated"]
 """Which of the three values of a coefficient is taken."""
@@ -75,22 +86,32 @@ Polynomial = Mapping[tuple[int, int], Monomial]
 """Powers of theta1 and theta2 -> coefficient."""
 
 
-def over(denominator: int, *numerators: int) -> Coefficient:
-    """A coefficient; ``over(18, 0, 0, -1, 0)`` is -L1 L2^2 / 18."""
-    return Coefficient(denominator, numerators)
+def _monomial(text: str) -> Monomial:
+    """Read what ``appendix.txt`` says of a coefficient after its powers."""
+    values, cause = text.rstrip(" RT").split(" | "), text[-1]
+    corrected, *others = (
+        Coefficient(int(denominator), tuple(map(int, numerators.strip("()").split())))
+        for numerators, denominator in (value.split("/") for value in values)
+    )
+    printed = others[0] if others else corrected
+    unrotated = others[-1] if cause == "R" or len(others) == 2 else corrected
+    return Monomial(corrected, printed, unrotated)
 
 
-def right(denominator: int, *numerators: int) -> Monomial:
-    """A monomial that the paper prints right."""
-    value = over(denominator, *numerators)
-    return Monomial(value, value, value)
+def _tables() -> Iterator[dict[str, Polynomial]]:
+    """The tables of ``appendix.txt``, in their order."""
+    for part in Path(__file__).with_name("appendix.txt").read_text(encoding="utf-8").split("\n\n")[1:]:
+        table: dict[str, dict[tuple[int, int], Monomial]] = {}
+        name = ""
+        for line in part.splitlines()[1:]:
+            powers, _, text = line.partition(": ")
+            if text:
+                i, j = map(int, powers.split())
+                table[name][i, j] = _monomial(text)
+            else:
+                table[name := line] = {}
+        yield dict(table)
 
 
-def wrong(corrected: Coefficient, *, printed: Coefficient, unrotated: Coefficient | None = None) -> Monomial:
-    """A monomial that the missing rotation makes wrong; misprinted besides, where ``unrotated`` is another value."""
-    return Monomial(corrected, printed, printed if unrotated is None else unrotated)
-
-
-def misprint(corrected: Coefficient, *, printed: Coefficient) -> Monomial:
-    """A monomial that is wrong in print only."""
-    return Monomial(corrected, printed, corrected)
+MASS, BIAS, JACOBIAN, GRAVITY_ALONG, GRAVITY_ACROSS = _tables()
+"""Polynomials by their names in (A.1), (A.3), (A.2) and (A.4); the paper has none of gravity across."""

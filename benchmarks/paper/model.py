@@ -11,8 +11,10 @@ import casadi as ca
 
 from benchmarks.paper import appendix, closed_forms
 from benchmarks.paper.coefficients import Reading
+from benchmarks.paper.kinematics import Terms, TwoArcs
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
-from benchmarks.paper.two_arcs import Terms, TwoArcs
+from continuum_grasp.accuracy.choice import Errors, errors_of
+from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.acting import Acting
@@ -23,7 +25,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["VARIANTS", "PaperModel"]
+__all__ = ["VARIANTS", "PaperModel", "paper_errors"]
 
 _CLOSED: dict[str, frozenset[str]] = {"closed_printed": DYNAMIC, "closed_corrected": frozenset()}
 _APPENDIX: dict[str, Reading] = {
@@ -55,6 +57,9 @@ class PaperModel(FingerModel):
         the velocity of the contact is not turned into the axes of the second arc.
     slips : collection of str, optional
         For ``closed_corrected``: keys of ``slips.SLIPS`` that are taken as printed.
+    bias : {"christoffel", "lagrange", "quadrature"}
+        For ``closed_corrected``: the paper's formulas, with sums over the derivatives of the mass matrix (the fastest);
+        or the Lagrangian differentiated; or that with the kinetic energy by quadrature.
     gravity_across : bool
         For ``appendix_printed``: take gravity across the straight finger, which (A.4) does not have, from the corrected
         appendix.
@@ -73,14 +78,15 @@ class PaperModel(FingerModel):
         variant: str,
         *,
         slips: Collection[str] = (),
+        bias: str = "christoffel",
         gravity_across: bool = False,
         guard: float = closed_forms.GUARD,
         **settings: Any,
     ) -> None:
         if variant not in VARIANTS:
             raise InputError(f"unknown variant {variant!r}: expected one of {', '.join(VARIANTS)}")
-        if slips and variant != "closed_corrected":
-            raise InputError(f"slips are chosen for closed_corrected, not for {variant}")
+        if (slips or bias != "christoffel") and variant != "closed_corrected":
+            raise InputError(f"slips and bias are chosen for closed_corrected, not for {variant}")
         if gravity_across and variant != "appendix_printed":
             raise InputError(f"gravity_across is for appendix_printed; {variant} has gravity across the finger")
         if settings.setdefault("family", "arc") != "arc":
@@ -88,7 +94,7 @@ class PaperModel(FingerModel):
         settings.setdefault("elements", 2)
         super().__init__(finger, **settings)
         self.variant = variant
-        self._equations = _PaperEquations(self.structure, variant, AsPrinted(slips), guard)
+        self._equations = _PaperEquations(self.structure, variant, AsPrinted(slips), bias, guard)
         across = self._equations.arcs.gravity[0]
         if variant == "appendix_printed" and not gravity_across and not (isinstance(across, float) and across == 0.0):
             raise InputError(
@@ -100,10 +106,10 @@ class PaperModel(FingerModel):
 class _PaperEquations(Equations):
     """The equations of motion with the paper's mass matrix, velocity products, gravity and Jacobians."""
 
-    def __init__(self, structure: Structure, variant: str, slips: AsPrinted, guard: float) -> None:
+    def __init__(self, structure: Structure, variant: str, slips: AsPrinted, bias: str, guard: float) -> None:
         super().__init__(structure)
         _check(structure)
-        self._variant, self._guard = variant, guard
+        self._variant, self._bias, self._guard = variant, bias, guard
         self._slips = AsPrinted(_CLOSED[variant]) if _CLOSED.get(variant) else slips
 
     @cached_property
@@ -139,6 +145,9 @@ class _PaperEquations(Equations):
         """The paper's terms."""
         if self._variant in _APPENDIX:
             return appendix.terms(self.arcs, self.theta, self.qd, _APPENDIX[self._variant])
+        if self._bias != "christoffel":
+            by_quadrature, at = self._bias == "quadrature", (self.arcs, self.theta, self.qd)
+            return closed_forms.lagrangian_terms(*at, guard=self._guard, quadrature=by_quadrature)
         return closed_forms.terms(self.arcs, self.theta, self.qd, self._slips, guard=self._guard)
 
     @cached_property
@@ -207,3 +216,20 @@ def _check(structure: Structure) -> None:
             raise InputError("the paper has forces of fixed direction and moments on the tip only")
         if not structure.on_tip(load.at) and abs(load.at - structure.lengths[0]) > 1e-9 * structure.length:
             raise InputError(f"the paper has forces at the contact and the tip only; one is at {load.at} m")
+
+
+def paper_errors(scene: Scene, truth: Truth) -> dict[str, Errors]:
+    """Errors of two exact arcs, and of each variant of the paper's equations, against the exact rod.
+
+    Parameters
+    ----------
+    scene : Scene
+        With ``fidelity`` of two arcs; forces and masses at contact and tip alone.
+    truth : Truth
+        Of that scene.
+    """
+    held = scene.model_copy(update={"loads": truth.loads})
+    models = {"two arcs": FingerModel(held, input_rates=False)}
+    for variant in VARIANTS:
+        models[variant] = PaperModel(held, variant, gravity_across=variant == "appendix_printed")
+    return {name: errors_of(model, truth, moves=scene.time is not None) for name, model in models.items()}

@@ -9,9 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
-from benchmarks.bench_fidelity import again, cheaper
-from benchmarks.graded_rods import RODS
-from benchmarks.random_scenes import random_scene
+from benchmarks.bench_fidelity import again, cheaper, random_scene
+from benchmarks.rod_shapes import RODS
 from continuum_grasp.accuracy import choose, motion
 from continuum_grasp.accuracy.choice import RANGES, _bending_range
 from continuum_grasp.accuracy.choose import choose_fidelity

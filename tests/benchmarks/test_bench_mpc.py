@@ -14,7 +14,7 @@ from benchmarks.mpc_peers import converged
 
 CASES = {
     "arcs": lambda: mpc_cases.arcs(steps=6, horizon=5),
-    "zones": lambda: mpc_cases.arcs(steps=6, horizon=5, bounds="zones"),
+    "zones": lambda: mpc_cases.arcs(steps=6, horizon=5, zones=True),
     "tendons": lambda: mpc_cases.tendons(steps=6, horizon=5),
 }
 

@@ -7,8 +7,8 @@ import os
 import numpy as np
 import pytest
 
-from benchmarks.baselines import VARIABLE
-from benchmarks.baselines.release_peers import PeerError, ReleasePeers, describe_rod
+from benchmarks.baselines import VARIABLE, PeerError
+from benchmarks.baselines.release_peers import ReleasePeers, describe_rod
 from benchmarks.bench_peers import releases
 from continuum_grasp.accuracy.truth import find_truth
 from continuum_grasp.scene.simulate import Fidelity, Initial, Timing

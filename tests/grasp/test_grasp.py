@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.numbers import numbers
-from benchmarks.grasp_oracle.scenes import one_finger
+from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.grasp import Status, certify, optimize_grasp
@@ -77,7 +77,7 @@ RANDOM = [10, 21, 23, 24, 27, 29, 30, 40, 43, 52, 58, 60]
 @pytest.mark.deep
 @pytest.mark.parametrize("seed", few(RANDOM, 3))
 def test_random_scenes_against_linear_programming(seed):
-    scene = one_finger(seed)
+    scene = scene_of("one", seed)
     best = Search(numbers(scene)).best()
     result = optimize_grasp(scene)
     assert result.tension <= best.value * 1.005

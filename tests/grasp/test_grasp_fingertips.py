@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.grasp_oracle.scenes import two_fingers
+from benchmarks.grasp_oracle import scenes
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.scene.grasp import GraspScene
@@ -174,5 +174,5 @@ def test_pinches_that_were_called_infeasible(seed, tension):
     """Random scenes of the benchmark whose oracle, sequential quadratic programming from tables of its own, has a grasp
     with so much tension [N]. Neither asks whether they are stable.
     """
-    result = optimize_grasp(two_fingers(seed))
+    result = optimize_grasp(scenes.scene_of("two", seed))
     assert result.tension <= 1.005 * tension

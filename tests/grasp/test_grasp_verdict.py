@@ -13,8 +13,8 @@ from shapely.affinity import rotate
 
 import continuum_grasp as cg
 from benchmarks.grasp_images import drawn, scene_of
+from benchmarks.grasp_oracle import scenes
 from benchmarks.grasp_oracle.numbers import numbers
-from benchmarks.grasp_oracle.scenes import one_finger, two_fingers
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
@@ -49,7 +49,7 @@ def test_a_disc_on_two_upright_fingers_is_steady_below_their_euler_load(load):
 
 def test_a_stable_grasp_is_sought_next_to_an_unstable_one():
     """The least tension of all is that of an unstable grasp, which the oracle of the benchmark confirms."""
-    scene = one_finger(125)
+    scene = scenes.scene_of("one", 125)
     loose, steady = solved(scene), solved(scene.changed({"stability": "require"}))
     # Each is the best of what its scene asks for; the first line says what was not asked for.
     assert (loose.status, steady.status) == (Status.OPTIMAL, Status.OPTIMAL)
@@ -64,7 +64,7 @@ def test_the_slope_of_the_least_eigenvalue_leads_to_stability():
     """A step along it changes the eigenvalue by as much as the slope says, which a difference ten times as long, or as
     short, does not know so well.
     """
-    scene = one_finger(125).changed({"stability": "require"})
+    scene = scenes.scene_of("one", 125).changed({"stability": "require"})
     search = GraspSearch(scene, Budget())
     search.run()
     at = next(t for t in search.good if not t.acceptable)
@@ -82,7 +82,7 @@ def test_the_slope_of_the_least_eigenvalue_leads_to_stability():
 @pytest.mark.deep
 def test_fingers_that_would_cross_are_refused_and_named():
     """The two reach the object from the wrong sides, past each other, which no posture that keeps clear can."""
-    scene = two_fingers(51)
+    scene = scenes.scene_of("two", 51)
     crossing = solved(scene)
     assert crossing.certificate.overlap > 0.0
     apart = solved(scene.changed({"overlap": "forbid"}))
@@ -123,7 +123,7 @@ def test_what_a_fine_model_refutes_is_not_optimal():
 @pytest.mark.parametrize("seed", [23, 2214])
 def test_a_limit_just_above_what_a_verified_grasp_takes_is_enough(seed):
     """Of 2214 the scan at first sees no posture that holds."""
-    scene = one_finger(seed)
+    scene = scenes.scene_of("one", seed)
     held = solved(scene)
     limit = (1.0 + 5e-4) * float(held.arrays["finger.tensions"].max())
     edge = solved(scene.changed({"finger.tendons.max_tension": limit}))
@@ -171,7 +171,7 @@ def gap(scene, start):
 
 @pytest.mark.parametrize("seed", [7, 44, 51])
 def test_starts_keep_fingers_apart_unless_they_may_cross(seed):
-    scene, on = two_fingers(seed), frozenset({"upper.tip", "lower.tip"})
+    scene, on = scenes.scene_of("two", seed), frozenset({"upper.tip", "lower.tip"})
     for overlap in ("allow", "forbid"):
         changed = scene.changed({"overlap": overlap})
         starts = make_starts(changed, on, 8)

@@ -8,8 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.paper.appendix_inertia import BIAS, MASS
-from benchmarks.paper.appendix_loads import GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN
+from benchmarks.paper.coefficients import BIAS, GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN, MASS
 from tests import arc_series
 from tests.arc_quadrature import RANGE, entries, relative, square
 from tests.errata_page import evaluate, formula, number, percent, spans, table

@@ -1,8 +1,9 @@
-"""Write acados's C of a closed loop's problem; run by another interpreter, see ``mpc_acados``.
+"""The part of ``mpc_external`` in another interpreter, which has do-mpc or acados's Python package.
 
-``python mpc_acados_runner.py FOLDER`` reads dynamics, outputs and rows (CasADi's files) and numbers (JSON) from the
-folder, and writes the solver's sources to ``FOLDER/solver``. acados renders its templates by a program that it
-downloads; jinja2 renders them as well, once three words of their language are explained to it.
+``python mpc_external_runner.py FOLDER`` reads dynamics, outputs, rows and plant of a closed loop (CasADi's files) and
+numbers from the folder. do-mpc runs the loop, as it comes (collocation and IPOPT), and writes ``run.npz`` there; of
+acados the C of the solver is written to ``FOLDER/solver``. acados renders its templates by a program that it downloads;
+jinja2 renders them as well, once three words of their language are explained to it.
 """
 
 from __future__ import annotations
@@ -11,31 +12,94 @@ import json
 import os
 import re
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
-import acados_template
 import casadi as ca
-import jinja2
 import numpy as np
-from acados_template import AcadosOcp, AcadosOcpSolver, acados_ocp
-
-TEMPLATES = Path(acados_template.__file__).parent / "c_templates_tera"
 
 
 def main(folder: Path) -> None:
-    """Write the solver of a folder."""
+    """Do what the numbers of a folder ask for."""
     data = json.loads((folder / "case.json").read_text(encoding="utf-8"))
-    acados_ocp.render_template = rendered
-    os.chdir(folder)
-    AcadosOcpSolver.generate(problem(data, folder), verbose=False)
+    functions = {
+        name: ca.Function.load(str(folder / f"{name}.casadi")) for name in ("dynamics", "outputs", "rows", "plant")
+    }
+    if data["solver"] == "acados":
+        from acados_template import AcadosOcpSolver, acados_ocp
+
+        acados_ocp.render_template = rendered
+        os.chdir(folder)
+        AcadosOcpSolver.generate(problem(data, **functions), verbose=False)
+    else:
+        run_loop(folder, data, **functions)
 
 
-def problem(data: dict[str, Any], folder: Path) -> Any:
+def run_loop(
+    folder: Path, data: dict[str, Any], dynamics: ca.Function, outputs: ca.Function, rows: ca.Function, plant: Any
+) -> None:
+    """The closed loop by do-mpc."""
+    import do_mpc
+
+    model = do_mpc.model.Model("continuous")
+    x = model.set_variable("_x", "x", (dynamics.size1_in(0), 1))
+    u = model.set_variable("_u", "u", (dynamics.size1_in(1), 1))
+    r = model.set_variable("_tvp", "r", (outputs.size1_out(0), 1))
+    p = ca.DM(data["p"])
+    model.set_rhs("x", dynamics(x, u, p))
+    model.setup()
+    controller = do_mpc.controller.MPC(model)
+    controller.set_param(n_horizon=data["stages"], t_step=data["stage"], store_full_solution=False)
+    controller.settings.supress_ipopt_output()
+    error, weights, last = outputs(x, u, p) - r, ca.DM(data["weights"]), ca.DM(data["terminal_weights"])
+    at_end = ca.substitute(error, u, ca.DM.zeros(u.shape))
+    controller.set_objective(mterm=0.5 * ca.dot(last, at_end**2), lterm=0.5 * data["stage"] * ca.dot(weights, error**2))
+    controller.bounds["lower", "_u", "u"], controller.bounds["upper", "_u", "u"] = data["u_min"], data["u_max"]
+    low, high = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
+    for box in data["boxes"]:
+        k = box["state"]
+        low[k], high[k] = max(low[k], box["least"]), min(high[k], box["most"])
+    controller.bounds["lower", "_x", "x"], controller.bounds["upper", "_x", "x"] = low, high
+    for row in data["rows"]:
+        value = rows(x, u, p)[row["row"]]
+        controller.set_nl_cons(f"row_{row['row']}", value - row["most"], ub=0.0)
+        controller.set_nl_cons(f"row_{row['row']}_least", row["least"] - value, ub=0.0)
+    now, template = 0, controller.get_tvp_template()
+    with np.load(folder / "case.npz") as found:
+        references, plant_p = found["references"], found["plant_p"]
+
+    def setpoints(_: float) -> Any:
+        for k in range(data["stages"] + 1):
+            template["_tvp", k, "r"] = references[now, k]
+        return template
+
+    controller.set_tvp_fun(setpoints)
+    controller.setup()
+    steps, state = len(references), np.array(data["x0"])
+    controller.x0, controller.u0 = state, np.array(data["u0"])
+    controller.set_initial_guess()
+    states, inputs = [state], []
+    seconds, good = np.zeros(steps), np.zeros(steps, bool)
+    for now in range(steps):
+        began = time.process_time()
+        command = controller.make_step(state.reshape(-1, 1))
+        seconds[now] = time.process_time() - began
+        good[now] = bool(controller.solver_stats["success"])
+        state = np.array(plant(state, command, plant_p[now])).ravel()
+        states.append(state)
+        inputs.append(np.array(command).ravel())
+    versions = json.dumps({"do-mpc": do_mpc.__version__, "casadi": ca.__version__})
+    np.savez(folder / "run.npz", x=states, u=inputs, seconds=seconds, good=good, versions=versions)
+
+
+def problem(
+    data: dict[str, Any], dynamics: ca.Function, outputs: ca.Function, rows: ca.Function, plant: ca.Function
+) -> Any:
     """The problem as a user of acados would pose it: bounds of states apart from other rows, all of them soft."""
-    dynamics, outputs, rows = (
-        ca.Function.load(str(folder / f"{name}.casadi")) for name in ("dynamics", "outputs", "rows")
-    )
+    from acados_template import AcadosOcp
+
+    del plant
     x, u, p = dynamics.sx_in()
     ocp, rate = AcadosOcp(), ca.SX.sym("rate", x.shape)
     model, cost, limits, options = ocp.model, ocp.cost, ocp.constraints, ocp.solver_options
@@ -89,10 +153,13 @@ def problem(data: dict[str, Any], folder: Path) -> Any:
 
 def rendered(source: str, target: str, folder: str, numbers: str, template_glob: str | None = None) -> None:
     """Render a template of acados, in place of its ``render_template``."""
+    import acados_template
+    import jinja2
+
     del template_glob
     if source.startswith("main") or not source.endswith((".in.c", ".in.h")):  # no part of a library
         return
-    text = (TEMPLATES / source).read_text(encoding="utf-8")
+    text = (Path(acados_template.__file__).parent / "c_templates_tera" / source).read_text(encoding="utf-8")
     for name in set(re.findall(r"set_global (\w+)", re.sub(r"\w+set_global|set_global\(", "", text))):
         text = re.sub(r"({%-?\s*)set_global " + name, rf"\1set {name}", text)
         text = re.sub(
