@@ -7,15 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
-
-NONE = 1e-3
-"""Part of a usual amount that is none, so that its limit is not named, and by which an amount must stay short of the
-most that makes sense; likewise an imbalance, and the difference of the logarithms of two factors."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ class Relaxation:
 
     def sensible(self, scene: GraspScene) -> float:
         """Amount from which on a relaxation counts as none."""
-        return self.most(scene) * (1.0 - NONE)
+        return self.most(scene) * (1.0 - NEAR)
 
     def eased(self, scene: GraspScene, amount: float) -> GraspScene:
         """The scene to start from; the same one where nothing is known to be in the way."""

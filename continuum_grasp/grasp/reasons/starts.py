@@ -9,11 +9,12 @@ from itertools import zip_longest
 from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
+from continuum_grasp.grasp.problem.relaxations import Relaxation
 from continuum_grasp.grasp.search import BENT, HELD, UNLIKELY, Search
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.tried import branch_of
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import GraspScene
 
 NEARER = 0.95
@@ -110,7 +111,7 @@ class Starts:
                 return UNLIKELY
             alike = (basin.start for basin in search.basins if basin.start.contacts.keys() == start.contacts.keys())
             known = min((other.imbalance for other in alike), default=math.inf)
-            return min(threshold, max(NEARER * known, NONE))
+            return min(threshold, max(NEARER * known, NEAR))
 
         return [start for start in starts if start.imbalance < enough(start)]
 

@@ -30,6 +30,7 @@ from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
 from continuum_grasp.grasp.tried import Tried
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -40,8 +41,6 @@ SETS = 4
 FRUITLESS = 12
 """Sets of contacts, and starts from the posture with the greatest reserve, that are tried in a row without one that
 holds: such a grasp has other flaws; a set takes 0.6 s."""
-NEAR = 1e-3
-"""Gap, per length of the finger, from which on a contact that is clear cannot be what is missing [1]."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from continuum_grasp.grasp.robust.errors import (
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
 from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_postures
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import HELD, Search
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import NEAR, UNSTABLE, Reason, Status, tension_of
@@ -40,10 +40,6 @@ COMPARED = 200
 """Draws with which the nominal grasp is tried: its share is known to 7 percentage points at 95 %."""
 HALVINGS = 4
 """Number of times that the interval of the bounds that a grasp holds is halved: to a sixteenth."""
-BRANCHES = 2
-"""Further grasps of the nominal search next to which a robust one is sought. With stations, that with one holds after
-1.5 s, that with two after 3 s, that with four does not after 17 s, and one with three has no answer after minutes
-(preshaped)."""
 _TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
 """Keys of a finger by which its friction states matter less."""
 
@@ -64,7 +60,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
             scene.objective == "least_tension"
             and tension_of(scene, arrays) < (1.0 - NEAR) * tension_of(scene, exchange.arrays)
         )
-        if branches > BRANCHES or not may or budget.over:
+        if branches >= HELD or not may or budget.over:
             break
         branches += 1
         other = find_robust(scene, bounds, arrays, budget)
