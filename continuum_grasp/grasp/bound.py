@@ -77,7 +77,7 @@ def _bound(scene: GraspScene, limit: float) -> float:
     """The bound, or, where there is a limit, no more than on which side of that it is."""
     if scene.weight == 0.0:
         return 0.0
-    need, contacts = _need(scene), _contacts(scene)
+    (need, used), contacts = _balances(scene), _contacts(scene)
     y = need / float(need @ need)
     least, value = math.inf, 0.0
     cuts: list[list[Array]] = [[] for _ in contacts]
@@ -89,7 +89,7 @@ def _bound(scene: GraspScene, limit: float) -> float:
         # What the cuts leave is the least that there may be, so that further ones end above it.
         if least - value <= NEAR * least or least * limit < scene.weight or value * limit > scene.weight:
             break
-        y, value = _best_multipliers(need, _in_use(scene), cuts)
+        y, value = _best_multipliers(need, used, cuts)
         if not np.isfinite(value):
             break
     return scene.weight / least if least > 0.0 else math.inf
@@ -124,20 +124,16 @@ def _turns(scene: GraspScene) -> bool:
     return scene.object.free is not None and scene.object.free.angle is not None
 
 
-def _need(scene: GraspScene) -> Array:
-    """Load on the contacts, per weight: force x, y and moment, lift, two moments of the lift (6,)."""
+def _balances(scene: GraspScene) -> tuple[Array, Array]:
+    """Load on the contacts, per weight: force x, y and moment, lift, two moments of the lift (6,); and a mask of the
+    balances that hold (6,).
+    """
     if isinstance(scene.gravity, PlanarGravity):
         down = complex(*scene.gravity.vector) / math.hypot(*scene.gravity.vector)
         down *= 1.0 if _turns(scene) else cmath.exp(-1j * scene.object.angle)
-        return np.array([down.real, down.imag, 0.0, 0.0, 0.0, 0.0])
-    return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-
-
-def _in_use(scene: GraspScene) -> Array:
-    """Mask of the balances that hold (6,)."""
-    lifts = isinstance(scene.gravity, OutOfPlaneGravity)
+        return np.array([down.real, down.imag, 0.0, 0.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     tilts = isinstance(scene.gravity, OutOfPlaneGravity) and scene.gravity.tilt == "balance"
-    return np.array([1.0, 1.0, 1.0, lifts, tilts, tilts], float)
+    return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 1.0, tilts, tilts], float)
 
 
 def _contacts(scene: GraspScene) -> list[_Places]:

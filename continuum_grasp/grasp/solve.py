@@ -170,8 +170,8 @@ class _Verdict:
         has_stations = any(setup.stations for setup in scene.setups)
         # Of the scene with one middle contact in place of stations, where there are any.
         self._before = Search(without_stations(scene), budget) if has_stations else None
-        self._plain = self._before or self.search
-        self.repairs = Repairs(self._plain.scene, self._plain)
+        plain = self._before or self.search
+        self.repairs = Repairs(plain.scene, plain)
         self.interrupted = False
 
     def result(self) -> GraspResult:

@@ -45,7 +45,8 @@ def parts(result: GraspResult, quality: bool = True) -> list[Part]:
     if result.solved:
         every += [_quality(result), _disturbances(result)] if quality else []
         every += [] if result.certificate is None else [_certificate(result.certificate)]
-        every.append(_fine(result))
+        said = result.statistics.get("fine_model")
+        every += [Part("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
     return [part for part in (*every, _trials(result)) if part.rows]
 
 
@@ -196,12 +197,6 @@ def _certificate(certificate: Certificate) -> Part:
         notes.append(f"fingers overlap by {1e3 * overlap:.2f} mm in the plane: they must lie at different heights")
     head = ("Check", "Found", "In terms of", "Limit", "Verdict")
     return Part("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
-
-
-def _fine(result: GraspResult) -> Part:
-    """Changes by a fine model, where that was asked for."""
-    said = result.statistics.get("fine_model")
-    return Part("The same grasp in a fine model", ("", ""), [("fine model", said)] if said else ())
 
 
 def _trials(result: GraspResult) -> Part:

@@ -220,7 +220,7 @@ def _recomputed(
     grasp = RecomputedGrasp(scene, arrays)
     checks += [mode_check(grasp), *lengths]
     for finger in grasp.fingers:
-        checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(grasp, finger)]
+        checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(finger)]
     return [*checks, *_object(grasp), *contact_checks(grasp), *clearance_checks(grasp)], grasp
 
 
@@ -309,7 +309,7 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
     yield Check(f"base, {finger.name}", off, EXACT, f"{length:.4g} m")
 
 
-def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator[Check]:
+def _finger_limits(finger: RecomputedFinger) -> Iterator[Check]:
     setup, length = finger.setup, finger.length
     limit, used = setup.tendons.max_tension, finger.finger.tendons_used
     over = [(t - limit, setup.tendons.min_tension - t) for t in finger.tensions]

@@ -112,7 +112,8 @@ class RecomputedFinger(StoredFinger):
         s = rod.nodes
         energy = 0.5 * (elastic**2 @ (rod.weights * self.profile.bending_stiffness(s)))
         # What bends the finger at rest does no work here.
-        energy = energy - elastic @ (rod.weights * self._tendon_moment(s))
+        pulled = self.shape.actuation(s) if self.friction is None else self.friction.moment(s, self.tensions)
+        energy = energy - elastic @ (rod.weights * pulled)
         if self.dry is not None:
             energy = energy + elastic @ (rod.weights * self.dry.moment(s))
         if self.gravity.any():
@@ -120,12 +121,6 @@ class RecomputedFinger(StoredFinger):
             for mass in self.finger.masses:
                 energy = energy - mass.mass * (points[..., rod.edge_index(mass.at), :] @ self.gravity)
         return np.asarray(energy)
-
-    def _tendon_moment(self, s: Array) -> Array:
-        """Bending moment of the tendons (G,) at positions [m] past the friction of the guides, of the stored shape."""
-        if self.friction is None:
-            return self.shape.actuation(s)
-        return self.friction.moment(s, self.tensions)
 
 
 @dataclass

@@ -244,12 +244,9 @@ class GraspSolverRun:
         alike = [
             earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
         ]
-        ends: dict[str, Any] = {
-            "patience": patience,
-            "standstill": standstill,
-            "known": [earlier.x for earlier in alike],
-        }
-        first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, **ends)
+        limits, ends = problem.rows.bounds(), {"patience": patience, "standstill": standstill}
+        seen = [earlier.x for earlier in alike]
+        first = nlp.Start(x, low, high, *limits, begin, option_set=options, known=seen, **ends)
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
         last = replace(last, seconds=time.perf_counter() - began)
@@ -341,10 +338,8 @@ def _parts(start: Start) -> list[int]:
     return [contact.part for contact in start.contacts.values()]
 
 
-def _after(attempt: Attempt, before: Attempt | None) -> Attempt:
+def _after(attempt: Attempt, before: Attempt) -> Attempt:
     """An attempt with the effort of another one, too."""
-    if before is None:
-        return attempt
     iterations, seconds = attempt.iterations + before.iterations, attempt.seconds + before.seconds
     return replace(attempt, iterations=iterations, seconds=seconds)
 

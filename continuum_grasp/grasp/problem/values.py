@@ -196,7 +196,7 @@ def _counts(setup: FingerSetup) -> list[int]:
 
 def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: Units) -> Values:
     finger, rod, tendons, start = setup.finger, setup.finger.rod, setup.tendons, whole.fingers[setup.name]
-    tensions = whole.tensions.get(setup.name, (0.0, 0.0))
+    tensions, states = whole.tensions.get(setup.name, (0.0, 0.0)), whole.friction_states.get(setup.name)
     length, offset, greatest_tension, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
     moment = setup.stiffness / length
     rod_mass = rod.mass_per_length * length
@@ -212,8 +212,8 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
         "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in gravity],
         "tendon_friction": tendons.friction,
-        **_branch_values(setup, moment),
-        "friction_history": _history(setup, whole),
+        # As `FingerModel` takes them: whether it was pulled from its shape at rest on stands last.
+        "friction_history": np.append(np.zeros(setup.friction_states), 1.0) if states is None else [*states, 0.0],
         "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / rod_mass,
         "bending_range": setup.bending_range,
         "pull_max": greatest_tension * offset / moment,
@@ -246,6 +246,9 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
             "rest_curvature": float(finger.profile.rest_curvature(0.0)) * length,
             "curvature_limit": finger.curvature_limit * length if finger.strain_limit is not None else 0.0,
         }
+    for k, branch in enumerate(finger.damping.dry_friction, 1):
+        values[f"dry_friction_{k}_stiffness"] = branch.stiffness / setup.stiffness
+        values[f"dry_friction_{k}_moment"] = branch.moment / moment
     for k, mass in enumerate(inner):
         values |= {f"mass_{k}": mass.mass / rod_mass, f"mass_{k}.at": mass.at / length}
     values |= {f"joint_{k}": s / length for k, s in enumerate(setup.middle_places)}
@@ -253,21 +256,6 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         tolerance_of(setup, scene) * length / units.length if setup.stations else (scene.solver.penetration_tolerance)
     )
     return {f"{setup.name}.{key}": value for key, value in values.items()}
-
-
-def _branch_values(setup: FingerSetup, moment: float) -> Values:
-    """Numbers of the branches of dry friction in bending, with a unit of moments [N m]."""
-    values: Values = {}
-    for k, branch in enumerate(setup.finger.damping.dry_friction):
-        values[f"dry_friction_{k + 1}_stiffness"] = branch.stiffness / setup.stiffness
-        values[f"dry_friction_{k + 1}_moment"] = branch.moment / moment
-    return values
-
-
-def _history(setup: FingerSetup, start: Start) -> Array:
-    """Friction states and whether the finger was pulled from its shape at rest on, as `FingerModel` takes them."""
-    states = start.friction_states.get(setup.name)
-    return np.append(np.zeros(setup.friction_states), 1.0) if states is None else np.append(states, 0.0)
 
 
 def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:

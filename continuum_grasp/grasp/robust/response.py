@@ -45,29 +45,15 @@ holds: such a grasp has other flaws; a set takes 0.6 s."""
 
 @dataclass(frozen=True)
 class Response(Tried):
-    """The posture for one error, in the scene with it.
+    """The posture for one error, in the scene with it."""
 
-    Attributes
-    ----------
-    error : ndarray, shape (6 + K,)
-        See `continuum_grasp.grasp.robust.errors`; K friction states.
-    reserve : float
-        By how much all friction cones could be narrower, per force reference [1]; minus infinity where no posture was
-        found.
-    margin : float
-        Least friction margin [1]; minus infinity where a contact parts or no posture balances, NaN where the solver has
-        no answer.
-    weakest : str
-        The contact with that margin; empty where nothing balances.
-    begin : Start
-        Where the posture was sought from, without the error; it has the contacts of the posture.
-    """
-
-    error: Array
+    error: Array  # (6 + K,) as of `continuum_grasp.grasp.robust.errors`, with K friction states
+    # By how much all friction cones could be narrower, per force reference [1]; minus infinity without a posture.
     reserve: float
+    # Least friction margin [1]; minus infinity where a contact parts or no posture balances, NaN without an answer.
     margin: float
-    weakest: str
-    begin: Start
+    weakest: str  # the contact with that margin; empty where nothing balances
+    begin: Start  # where the posture was sought from, without the error; it has the contacts of the posture
 
     @property
     def holds(self) -> bool:

@@ -200,7 +200,7 @@ class _Balance:
     """Imbalance, and its cost, from what the tips do, lifts and forces at supports."""
 
     def __init__(self, scene: GraspScene, loads: Loads, supports: Block, touched: dict[str, ContactStart]) -> None:
-        self.loads, self._setups = loads, scene.setups
+        self.loads = loads
         self._friction = np.array(
             [s.held_friction for s in scene.setups] + [scene.held_friction(name) for name in touched]
         )

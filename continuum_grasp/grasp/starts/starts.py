@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import zip_longest
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from continuum_grasp.grasp.starts.force import (
 )
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses, support_contacts
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start, interleaved
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
@@ -51,7 +50,7 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start
         rows = [(at, row) for at in kind for row in range(len(at.score))]
         score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in kind), strict=True))
         chosen.append([_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)])
-    return [start for rank in zip_longest(*chosen) for start in rank if start is not None]
+    return interleaved(chosen)
 
 
 def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Basins] | None:
@@ -224,12 +223,12 @@ def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> li
     """Combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ, by indices."""
     if len(blocks) == 1:
         return [np.arange(len(blocks[0].needed))]
-    alone = [_alone(loads, block) for block in blocks]
-    limit = _PER_FINGER[len(blocks)]
-    picks = [
-        np.array(spread_order(doubt(left) + cost, what, limit))
-        for (left, cost, _), what in zip(alone, features, strict=True)
-    ]
+    # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
+    free, picks = replace(loads, planar=0j, lift=0.0, balance=False), []
+    for block, what in zip(blocks, features, strict=True):
+        internal = replace(block, onto=0.0 * block.onto[:, :3])
+        left, cost, _ = imbalance(free, [internal], [np.arange(len(block.needed))])
+        picks.append(np.array(spread_order(doubt(left) + cost, what, _PER_FINGER[len(blocks)])))
     return [index.ravel() for index in np.meshgrid(*picks, indexing="ij")]
 
 
@@ -238,15 +237,6 @@ def doubt(left: Array) -> Array:
     means little.
     """
     return np.where(left < NEARLY_BALANCED, 10.0 * left, 10.0 * NEARLY_BALANCED + 2.0 * (left - NEARLY_BALANCED))
-
-
-def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
-    """Remainder of the fingers' own balance, its cost, and what the forces then do to the object."""
-    # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
-    free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
-    internal = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
-    left, cost, forces = imbalance(free, [internal], [np.arange(len(block.needed))])
-    return left, cost, (block.onto[:, :3] @ forces[..., None])[..., 0] / loads.force
 
 
 _AT = np.linspace(0.0, 1.0, 25)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -118,6 +119,11 @@ def with_contacts(scene: GraspScene, start: Start, contacts: Mapping[str, Contac
         contacts={name: contacts[name] for name in order if name in contacts},
         forces={name: force for name, force in start.forces.items() if name in contacts},
     )
+
+
+def interleaved(lists: list[list[Start]]) -> list[Start]:
+    """The first of each list, then the second of each, and so on."""
+    return [start for rank in zip_longest(*lists) for start in rank if start is not None]
 
 
 def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:

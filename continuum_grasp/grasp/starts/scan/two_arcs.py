@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan.curves import table_of
 from continuum_grasp.grasp.starts.scan.task import FRONT, FingerTask
-from continuum_grasp.grasp.starts.scan.touching import Branch, bracketed_root
+from continuum_grasp.grasp.starts.scan.touching import ABOVE, Branch, bracketed_root
 
 SHARE = 0.5
 """Part of the length of each of the two arcs, where no contact is between them."""
@@ -38,7 +38,7 @@ def scanned_arcs(task: FingerTask) -> Branch:
     cell = 2.0 * (bends[1] - bends[0])
     for shape in task.shapes:
         near |= np.abs(tips - shape.center) < shape.extent + task.half + cell
-    reach = 1.02 * np.max(task.limits) * np.array(SHARE) + bends[1] - bends[0]
+    reach = (1.0 + ABOVE) * np.max(task.limits) * np.array(SHARE) + bends[1] - bends[0]
     near &= (np.abs(bends) < reach)[:, None] & (np.abs(bends) < reach)
     gap = np.full(tips.shape, np.nan)
     gap[near] = task.gap(tips[near])
@@ -72,7 +72,7 @@ def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, A
     return branch, rows[row][index]
 
 
-def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
+def _tips(bends: Array) -> tuple[Array, Array]:
     """Tips and angles of the section there, by the two bends (B, 2)."""
     half = 0.5 * bends
     chord = np.sinc(half / math.pi) * SHARE
@@ -81,7 +81,7 @@ def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
 
 
 def _gap(task: FingerTask, bends: Array) -> Array:
-    return task.gap(_tips(task, bends)[0])
+    return task.gap(_tips(bends)[0])
 
 
 def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: Array) -> tuple[Branch, Array]:
@@ -92,7 +92,7 @@ def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: A
 
     part = bracketed_root(gap, np.zeros(len(low)), np.ones(len(low)), at_low, at_high)
     bends = low + part[:, None] * (high - low)
-    tip, facing = _tips(task, bends)
+    tip, facing = _tips(bends)
     parts, point, normal = task.touched(tip)
     good = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
     good &= (np.abs(bends).max(axis=1, initial=0.0) <= task.bending_range * (1.0 + 1e-6)) & (np.abs(gap(part)) < 1e-6)
