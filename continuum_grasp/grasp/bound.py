@@ -31,7 +31,6 @@ from continuum_grasp.grasp.starts.supports import object_outlines, support_conta
 from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects.body import greatest_shift
 from continuum_grasp.scene.supports import Wall
 
@@ -128,11 +127,11 @@ def _balances(scene: GraspScene) -> tuple[Array, Array]:
     """Load on the contacts, per weight: force x, y and moment, lift, two moments of the lift (6,); and a mask of the
     balances that hold (6,).
     """
-    if isinstance(scene.gravity, PlanarGravity):
-        down = complex(*scene.gravity.vector) / math.hypot(*scene.gravity.vector)
+    if not scene.lifted:
+        down = complex(*scene.gravity_in_plane) / math.hypot(*scene.gravity_in_plane)
         down *= 1.0 if _turns(scene) else cmath.exp(-1j * scene.object.angle)
         return np.array([down.real, down.imag, 0.0, 0.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-    tilts = isinstance(scene.gravity, OutOfPlaneGravity) and scene.gravity.tilt == "balance"
+    tilts = scene.balances_tilt
     return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 1.0, tilts, tilts], float)
 
 

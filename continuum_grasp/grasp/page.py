@@ -17,7 +17,6 @@ from continuum_grasp.results.html import (
     section,
     table,
 )
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,11 +85,10 @@ def _why(result: GraspResult) -> str:
 
 
 def _picture(result: GraspResult, drawn: Axes) -> str:
-    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
     if result.solved:
         caption = (
             "Arrows are the forces that the object bears, to scale; the light wedges are friction cones"
-            f"{', darker where lift leaves them for friction in the plane' if lifted else ''}; the small "
+            f"{', darker where lift leaves them for friction in the plane' if result.scene.lifted else ''}; the small "
             "circles are joints of the finger's elements."
         )
     elif result.arrays:

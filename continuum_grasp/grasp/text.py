@@ -11,7 +11,6 @@ import numpy as np
 
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.results.yaml_text import yaml_text
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
@@ -141,8 +140,7 @@ def _drives(result: GraspResult, finger: str) -> list[str]:
 
 def _contacts(result: GraspResult) -> Part:
     """Places of the contacts, and their forces."""
-    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
-    rows = []
+    rows, lifted = [], result.scene.lifted
     for c in result.contacts:
         x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
         forces = (result.force_text(f) for f in (c.normal_force, c.friction_force, *([c.lift] if lifted else [])))

@@ -300,9 +300,24 @@ class GraspScene(Configuration, Supported):
     @property
     def weight(self) -> float:
         """Weight of the object, in or out of the plane [N]."""
-        if isinstance(self.gravity, PlanarGravity):
-            return self.object.mass * math.hypot(*self.gravity.vector)
-        return self.object.mass * self.gravity.magnitude if isinstance(self.gravity, OutOfPlaneGravity) else 0.0
+        if isinstance(self.gravity, OutOfPlaneGravity):
+            return self.object.mass * self.gravity.magnitude
+        return self.object.mass * math.hypot(*self.gravity_in_plane)
+
+    @property
+    def gravity_in_plane(self) -> tuple[float, float]:
+        """World gravity in the plane of the fingers [m/s2]; zero of objects that are lifted, and without gravity."""
+        return self.gravity.vector if isinstance(self.gravity, PlanarGravity) else (0.0, 0.0)
+
+    @property
+    def lifted(self) -> bool:
+        """Whether friction carries the weight, out of the plane."""
+        return isinstance(self.gravity, OutOfPlaneGravity)
+
+    @property
+    def balances_tilt(self) -> bool:
+        """Whether the friction that carries the weight must not tilt the object."""
+        return isinstance(self.gravity, OutOfPlaneGravity) and self.gravity.tilt == "balance"
 
     def friction(self, contact: str) -> float:
         """Friction coefficient of a contact by its name [1]."""

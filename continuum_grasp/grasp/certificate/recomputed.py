@@ -14,7 +14,6 @@ from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.shape import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 from continuum_grasp.scene.supports import Peg, Wall
 
 TRACE = 1e-4
@@ -37,13 +36,13 @@ _BLUNT = 1e-3
 class RecomputedFinger(StoredFinger):
     """Shape, loads and potential of one finger of a grasp."""
 
-    def __init__(self, setup: FingerSetup, gravity: GraspGravity, arrays: Mapping[str, Any]) -> None:
+    def __init__(self, setup: FingerSetup, gravity: tuple[float, float], arrays: Mapping[str, Any]) -> None:
         super().__init__(setup, arrays)
         self.q, self.lengths, self.matches_tip = self.shape.q, self.shape.lengths, self.shape.matches_tip
         self.stored_tip_curvature = float(self.shape.tip)
         self.stored_backbone = np.asarray(arrays[f"{self.name}.backbone"], dtype=float)
         self.length, self.stiffness = self.profile.length, setup.stiffness
-        self.gravity = gravity_vector(gravity)
+        self.gravity = np.asarray(gravity)
         self.rod = DenseRod(self.finger, self.shape.joints, base=self.base)  # 400 panels at least
         self.curvature = self.shape.curvature(self.rod.nodes)  # at the Gauss points
         self.angles = self.rod.edge_angle(self.curvature)  # (P + 1,) [rad] and (P + 1, 2) [m] at the ends of panels
@@ -176,7 +175,7 @@ class RecomputedGrasp:
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         self.scene, self.setups = scene, scene.setups
-        self.fingers = tuple(RecomputedFinger(setup, scene.gravity, arrays) for setup in self.setups)
+        self.fingers = tuple(RecomputedFinger(setup, scene.gravity_in_plane, arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)
         self.object = PlacedObject(scene.object, self.pose)
         self.size = scene.object.size
@@ -278,8 +277,3 @@ def _center(contact: RecomputedContact) -> Array:
     if contact.finger is not None:
         return np.asarray(contact.finger.points[contact.finger.joint_edges[contact.joint]])
     return np.asarray(contact.support.position if isinstance(contact.support, Peg) else contact.stored_position)
-
-
-def gravity_vector(gravity: GraspGravity) -> Array:
-    """Gravity in the plane [m/s2]."""
-    return np.asarray(gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0), dtype=float)

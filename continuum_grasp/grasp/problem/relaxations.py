@@ -11,7 +11,7 @@ from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
+from continuum_grasp.scene.grasp_options import GraspFinger
 from continuum_grasp.scene.value import Value
 
 
@@ -130,11 +130,6 @@ def _bendable(scene: GraspScene) -> float:
     return min(3.0, ONE_TURN - max(one_turn)) if one_turn and gives_bending_range(scene) else 3.0
 
 
-def _balances_tilt(scene: GraspScene) -> bool:
-    gravity = scene.gravity
-    return isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance" and scene.object.mass > 0
-
-
 def _may_tilt(scene: GraspScene) -> GraspScene:
     return _with(scene, gravity=_with(scene.gravity, tilt="ignore"))
 
@@ -214,7 +209,7 @@ RELAXATIONS = (
         without=_may_tilt,
         repair="{key}: ignore, if something else bears {needed:.3g} {unit}",
         size=2,
-        applies=_balances_tilt,
+        applies=lambda s: s.balances_tilt and s.object.mass > 0,
         bounds_shape=False,
     ),
     Relaxation(

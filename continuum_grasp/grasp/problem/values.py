@@ -23,7 +23,6 @@ from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds
 from continuum_grasp.scene.supports import Wall
 
@@ -200,17 +199,15 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
     length, offset, greatest_tension, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
     moment = setup.stiffness / length
     rod_mass = rod.mass_per_length * length
-    gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
-    weighs = any(gravity)
     inner = inner_masses(finger)
     least = tendons.min_tension * offset / moment
     values: Values = {
         "length": length / units.length,
-        "curves": curve_numbers(setup, weighs),
+        "curves": curve_numbers(setup, any(scene.gravity_in_plane)),
         "force share": moment / length / units.force,
         "base": [*units.point(finger.base.position), finger.base.angle],
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
-        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in gravity],
+        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in scene.gravity_in_plane],
         "tendon_friction": tendons.friction,
         # As `FingerModel` takes them: whether it was pulled from its shape at rest on stands last.
         "friction_history": np.append(np.zeros(setup.friction_states), 1.0) if states is None else [*states, 0.0],
@@ -298,15 +295,16 @@ def _objective_values(scene: GraspScene, units: Units) -> Values:
 
 
 def _object_values(scene: GraspScene, units: Units) -> Values:
-    body, gravity = scene.object, scene.gravity
-    weight: Any = scene.weight / units.force
-    if isinstance(gravity, PlanarGravity):
-        weight = [body.mass * g / units.force for g in gravity.vector]
+    body = scene.object
     return {
         "object pose": units.pose(body.pose),
         "center of mass": units.point(body.com),
         "size": body.size / units.length,
-        "weight": weight,
+        "weight": (
+            [body.mass * g / units.force for g in scene.gravity_in_plane]
+            if scene.gravity.mode == "planar"
+            else scene.weight / units.force
+        ),
         **{f"part_{k}": surface_of(part).numbers(part, units.length) for k, part in enumerate(body.parts)},
     }
 
