@@ -17,13 +17,7 @@ from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.starts import (
-    NEARLY_BALANCED,
-    basin_starts,
-    held_still,
-    make_starts,
-    rebalanced_starts,
-)
+from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED, basin_starts, held_still, make_starts, starts_of
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
@@ -255,9 +249,10 @@ class Search:
         # Behind the last contact a finger is as its tendons bend it, and its imbalance says little.
         tells = not self._tells and all(setup.tip_name in mode for setup in self.scene.setups)
         for start in (starts or [])[: self._effort.basins]:
+            alike = (basin.start for basin in self.basins if basin.start.contacts.keys() == start.contacts.keys())
             if tells and start.imbalance > UNLIKELY and len(self.basins) >= CLOSEST:
                 self._pruned["far from balance"] += 1
-            elif not any(_same(start, basin.start) for basin in self.basins):
+            elif not any(math.isclose(start.estimate, other.estimate, rel_tol=NEAR) for other in alike):
                 self.basins.append(basin := Basin(start))
                 far = self._tells and start.imbalance > NEARLY_BALANCED and len(self.tried) >= CLOSEST
                 if not far and self._is_worth(start, SKIP_FACTOR) and not self._is_over:
@@ -466,7 +461,7 @@ class Search:
         alone, per mode that is scanned.
         """
         began = time.perf_counter()
-        starts = [rebalanced_starts(scan, scene) for scan in self._scans.values()]
+        starts = [starts_of(scan.with_forces(scene)) for scan in self._scans.values()]
         self.start_seconds += time.perf_counter() - began
         return starts
 
@@ -541,10 +536,3 @@ class Search:
             self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return self._solvers[contacts]
-
-
-def _same(first: Start, second: Start) -> bool:
-    """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
-    return first.contacts.keys() == second.contacts.keys() and math.isclose(
-        first.estimate, second.estimate, rel_tol=NEAR
-    )

@@ -38,18 +38,10 @@ class Change:
 
 
 class GraspResponse:
-    """First-order response of a grasp, which must be an equilibrium, with F fingers and C contacts.
+    """First-order response of a grasp, which must be an equilibrium, with F fingers and C contacts, by its ``arrays``.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        The grasp's stored numbers.
-    springs : (F,) sequence of float, optional
-        Difference of a finger's tensions per path drawn in while its drives hold [N/m], where others carry the grasp
-        out than those of the scene.
-    compliance : float, optional
-        Give of each contact [m/N]; next to none where not given.
+    ``springs`` (F,) are differences of a finger's tensions per path drawn in while its drives hold [N/m], where others
+    carry the grasp out than those of the scene; ``compliance`` the give of each contact [m/N], next to none by default.
     """
 
     def __init__(

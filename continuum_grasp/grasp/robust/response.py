@@ -62,19 +62,9 @@ class Response(Tried):
 
 
 class Responder:
-    """Finds the postures of a grasp with errors.
+    """Finds the postures of a grasp with errors; ``arrays`` are those of the grasp, as a result holds them.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of the grasp, as a result holds them.
-    budget : Budget
-
-    Attributes
-    ----------
-    anew : int
-        Errors for which no solution next to another one was found, so that an NLP was solved from the grasp.
+    ``anew`` counts errors for which no solution next to another one was found, so that it was sought from the grasp.
     """
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> None:

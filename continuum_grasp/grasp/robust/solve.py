@@ -174,7 +174,11 @@ def _none(
         f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found that holds "
         f"whatever {_whatever(result.scene)}"
     )
-    violated = () if worst is None else (f"{_written(result.scene, worst.error)}: {_failing(worst)}",)
+    violated: tuple[str, ...] = ()
+    if worst is not None:
+        broken = ", ".join(str(violation) for violation in worst.attempt.violations[:2])
+        failing = worst.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
+        violated = (f"{_written(result.scene, worst.error)}: {failing}",)
     base = replace(result, robustness=robustness, violated=violated, sensitivity=())
     if low <= 0.0 or budget.cut:
         advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."
@@ -234,11 +238,6 @@ def _less(scene: GraspScene) -> str:
         "that were let out press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
         "after they are pulled."
     )
-
-
-def _failing(response: Response) -> str:
-    broken = ", ".join(str(violation) for violation in response.attempt.violations[:2])
-    return response.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
 
 
 def _written(scene: GraspScene, error: Array) -> str:

@@ -60,7 +60,7 @@ def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Ba
     if not is_scanned(scene, on):
         return None
     basins = Basins(scene, on)
-    return _starts_of(basins, refined=True), basins
+    return starts_of(basins, refined=True), basins
 
 
 def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
@@ -75,12 +75,8 @@ def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
     return still if free and is_scanned(still, on) else None
 
 
-def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
-    """Starts from the postures of a scan for a scene that differs in mass or in limits of forces alone."""
-    return _starts_of(basins.with_forces(scene))
-
-
-def _starts_of(basins: Basins, *, refined: bool = False) -> list[Start]:
+def starts_of(basins: Basins, *, refined: bool = False) -> list[Start]:
+    """Starts from the basins of a scan, which may be ``refined``."""
     if not basins.postures:
         return []
     scored = basins.refined() if refined else basins.lowest()
