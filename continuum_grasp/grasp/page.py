@@ -6,17 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from continuum_grasp.grasp.text import amount, further_advice, parts
-from continuum_grasp.results.html import (
-    cards,
-    details,
-    escaped,
-    figure,
-    folded,
-    items,
-    report,
-    section,
-    table,
-)
+from continuum_grasp.results.html import cards, details, escaped, figure, folded, items, report, section, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

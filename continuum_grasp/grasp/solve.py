@@ -11,14 +11,7 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.grasp.changes import (
-    FIRST,
-    NONE,
-    asked_tolerance,
-    resolve_elements,
-    sensitivities,
-    with_fine,
-)
+from continuum_grasp.grasp.changes import FIRST, NONE, asked_tolerance, resolve_elements, sensitivities, with_fine
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, Attempt

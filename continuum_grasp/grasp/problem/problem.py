@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import casadi as ca
 
-from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.disturbance import add_disturbances
 from continuum_grasp.grasp.problem.limits import add_limits
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -33,6 +32,8 @@ _ANY = 1e3
 _CHANGE = 1e-2
 """Weight of squared changes of tension, per greatest tension, beside the reserve of the cones: far below the reserve,
 per weight, that they bring."""
+_TINY = 1e-6
+"""Rounding of the norm of a relaxation with several components (scaled): keeps its derivative finite at zero."""
 
 
 class GraspProblem(Unknowns):
@@ -160,7 +161,6 @@ class GraspProblem(Unknowns):
         forces = ca.vertcat(*(c.force for c in self.contacts)) / number("force reference")
         effort = total + _REGULARIZATION * ca.sumsqr(forces)
         slacks = (self.slack[r.name] for r in RELAXATIONS)
-        # Rounded, the norm of several components has a finite derivative at zero.
-        relaxed = ca.vertcat(*(z if z.numel() == 1 else ca.sqrt(ca.sumsqr(z) + EXACT**2) for z in slacks))
+        relaxed = ca.vertcat(*(z if z.numel() == 1 else ca.sqrt(ca.sumsqr(z) + _TINY**2) for z in slacks))
         weights = number("relaxation weights", len(RELAXATIONS))
         return number("effort weight") * effort + ca.dot(weights, relaxed)

@@ -18,6 +18,7 @@ from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses
 from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
@@ -41,8 +42,6 @@ LITTLE = 1e-5
 FINE = 64
 """Intervals per segment in which the lengths of a graded finger's elements are measured out, and per element at whose
 ends the depth is looked at: parabolas through the deepest place the probes."""
-HELD = 1e-3
-"""Least normal force of a contact, as a part of the weight, where slipping or disturbances are an aim."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +137,8 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
         low[f"{name}.base"], high[f"{name}.base"] = _pose_bounds(pose, finger.base_free, units)
     low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units)
     steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.spec.aims))
-    least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
+    # Where slipping or disturbances are an aim, each contact presses.
+    least = NEAR * max(scene.weight / units.force, 1.0) if steady else 0.0
     if "reserve" in problem.x.at:  # which says whether contacts press
         least = -np.inf
     sideways = [-np.inf, -np.inf] if problem.spec.gravity == "out_of_plane" else [-np.inf]

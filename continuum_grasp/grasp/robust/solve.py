@@ -14,15 +14,7 @@ from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.result import GraspResult, flawed
-from continuum_grasp.grasp.robust.errors import (
-    BOUNDS,
-    OBJECT,
-    alone,
-    drawn,
-    extremes,
-    with_drawn_states,
-    with_states,
-)
+from continuum_grasp.grasp.robust.errors import BOUNDS, OBJECT, alone, drawn, extremes, with_drawn_states, with_states
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
 from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_postures

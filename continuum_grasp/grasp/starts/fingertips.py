@@ -20,6 +20,7 @@ from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_
 from continuum_grasp.grasp.starts.scan.curves import segment_end, touch
 from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violation
 from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose, pose_bounds
 
@@ -107,8 +108,6 @@ _DESCENTS = 24
 """Steps to the nearest forces of supports, with which Gauss-Newton steps begin."""
 _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
-_SHALLOW = 1e-3
-"""Depth in obstacles, in lengths of the finger, that the weights leave at the best posture beside an object."""
 
 
 @dataclass(frozen=True)
@@ -334,7 +333,8 @@ class _Finger:
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
         postures, gap = self._postures(x, np.arange(len(x)), touching=True)
-        wrong = np.maximum(self._in_the_way(postures) - _SHALLOW, 0.0)
+        # The weights leave the best posture beside an object a little too deep.
+        wrong = np.maximum(self._in_the_way(postures) - NEAR, 0.0)
         return replace(postures, violation=wrong + np.where(np.abs(gap) < ROUNDING, 0.0, 1.0))
 
     def _in_the_way(self, postures: Candidates) -> Array:
