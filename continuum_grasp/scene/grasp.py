@@ -247,10 +247,11 @@ class GraspScene(Configuration, Supported):
         return tuple(self._setup(name, finger) for name, finger in self.named_fingers.items())
 
     @property
-    def pairs(self) -> tuple[tuple[FingerSetup, FingerSetup], ...]:
-        """Fingers that must keep clear of each other and could meet, two at a time."""
-        two = combinations(self.setups, 2) if self.overlap == "forbid" else ()
-        return tuple((setup, other) for setup, other in two if _can_meet(setup.finger, other.finger))
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Indices of fingers that must keep clear of each other and could meet, two at a time."""
+        fingers = [setup.finger for setup in self.setups]
+        two = combinations(range(len(fingers)), 2) if self.overlap == "forbid" else ()
+        return tuple((k, m) for k, m in two if _can_meet(fingers[k], fingers[m]))
 
     @property
     def places(self) -> tuple[Place, ...]:

@@ -173,7 +173,6 @@ class ProblemSpec:
             finite = support is not None and support.name in bounded
             specs.append(ContactSpec(name, *place, isinstance(support, Peg), surfaces[start.part], finite))
         disturbed = "greatest_disturbance" in aims
-        index = {setup.name: k for k, setup in enumerate(setups)}
         return ProblemSpec(
             fingers=tuple(FingerSpec.of(setup, on, weighs) for setup in setups),
             contacts=tuple(specs),
@@ -182,7 +181,7 @@ class ProblemSpec:
             planes=len(scene.walls) - len(bounded),
             edges=len(bounded),
             pegs=len(scene.pegs),
-            pairs=tuple((index[finger.name], index[other.name]) for finger, other in scene.pairs),
+            pairs=scene.pairs,
             free=scene.object.free is not None,
             gravity=scene.gravity.mode,
             tilt=scene.balances_tilt,

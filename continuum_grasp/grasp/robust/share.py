@@ -187,11 +187,8 @@ class _Plants:
             # Friction times normal force, less the force along each direction; and what presses.
             direction = np.array(sideways) / max(float(np.linalg.norm(sideways)), 1e-300)
             cone = np.zeros((len(points), len(around) + 2, forces.shape[2]))
-            cone[:, :-1, 0], cone[:, -1, 0], cone[:, :-1, 1:] = (
-                slippery[:, k, None],
-                1.0,
-                -np.vstack([around, direction]),
-            )
+            cone[:, :-1, 0], cone[:, -1, 0] = slippery[:, k, None], 1.0
+            cone[:, :-1, 1:] = -np.vstack([around, direction])
             rows.append((-cone.reshape(-1, cone.shape[2]) @ self._by_way[k]).reshape(*cone.shape[:2], ways))
             limits.append(np.einsum("drf,df->dr", cone, forces[:, k]))
         matrix = np.concatenate(rows, axis=1)

@@ -240,28 +240,22 @@ class _Balance:
 
     def missing(self, looks: list[_Look], free: Array) -> tuple[Array, Array]:
         """Residuals (K, R), of which the first ones are the cost, and their slopes (K, R, n)."""
-        base = [look.known[:, 0] for look in looks]
-        here = self._common(base, free)
-        remainders = [look.own[:, 0] for look in looks]
-        columns, blocks = [], []
-        for k, look in enumerate(looks):
-            width = look.known.shape[1] - 1
-            blocks.append(np.swapaxes((look.own[:, 1:] - look.own[:, :1]) / look.steps[..., None], 1, 2))
-            for j in range(width):
-                moved = [look.known[:, 1 + j] if i == k else b for i, b in enumerate(base)]
-                columns.append((self._common(moved, free) - here) / look.steps[:, j, None])
-        for j in range(free.shape[1]):
-            step = np.zeros(free.shape[1])
-            step[j] = _STEP
-            columns.append((self._common(base, free + step) - here) / _STEP)
-        common = np.stack(columns, axis=2)
-        slope = np.zeros((len(free), here.shape[1] + sum(b.shape[1] for b in blocks), common.shape[2]))
-        slope[:, : here.shape[1]] = common
-        row, column = here.shape[1], 0
-        for block in blocks:
-            slope[:, row : row + block.shape[1], column : column + block.shape[2]] = block
-            row, column = row + block.shape[1], column + block.shape[2]
-        return np.concatenate([here, *remainders], axis=1), slope
+
+        def residuals(free: Array, finger: int = 0, change: int = 0) -> Array:
+            at = [change if k == finger else 0 for k in range(len(looks))]
+            known, own = (
+                [getattr(look, name)[:, j] for look, j in zip(looks, at, strict=True)] for name in ("known", "own")
+            )
+            return np.concatenate([self._common(known, free), *own], axis=1)
+
+        here = residuals(free)
+        slopes = [
+            (residuals(free, k, 1 + j) - here) / look.steps[:, j, None]
+            for k, look in enumerate(looks)
+            for j in range(look.steps.shape[1])
+        ]
+        slopes += [(residuals(free + step) - here) / _STEP for step in _STEP * np.eye(free.shape[1])]
+        return here, np.stack(slopes, axis=2)
 
     def _common(self, known: list[Array], free: Array) -> Array:
         """The cost, balances of the object, and what is outside of limits (K, R)."""

@@ -243,12 +243,9 @@ def overlaps(scene: GraspScene, postures: list[Candidates], index: list[Array]) 
     """Depth of the fingers of B combinations in each other, in sum, per length (B,); ``index`` (B,) per finger are the
     postures combined.
     """
-    names = [setup.name for setup in scene.setups]
-    pairs = [(names.index(finger.name), names.index(other.name)) for finger, other in scene.pairs]
-    deep = np.zeros(len(index[0]))
+    deep, pairs, lines = np.zeros(len(index[0])), scene.pairs, []
     if not pairs:
         return deep
-    lines = []
     for setup, candidates in zip(scene.setups, postures, strict=True):
         bent = sample(candidates.knots, candidates.curvatures, np.tile(_AT, (len(candidates.knots), 1)))
         x, y, turn = candidates.bases.T
