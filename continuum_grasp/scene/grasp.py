@@ -467,7 +467,7 @@ class GraspScene(Configuration, Supported):
             )
 
     def _check_bases(self) -> None:
-        for setup, other in self.pairs:
+        for setup, other in ((self.setups[k], self.setups[m]) for k, m in self.pairs):
             a, b = setup.finger, other.finger
             half = float(a.profile.half_thickness(0.0)) + float(b.profile.half_thickness(0.0))
             gap = math.dist(a.base.position, b.base.position) - half
