@@ -48,21 +48,21 @@ def matched_sets(
     row_limit = _TABLE[len(postures)]
     picks, tables = [], []
     for setup, candidates, unlike, block in zip(scene.setups, postures, features, blocks, strict=True):
-        carried = shape_forces(loads, setup, candidates, block, com)
-        edges, pull = carried.known[:, 3:5], carried.known[:, 5]
+        known, own = shape_forces(loads, setup, candidates, block, com)
+        edges, pull = known[:, 3:5], known[:, 5]
         high = float(block.high[-2:].max()) / loads.force
         normal = edges.sum(axis=1)
         # What is outside of the cone or a limit, per the forces in play.
         outside = np.maximum(-edges, 0.0).sum(axis=1) + np.maximum(np.abs(pull) - high, 0.0)
         outside += np.maximum(normal - setup.normal_force_max / loads.force, 0.0)
-        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((carried.own**2).sum(axis=1))
+        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((own**2).sum(axis=1))
         alone += np.minimum(10.0 * candidates.violation, 1.0)
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
         pick = np.array(spread_order(score, unlike, row_limit))
         picks.append(pick)
-        tables.append(np.column_stack([carried.known[:, :3], lift, alone, cost])[pick])
+        tables.append(np.column_stack([known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
     total = tables[0]
     size = 1.0 + np.sqrt((total[:, :3] ** 2).sum(axis=1))
@@ -110,17 +110,15 @@ _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
 
 
-@dataclass(frozen=True)
-class ShapeForces:
-    """Effect of the contact force and the tension that come closest to bending P postures of a finger as they are."""
+def shape_forces(
+    loads: Loads, setup: FingerSetup, candidates: Candidates, block: Block, com: complex
+) -> tuple[Array, Array]:
+    """Contact force and tension that come closest to bending P postures of a finger, which touches with its tip alone,
+    as they are: what is known of them (P, 8), and what is missing for the balance of the finger (P, R).
 
-    known: Array  # (P, 8) what they do to the object (3), forces along two edges of the cone, tension left minus
-    # right, all per the unit of force; arm of the contact, per the object's size (2)
-    own: Array  # (P, R) what is missing for the balance of the finger
-
-
-def shape_forces(loads: Loads, setup: FingerSetup, candidates: Candidates, block: Block, com: complex) -> ShapeForces:
-    """Forces that shapes of a finger that touches with its tip alone fix; ``com`` in the object's frame [m]."""
+    Known are their effect on the object (3), forces along two edges of the cone, tension left minus right, all per the
+    unit of force, and the arm of the contact from ``com``, in the object's frame [m], per the object's size (2).
+    """
     columns = [*cone_edges(loads, setup.held_friction), -2]
     moments, onto = block.moments[:, :, columns], block.onto[:, :3, columns]
     square = np.einsum("pri,prj->pij", moments, moments)
@@ -133,7 +131,7 @@ def shape_forces(loads: Loads, setup: FingerSetup, candidates: Candidates, block
     arm = (candidates.points[:, 0] - com) / loads.length
     known = [(onto @ forces[..., None])[..., 0], forces, arm.real[:, None], arm.imag[:, None]]
     known[0], known[1] = known[0] / loads.force, known[1] / loads.force
-    return ShapeForces(np.concatenate(known, axis=1), remainder)
+    return np.concatenate(known, axis=1), remainder
 
 
 def polished(
@@ -190,7 +188,7 @@ def pressed(onto: Array, off: Array) -> Array:
 class _Look:
     """Tip of a finger at a set's posture and, behind it, with each of its n unknowns changed a little."""
 
-    known: Array  # (K, 1 + n, 8)
+    known: Array  # (K, 1 + n, 8), of `shape_forces`
     own: Array  # (K, 1 + n, R)
     steps: Array  # (K, n) these changes
 
@@ -319,10 +317,9 @@ class _Finger:
         if len(slopes):
             wrong[slopes] = self._in_the_way(postures.take(slopes))
         block = finger_block(self.scene, self.loads, self.setup, postures, self.pose)
-        carried = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
-        alone = np.column_stack([carried.own, _IN_THE_WAY * wrong, _GAP * gap])
-        known, remainder = (part.reshape(count, size + 1, -1) for part in (carried.known, alone))
-        return _Look(known, remainder, steps)
+        known, own = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
+        own = np.column_stack([own, _IN_THE_WAY * wrong, _GAP * gap])
+        return _Look(*(part.reshape(count, size + 1, -1) for part in (known, own)), steps)
 
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
