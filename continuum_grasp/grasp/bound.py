@@ -35,9 +35,8 @@ from continuum_grasp.scene.objects.body import greatest_shift
 from continuum_grasp.scene.supports import Wall
 
 _PIECES = 40
-"""Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180."""
-_MOST = 4000
-"""Most intervals that may hold a maximum: at a flat one the bound is looser. Cutting planes are added up to a gap of
+"""Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180. A hundred
+times as many may hold a maximum at most: at a flat one the bound is looser. Cutting planes are added up to a gap of
 `NEAR`, of which shipped scenes take 23 at most, intervals bisected until an upper bound of h is its value at a place up
 to `SAME`."""
 
@@ -272,7 +271,7 @@ class _Places:
             upper = works.max(axis=0) + rise
             bound = max((1.0 + SAME) * best, float(upper.max()))
             wide = upper > (1.0 + SAME) * best
-            if not wide.any() or wide.sum() > _MOST:
+            if not wide.any() or wide.sum() > 100 * _PIECES:
                 break
             low, high = low[wide], high[wide]
             middle = 0.5 * (low + high)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.check import Check
     from continuum_grasp.grasp.certificate.drives import DriveState
     from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.values import Contact, FingerPosture
 
 _HEAD = """\
@@ -46,7 +47,8 @@ def parts(result: GraspResult, quality: bool = True) -> list[Part]:
         every += [] if result.certificate is None else [_certificate(result.certificate)]
         said = result.statistics.get("fine_model")
         every += [Part("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
-    return [part for part in (*every, _trials(result)) if part.rows]
+    every += [_trials(result.robustness)] if result.robustness is not None else []
+    return [part for part in every if part.rows]
 
 
 def result_text(result: GraspResult) -> str:
@@ -197,12 +199,10 @@ def _certificate(certificate: Certificate) -> Part:
     return Part("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
 
 
-def _trials(result: GraspResult) -> Part:
+def _trials(robustness: Robustness) -> Part:
     """The nominal grasp and that for all errors side by side."""
-    if result.robustness is None:
-        return Part("", (), ())
-    title, nominal, robust = result.robustness.names
-    return Part(title, ("", f"best {nominal}", robust), result.robustness.rows())
+    title, nominal, robust = robustness.names
+    return Part(title, ("", f"best {nominal}", robust), robustness.rows())
 
 
 def amount(value: float, unit: str) -> str:

@@ -20,7 +20,14 @@ from continuum_grasp.grasp.problem.points import starting_point, stored_arrays
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
-from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
+from continuum_grasp.grasp.problem.values import (
+    LITTLE,
+    Units,
+    contact_features,
+    problem_bounds,
+    problem_values,
+    tolerance_of,
+)
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.values import SATISFIED
 from continuum_grasp.model.surfaces import surface_of
@@ -39,8 +46,6 @@ ROUNDS = 8
 """Number of times that the places that must stay clear are moved to where fingers are deepest."""
 NEXT = 2
 """Faces and corners next to a place on a circle that are tried, of each contact."""
-STEADY = 1e-5
-"""Relative change of what is sought, by new guarded places, from which on it is solved once more."""
 OPTION_SETS = (
     (nlp.OptionSet.REFINED, 40),
     (nlp.OptionSet.REFINED_MONOTONE, 60),
@@ -417,7 +422,7 @@ def solve_clear(
         acceptable = last.status is nlp.Status.ACCEPTABLE
         # What guarded places are too deep, others may be; what holds to less than the tolerance gives no more depth.
         deep = deepest > depth + min(last.violation, SATISFIED)
-        if settled and not deep and change < STEADY * max(1.0, abs(last.objective)):
+        if settled and not deep and change < LITTLE * max(1.0, abs(last.objective)):
             break
         start = replace(start, x=last.x, p=near, multipliers=last.multipliers)
     return replace(last, iterations=iterations), numbers

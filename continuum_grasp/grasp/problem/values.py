@@ -38,7 +38,8 @@ BETWEEN = 1e-5
 """Part of the length that a finger may be inside the object between stations, which touch it like the vertices of a
 polygon; the certificate allows 1e-4."""
 LITTLE = 1e-5
-"""Weight of the tensions where they are no aim."""
+"""Part of what is sought that is little: the weight of the tensions where they are no aim; and less than a change by
+new guarded places, with which it is solved once more."""
 FINE = 64
 """Intervals per segment in which the lengths of a graded finger's elements are measured out, and per element at whose
 ends the depth is looked at: parabolas through the deepest place the probes."""

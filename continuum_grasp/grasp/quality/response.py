@@ -142,13 +142,13 @@ class GraspResponse:
         """Solve the saddle point problem of motions, contact forces and, where locked, tension differences."""
         count, fingers = self.contacts.count, len(self._fingers) if tendons == "locked" else 0
         with np.errstate(divide="ignore"):
-            give = np.diag(1.0 / (np.array(self._springs) * self._arms)[:fingers])
+            compliances = np.diag(1.0 / (np.array(self._springs) * self._arms)[:fingers])
         none = np.zeros((2 * count, fingers))
         matrix = np.block(
             [
                 [self._stiffness, -self._jacobian.T, -self._shared[:fingers].T],
                 [self._jacobian, self._compliance * np.eye(2 * count), none],
-                [self._plain[:fingers], none.T, give],
+                [self._plain[:fingers], none.T, compliances],
             ]
         )
         right = np.pad(causes, ((0, len(matrix) - len(causes)), (0, 0)))

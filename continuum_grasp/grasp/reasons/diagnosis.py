@@ -65,14 +65,11 @@ class Repairs(Elastic):
     def reasons(self) -> list[Reason]:
         """The reasons so far; of several limits at once each is needed: none is enough without the others."""
         alone = {limits[0]: repair.total for limits, repair in self.found.items() if len(limits) == 1}
-
-        def suffices(limit: Relaxation, repair: Repair) -> bool:
-            return alone.get(limit, math.inf) <= (1.0 + NEAR) * repair.parts[limit]
-
         needed = [
             repair
             for limits, repair in self.found.items()
-            if len(limits) == 1 or not any(suffices(limit, repair) for limit in limits)
+            if len(limits) == 1
+            or not any(alone.get(limit, math.inf) <= (1.0 + NEAR) * repair.parts[limit] for limit in limits)
         ]
         return ordered(self._reason(reason) for repair in needed if (reason := self.as_demanded(repair)) is not None)
 

@@ -24,8 +24,9 @@ from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose, pose_bounds
 
-_TABLE = {2: 400, 3: 36, 4: 14}
-"""Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets."""
+_MATCHED = {2: (400, 48), 3: (36, 96), 4: (14, 96)}
+"""Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets; and how many of these are chosen
+at a pose of the object."""
 _LIKELY = 600
 """Sets among which those that differ are chosen."""
 _COST = 0.1
@@ -39,13 +40,10 @@ def matched_sets(
     features: list[Array],
     blocks: list[Block],
     supports: tuple[Block, dict[str, ContactStart]],
-    count: int,
 ) -> list[Candidates]:
-    """Postures of each finger, ``count`` at most, the k-th of which belong together, the most likely ones that differ
-    first.
-    """
+    """Postures of each finger, the k-th of which belong together, the most likely ones that differ first."""
     com = complex(*scene.object.com)
-    row_limit = _TABLE[len(postures)]
+    row_limit, count = _MATCHED[len(postures)]
     picks, tables = [], []
     for setup, candidates, unlike, block in zip(scene.setups, postures, features, blocks, strict=True):
         known, own = shape_forces(loads, setup, candidates, block, com)

@@ -139,8 +139,6 @@ _PER_FINGER = {2: 14, 3: 8, 4: 6}
 """Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
 _CLEAREST = 100
 """Postures of one finger that are weighed, those with least in the way: all that 8 scenes chose have nothing."""
-_SETS = {2: 48, 3: 96, 4: 96}
-"""Sets of so many fingers that touch with their tips alone, at a pose of the object."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +185,7 @@ class Weighing:
             return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
-        sets = matched_sets(self.scene, self.loads, postures, features, blocks, supports, _SETS[len(self.setups)])
+        sets = matched_sets(self.scene, self.loads, postures, features, blocks, supports)
         bent = polished(self.scene, self.loads, sets, pose, supports)
         pairs = [np.arange(len(bent[0].knots))] * len(bent)
         return [self._weigh(pose, bent, self._features(bent), self._blocks(pose, bent), pairs), plain]

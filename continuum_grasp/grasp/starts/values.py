@@ -74,7 +74,7 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
     normals = dict(zip(names, arrays["contact_normals"], strict=True))
     x, y, turn = arrays["object.pose"].tolist()
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    fingers = {}
+    fingers, tensions = {}, {}
     for setup in scene.setups:
         finger = setup.name
         shape = FingerShape(setup, arrays)
@@ -87,6 +87,8 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
             sides.append(1 if name not in normals or across @ normals[name] >= 0.0 else -1)
         base = tuple(arrays[f"{finger}.base"].tolist())
         fingers[finger] = FingerStart(base, joints, tuple(sides), *_knots(shape.curvatures, ends))
+        left, right = arrays[f"{finger}.tensions"].tolist()
+        tensions[finger] = left, right
     contacts, forces = {}, {}
     for k, name in enumerate(names):
         n, f, lift = arrays["contact_forces"][k].tolist()
@@ -95,10 +97,6 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
         normal = back @ normals[name]
         angle = float(np.arctan2(normal[1], normal[0]))
         contacts[name] = ContactStart(int(arrays["contact_parts"][k]), (float(point[0]), float(point[1])), angle)
-    tensions = {}
-    for setup in scene.setups:
-        left, right = arrays[f"{setup.name}.tensions"].tolist()
-        tensions[setup.name] = left, right
     return Start("found", (x, y, turn), fingers, contacts, forces, tensions)
 
 
