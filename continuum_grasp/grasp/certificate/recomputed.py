@@ -27,8 +27,6 @@ OF_CONTACTS = tuple(f"contact_{key}" for key in ("names", "positions", "normals"
 """Names of the arrays stored of each finger, after its name and a dot, and of the contacts."""
 _COARSE = 1 / 64
 """Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
-_STEP = 1e-30
-"""Size of complex steps in the coordinates."""
 _BLUNT = 1e-3
 """Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
@@ -96,7 +94,7 @@ class RecomputedFinger(StoredFinger):
         marks = [*(mass.at for mass in self.finger.masses), *(edge for edges in cells for edge in edges)]
         rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base, marks=marks)
         # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
-        elastic = self.shape.elastic(rod.nodes, self.q + 1j * _STEP * np.eye(self.q.size))
+        elastic = self.shape.elastic(rod.nodes, self.q + 1e-30j * np.eye(self.q.size))
         curvature = self.profile.rest_curvature(rod.nodes) + elastic
         angle, turns = rod.angle(curvature), rod.edge_angle(curvature)
         points = rod.edge_points(curvature, angle)

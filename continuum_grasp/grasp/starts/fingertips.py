@@ -24,9 +24,9 @@ from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose, pose_bounds
 
-_MATCHED = {2: (400, 48), 3: (36, 96), 4: (14, 96)}
-"""Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets; and how many of these are chosen
-at a pose of the object."""
+COUNTS = {2: (14, 400, 48), 3: (8, 36, 96), 4: (6, 14, 96)}
+"""By number of fingers: postures per finger that are combined, to 200 to 1300 combinations; and, of those that touch
+with their tips alone, that are matched, to 40,000 to 160,000 sets, and how many of these are chosen."""
 _LIKELY = 600
 """Sets among which those that differ are chosen."""
 _COST = 0.1
@@ -43,7 +43,7 @@ def matched_sets(
 ) -> list[Candidates]:
     """Postures of each finger, the k-th of which belong together, the most likely ones that differ first."""
     com = complex(*scene.object.com)
-    row_limit, count = _MATCHED[len(postures)]
+    _, row_limit, count = COUNTS[len(postures)]
     picks, tables = [], []
     for setup, candidates, unlike, block in zip(scene.setups, postures, features, blocks, strict=True):
         known, own = shape_forces(loads, setup, candidates, block, com)

@@ -15,7 +15,7 @@ from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.basins import Basins, is_scanned
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, spread_order
-from continuum_grasp.grasp.starts.fingertips import matched_sets, polished
+from continuum_grasp.grasp.starts.fingertips import COUNTS, matched_sets, polished
 from continuum_grasp.grasp.starts.force import (
     Block,
     Loads,
@@ -135,8 +135,6 @@ def _as_start(made: Weighing | Basins, at: Weighed, row: int) -> Start:
 NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero. With limits
 relaxed, postures that hold had 0.003 at most, others 0.02 and more with few exceptions (28 scenes)."""
-_PER_FINGER = {2: 14, 3: 8, 4: 6}
-"""Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
 _CLEAREST = 100
 """Postures of one finger that are weighed, those with least in the way: all that 8 scenes chose have nothing."""
 
@@ -222,7 +220,7 @@ def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> li
     for block, what in zip(blocks, features, strict=True):
         internal = replace(block, onto=0.0 * block.onto[:, :3])
         left, cost, _ = imbalance(free, [internal], [np.arange(len(block.needed))])
-        picks.append(np.array(spread_order(doubt(left) + cost, what, _PER_FINGER[len(blocks)])))
+        picks.append(np.array(spread_order(doubt(left) + cost, what, COUNTS[len(blocks)][0])))
     return [index.ravel() for index in np.meshgrid(*picks, indexing="ij")]
 
 
