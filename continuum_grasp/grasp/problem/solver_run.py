@@ -249,9 +249,8 @@ class GraspSolverRun:
         alike = [
             earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
         ]
-        limits, ends = problem.rows.bounds(), {"patience": patience, "standstill": standstill}
-        seen = [earlier.x for earlier in alike]
-        first = nlp.Start(x, low, high, *limits, begin, option_set=options, known=seen, **ends)
+        first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
+        first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
         last = replace(last, seconds=time.perf_counter() - began)

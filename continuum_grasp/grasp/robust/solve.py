@@ -168,8 +168,8 @@ def _none(
     violated: tuple[str, ...] = ()
     if worst is not None:
         broken = ", ".join(str(violation) for violation in worst.attempt.violations[:2])
-        failing = worst.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
-        violated = (f"{_written(result.scene, worst.error)}: {failing}",)
+        what = worst.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
+        violated = (f"{_written(result.scene, worst.error)}: {what}",)
     base = replace(result, robustness=robustness, violated=violated, sensitivity=())
     if low <= 0.0 or budget.cut:
         advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."

@@ -317,7 +317,8 @@ class _Finger:
         block = finger_block(self.scene, self.loads, self.setup, postures, self.pose)
         known, own = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
         own = np.column_stack([own, _IN_THE_WAY * wrong, _GAP * gap])
-        return _Look(*(part.reshape(count, size + 1, -1) for part in (known, own)), steps)
+        known, own = (part.reshape(count, size + 1, -1) for part in (known, own))
+        return _Look(known, own, steps)
 
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
