@@ -20,16 +20,9 @@ from continuum_grasp.grasp.problem.points import starting_point, stored_arrays
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
-from continuum_grasp.grasp.problem.values import (
-    LITTLE,
-    Units,
-    contact_features,
-    problem_bounds,
-    problem_values,
-    tolerance_of,
-)
+from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.values import SATISFIED
+from continuum_grasp.grasp.values import LITTLE, SATISFIED
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget

@@ -18,7 +18,7 @@ from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses
 from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
-from continuum_grasp.grasp.values import NEAR
+from continuum_grasp.grasp.values import LITTLE, NEAR
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
@@ -37,9 +37,6 @@ e / mu, one that carries a share s of the weight by e^2 / (2 s^2) more, relative
 BETWEEN = 1e-5
 """Part of the length that a finger may be inside the object between stations, which touch it like the vertices of a
 polygon; the certificate allows 1e-4."""
-LITTLE = 1e-5
-"""Part of what is sought that is little: the weight of the tensions where they are no aim; and less than a change by
-new guarded places, with which it is solved once more."""
 FINE = 64
 """Intervals per segment in which the lengths of a graded finger's elements are measured out, and per element at whose
 ends the depth is looked at: parabolas through the deepest place the probes."""

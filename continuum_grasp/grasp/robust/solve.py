@@ -31,8 +31,8 @@ DRAWS = 100
 at most: its share is then known to 7 percentage points at 95 %."""
 HALVINGS = 4
 """Number of times that the interval of the bounds that a grasp holds is halved: to a sixteenth."""
-_TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
-"""Keys of a finger by which its friction states matter less."""
+_FRICTIONS = {"tendons.friction": "of the tendons", "damping.dry_friction.moment": "in bending"}
+"""Keys of a finger by which its friction states matter less, and where these are."""
 
 
 def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
@@ -112,8 +112,7 @@ def _whatever(scene: GraspScene) -> str:
 
 def _where(scene: GraspScene) -> str:
     """Parts that have friction states, in words."""
-    both = ("of the tendons", "has_tendon_friction"), ("in bending", "has_dry_friction")
-    return " and ".join(word for word, has in both if any(getattr(setup.finger, has) for setup in scene.setups))
+    return " and ".join(_FRICTIONS[key] for key in _frictions(scene))
 
 
 def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
@@ -174,14 +173,18 @@ def _none(
     if low <= 0.0 or budget.cut:
         advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."
         if not result.scene.robust:
-            advice = _less(result.scene)
+            advice = (
+                f"Lower {' and '.join(_frictions(result.scene))}, raise contacts.friction or "
+                "contacts.normal_force_max, which fingers that were let out press with more, or add a contact. "
+                "friction_states: pulled, where nothing moves the fingers after they are pulled."
+            )
         return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
     name, key, unit, now, limits = "errors", "robust", "1", 1.0, "all bounds"
     repair = f"multiply all bounds in robust by {low:.4g}"
     if not result.scene.robust:
         frictions = _frictions(result.scene)
         (key, now), *further = frictions.items()
-        name, unit, limits = "friction states", "1" if key == _TENDONS else "N m", " and ".join(frictions)
+        name, unit, limits = "friction states", "N m" if key.endswith("moment") else "1", " and ".join(frictions)
         repair = f"multiply all {key} by {low:.4g}, to {low * now:.4g} at most"
         repair += "".join(f", and all {other} likewise, to {low * limit:.4g}" for other, limit in further)
     text += f"; with {low:.0%} of {limits} there is one"
@@ -215,20 +218,9 @@ def _less_friction(setup: FingerSetup, share: float) -> GraspFinger:
 
 def _frictions(scene: GraspScene) -> dict[str, float]:
     """Keys of the frictions that have states, and the greatest value of each."""
-    greatest = {_TENDONS: 0.0, _BENDING: 0.0}
-    for setup in scene.setups:
-        greatest[_TENDONS] = max(greatest[_TENDONS], setup.tendons.friction)
-        greatest[_BENDING] = max([greatest[_BENDING], *(branch.moment for branch in setup.finger.damping.dry_friction)])
-    return {key: value for key, value in greatest.items() if value > 0.0}
-
-
-def _less(scene: GraspScene) -> str:
-    """Advice where friction states are too bad."""
-    return (
-        f"Lower {' and '.join(_frictions(scene))}, raise contacts.friction or contacts.normal_force_max, which fingers "
-        "that were let out press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
-        "after they are pulled."
-    )
+    branches = [branch.moment for setup in scene.setups for branch in setup.finger.damping.dry_friction]
+    greatest = max(setup.tendons.friction for setup in scene.setups), max(branches, default=0.0)
+    return {key: value for key, value in zip(_FRICTIONS, greatest, strict=True) if value > 0.0}
 
 
 def _written(scene: GraspScene, error: Array) -> str:
@@ -241,7 +233,7 @@ def _written(scene: GraspScene, error: Array) -> str:
     for setup in scene.setups if states else ():
         finger_states = states[scene.state_columns[setup.name]] if setup.name in scene.state_columns else []
         count = setup.tendon_friction_states
-        parts = ("of the tendons", finger_states[:count]), ("in bending", finger_states[count:])
+        parts = zip(_FRICTIONS.values(), (finger_states[:count], finger_states[count:]), strict=True)
         of = f" of {setup.name}" * (len(scene.setups) > 1)
         words += [f"friction states {part}{of} {_signs(each)}" for part, each in parts if each]
     return ", ".join(words)
