@@ -249,10 +249,9 @@ class Search:
         # Behind the last contact a finger is as its tendons bend it, and its imbalance says little.
         tells = not self._tells and all(setup.tip_name in mode for setup in self.scene.setups)
         for start in (starts or [])[: self._effort.basins]:
-            alike = (basin.start for basin in self.basins if basin.start.contacts.keys() == start.contacts.keys())
             if tells and start.imbalance > UNLIKELY and len(self.basins) >= CLOSEST:
                 self._pruned["far from balance"] += 1
-            elif not any(math.isclose(start.estimate, other.estimate, rel_tol=NEAR) for other in alike):
+            elif not any(_same(start, basin.start) for basin in self.basins):
                 self.basins.append(basin := Basin(start))
                 far = self._tells and start.imbalance > NEARLY_BALANCED and len(self.tried) >= CLOSEST
                 if not far and self._is_worth(start, SKIP_FACTOR) and not self._is_over:
@@ -536,3 +535,10 @@ class Search:
             self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return self._solvers[contacts]
+
+
+def _same(first: Start, second: Start) -> bool:
+    """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
+    return first.contacts.keys() == second.contacts.keys() and math.isclose(
+        first.estimate, second.estimate, rel_tol=NEAR
+    )
