@@ -24,7 +24,7 @@ import numpy as np
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
-from continuum_grasp.grasp.quality.lp import FAR, ROUNDS, solve_lp
+from continuum_grasp.grasp.quality.lp import FAR, solve_lp
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
@@ -34,11 +34,11 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import greatest_shift
 from continuum_grasp.scene.supports import Wall
 
-_PIECES = 40
-"""Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180. A hundred
-times as many may hold a maximum at most: at a flat one the bound is looser. Cutting planes are added up to a gap of
-`NEAR`, of which shipped scenes take 23 at most, intervals bisected until an upper bound of h is its value at a place up
-to `SAME`."""
+_PIECES, _ROUNDS = 40, 40
+"""Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180; a hundred times
+as many may hold a maximum at most, at a flat one the bound is looser. Most rounds of cutting planes, of which shipped
+scenes take 23 at most, and of bisections. Cutting planes are added up to a gap of `NEAR`, intervals bisected until an
+upper bound of h is its value at a place up to `SAME`."""
 
 
 @check_arguments
@@ -79,7 +79,7 @@ def _bound(scene: GraspScene, limit: float) -> float:
     y = need / float(need @ need)
     least, value = math.inf, 0.0
     cuts: list[list[Array]] = [[] for _ in contacts]
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         bounds = [contact.most(y) for contact in contacts]
         least = min(least, sum(bound for bound, _ in bounds))
         for mine, (_, effect) in zip(cuts, bounds, strict=True):
@@ -245,7 +245,7 @@ class _Places:
         low, high = ends[:-1], ends[1:]
         steep = math.hypot(1.0, self.friction)
         best, bound, at = 0.0, 0.0, (0j, 0.0)
-        for _ in range(ROUNDS):
+        for _ in range(_ROUNDS):
             before = np.where(np.isin(high, outline.breaks), np.nextafter(high, low), high)
             first, last = outline.walk(low), outline.walk(before)
             turn = np.abs(wrapped(last.angle - first.angle))
