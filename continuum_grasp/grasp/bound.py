@@ -31,16 +31,14 @@ from continuum_grasp.grasp.starts.supports import object_outlines, support_conta
 from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects.body import greatest_shift
 from continuum_grasp.scene.supports import Wall
 
-_PIECES = 40
-"""Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180."""
-_ROUNDS, _MOST = 40, 4000
-"""Most rounds of cutting planes, of which shipped scenes take 23 at most, and of bisections of the intervals that may
-hold a maximum; and most intervals: at a flat maximum the bound is looser. Cutting planes are added up to a gap of
-`NEAR`, intervals bisected until an upper bound of h is its value at a place up to `SAME`."""
+_PIECES, _ROUNDS = 40, 40
+"""Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180; a hundred
+times as many may hold a maximum at most, at a flat one the bound is looser. Most rounds of cutting planes, of which
+shipped scenes take 23 at most, and of bisections. Cutting planes are added up to a gap of `NEAR`, intervals bisected
+until an upper bound of h is its value at a place up to `SAME`."""
 
 
 @check_arguments
@@ -77,7 +75,7 @@ def _bound(scene: GraspScene, limit: float) -> float:
     """The bound, or, where there is a limit, no more than on which side of that it is."""
     if scene.weight == 0.0:
         return 0.0
-    need, contacts = _need(scene), _contacts(scene)
+    (need, used), contacts = _balances(scene), _contacts(scene)
     y = need / float(need @ need)
     least, value = math.inf, 0.0
     cuts: list[list[Array]] = [[] for _ in contacts]
@@ -89,7 +87,7 @@ def _bound(scene: GraspScene, limit: float) -> float:
         # What the cuts leave is the least that there may be, so that further ones end above it.
         if least - value <= NEAR * least or least * limit < scene.weight or value * limit > scene.weight:
             break
-        y, value = _best_multipliers(need, _in_use(scene), cuts)
+        y, value = _best_multipliers(need, used, cuts)
         if not np.isfinite(value):
             break
     return scene.weight / least if least > 0.0 else math.inf
@@ -124,20 +122,16 @@ def _turns(scene: GraspScene) -> bool:
     return scene.object.free is not None and scene.object.free.angle is not None
 
 
-def _need(scene: GraspScene) -> Array:
-    """Load on the contacts, per weight: force x, y and moment, lift, two moments of the lift (6,)."""
-    if isinstance(scene.gravity, PlanarGravity):
-        down = complex(*scene.gravity.vector) / math.hypot(*scene.gravity.vector)
+def _balances(scene: GraspScene) -> tuple[Array, Array]:
+    """Load on the contacts, per weight: force x, y and moment, lift, two moments of the lift (6,); and a mask of the
+    balances that hold (6,).
+    """
+    if not scene.lifted:
+        down = complex(*scene.gravity_in_plane) / math.hypot(*scene.gravity_in_plane)
         down *= 1.0 if _turns(scene) else cmath.exp(-1j * scene.object.angle)
-        return np.array([down.real, down.imag, 0.0, 0.0, 0.0, 0.0])
-    return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
-
-
-def _in_use(scene: GraspScene) -> Array:
-    """Mask of the balances that hold (6,)."""
-    lifts = isinstance(scene.gravity, OutOfPlaneGravity)
-    tilts = isinstance(scene.gravity, OutOfPlaneGravity) and scene.gravity.tilt == "balance"
-    return np.array([1.0, 1.0, 1.0, lifts, tilts, tilts], float)
+        return np.array([down.real, down.imag, 0.0, 0.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    tilts = scene.balances_tilt
+    return np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), np.array([1.0, 1.0, 1.0, 1.0, tilts, tilts], float)
 
 
 def _contacts(scene: GraspScene) -> list[_Places]:
@@ -277,7 +271,7 @@ class _Places:
             upper = works.max(axis=0) + rise
             bound = max((1.0 + SAME) * best, float(upper.max()))
             wide = upper > (1.0 + SAME) * best
-            if not wide.any() or wide.sum() > _MOST:
+            if not wide.any() or wide.sum() > 100 * _PIECES:
                 break
             low, high = low[wide], high[wide]
             middle = 0.5 * (low + high)

@@ -6,18 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from continuum_grasp.grasp.text import amount, further_advice, parts
-from continuum_grasp.results.html import (
-    cards,
-    details,
-    escaped,
-    figure,
-    folded,
-    items,
-    report,
-    section,
-    table,
-)
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
+from continuum_grasp.results.html import cards, details, escaped, figure, folded, items, report, section, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,11 +75,10 @@ def _why(result: GraspResult) -> str:
 
 
 def _picture(result: GraspResult, drawn: Axes) -> str:
-    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
     if result.solved:
         caption = (
             "Arrows are the forces that the object bears, to scale; the light wedges are friction cones"
-            f"{', darker where lift leaves them for friction in the plane' if lifted else ''}; the small "
+            f"{', darker where lift leaves them for friction in the plane' if result.scene.lifted else ''}; the small "
             "circles are joints of the finger's elements."
         )
     elif result.arrays:

@@ -17,13 +17,7 @@ from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.starts import (
-    NEARLY_BALANCED,
-    basin_starts,
-    held_still,
-    make_starts,
-    rebalanced_starts,
-)
+from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED, basin_starts, held_still, make_starts, starts_of
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
@@ -33,8 +27,10 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
 
 HELD = 3
-"""Grasps from which another scene starts, such as one with stations: of nearby branches another may be best for it; as
-many starts, nearest to their constraints, where few elements hold nothing, and for all limits relaxed at once."""
+"""Grasps from which another scene starts, such as one with stations, or next to which a robust one is sought: of nearby
+branches another may be best for it; as many starts, nearest to their constraints, where few elements hold nothing, and
+for all limits relaxed at once. Of robust ones with stations, that with one holds after 1.5 s, that with two after 3 s,
+that with four does not after 17 s (preshaped)."""
 EXCHANGE_CAP, FIRST_CAP = 25, 80
 """Iterations of an exchange of fingers, and of a rough start before there is a grasp, of which it then gets as many as
 an exact one, or with limits relaxed, where 98 % of the starts that give a grasp take fewer (50 scenes): from good
@@ -63,8 +59,8 @@ scenes), where 2 lose the best of another, and with limits relaxed 8 of 183 (26 
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 CLOSEST = 2
-"""Basins that are tried however far from balance they are: those of two elements with more than `NEARLY_BALANCED` most
-likely have no grasp."""
+"""Starts that are tried in any case: of basins, however far from balance they are, though those of two elements with
+more than `NEARLY_BALANCED` most likely have no grasp; and with a limit relaxed, or all of them."""
 UNLIKELY = 0.2
 """Imbalance with more elements from which on a start is skipped but for the first two: of 68 scanned starts that gave a
 grasp (158 scenes of one finger) nine had more than 0.06, and one of them more than 0.13, a second one of its scene; two
@@ -464,7 +460,7 @@ class Search:
         alone, per mode that is scanned.
         """
         began = time.perf_counter()
-        starts = [rebalanced_starts(scan, scene) for scan in self._scans.values()]
+        starts = [starts_of(scan.with_forces(scene)) for scan in self._scans.values()]
         self.start_seconds += time.perf_counter() - began
         return starts
 

@@ -11,14 +11,7 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.grasp.changes import (
-    FIRST,
-    NONE,
-    asked_tolerance,
-    resolve_elements,
-    sensitivities,
-    with_fine,
-)
+from continuum_grasp.grasp.changes import FIRST, NONE, asked_tolerance, resolve_elements, sensitivities, with_fine
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, Attempt
@@ -170,8 +163,8 @@ class _Verdict:
         has_stations = any(setup.stations for setup in scene.setups)
         # Of the scene with one middle contact in place of stations, where there are any.
         self._before = Search(without_stations(scene), budget) if has_stations else None
-        self._plain = self._before or self.search
-        self.repairs = Repairs(self._plain.scene, self._plain)
+        plain = self._before or self.search
+        self.repairs = Repairs(plain.scene, plain)
         self.interrupted = False
 
     def result(self) -> GraspResult:

@@ -20,7 +20,7 @@ from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import ordered
 from continuum_grasp.grasp.search import FIRST_CAP, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
-from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, with_contacts
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start, start_from, with_contacts
 from continuum_grasp.grasp.values import NEAR, Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
@@ -94,12 +94,11 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
         fingers[setup.name] = FingerStart(
             finger_start.base, tuple(joints), sides, finger_start.knots, finger_start.curvatures
         )
-    return _with_only(scene, replace(plain, fingers=fingers, contacts=contacts, forces=forces), set(contacts))
+    return _with_only(scene, replace(plain, fingers=fingers, forces=forces), contacts)
 
 
-def _with_only(scene: GraspScene, start: Start, names: set[str]) -> Start:
-    """The start with some of its contacts."""
-    contacts = {name: at for name, at in start.contacts.items() if name in names}
+def _with_only(scene: GraspScene, start: Start, contacts: Mapping[str, ContactStart]) -> Start:
+    """The start with these contacts alone."""
     return replace(with_contacts(scene, start, contacts), label="stations")
 
 
@@ -117,14 +116,13 @@ def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[Start
             world = complex(*(float(np.interp(setup.stations[k], line[:, 0], line[:, c])) for c in (1, 2)))
             at = nearest_contact(scene, whole.object_pose, world)
             name = setup.middle_names[k]
-            more = {**whole.contacts, name: at}
-            forces = {**whole.forces, name: (0.0, 0.0, 0.0)}
-            return _with_only(scene, replace(whole, contacts=more, forces=forces), set(more))
+            more = replace(whole, forces={**whole.forces, name: (0.0, 0.0, 0.0)})
+            return _with_only(scene, more, {**whole.contacts, name: at})
 
         for k in free:
             yield added(k, start)
         for k in on:
-            fewer = _with_only(scene, start, set(start.contacts) - {names[k]})
+            fewer = _with_only(scene, start, {name: at for name, at in start.contacts.items() if name != names[k]})
             yield fewer
             for j in (k - 1, k + 1):
                 if j in free:

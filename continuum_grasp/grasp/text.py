@@ -11,13 +11,13 @@ import numpy as np
 
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.results.yaml_text import yaml_text
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.certificate.check import Check
     from continuum_grasp.grasp.certificate.drives import DriveState
     from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.values import Contact, FingerPosture
 
 _HEAD = """\
@@ -45,8 +45,10 @@ def parts(result: GraspResult, quality: bool = True) -> list[Part]:
     if result.solved:
         every += [_quality(result), _disturbances(result)] if quality else []
         every += [] if result.certificate is None else [_certificate(result.certificate)]
-        every.append(_fine(result))
-    return [part for part in (*every, _trials(result)) if part.rows]
+        said = result.statistics.get("fine_model")
+        every += [Part("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
+    every += [_trials(result.robustness)] if result.robustness is not None else []
+    return [part for part in every if part.rows]
 
 
 def result_text(result: GraspResult) -> str:
@@ -140,8 +142,7 @@ def _drives(result: GraspResult, finger: str) -> list[str]:
 
 def _contacts(result: GraspResult) -> Part:
     """Places of the contacts, and their forces."""
-    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
-    rows = []
+    rows, lifted = [], result.scene.lifted
     for c in result.contacts:
         x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
         forces = (result.force_text(f) for f in (c.normal_force, c.friction_force, *([c.lift] if lifted else [])))
@@ -198,18 +199,10 @@ def _certificate(certificate: Certificate) -> Part:
     return Part("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
 
 
-def _fine(result: GraspResult) -> Part:
-    """Changes by a fine model, where that was asked for."""
-    said = result.statistics.get("fine_model")
-    return Part("The same grasp in a fine model", ("", ""), [("fine model", said)] if said else ())
-
-
-def _trials(result: GraspResult) -> Part:
+def _trials(robustness: Robustness) -> Part:
     """The nominal grasp and that for all errors side by side."""
-    if result.robustness is None:
-        return Part("", (), ())
-    title, nominal, robust = result.robustness.names
-    return Part(title, ("", f"best {nominal}", robust), result.robustness.rows())
+    title, nominal, robust = robustness.names
+    return Part(title, ("", f"best {nominal}", robust), robustness.rows())
 
 
 def amount(value: float, unit: str) -> str:

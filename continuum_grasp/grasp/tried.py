@@ -104,34 +104,17 @@ class Basin:
 
 @dataclass(frozen=True)
 class Exploration:
-    """Record of a search.
+    """Record of a search."""
 
-    Attributes
-    ----------
-    modes, sampled : int
-        Sets of contacts, and those of whose postures samples were tried: the others are scanned.
-    places, postures : int
-        Places of contacts on the object that were scanned, and touching postures there whose forces were balanced.
-    basins : int
-        Minima of the estimated tension among these.
-    starts_solved, starts_failed : int
-        Starts of the solver that led to a verified grasp, and the others. A failure proves nothing.
-    open : int
-        Basins without a verified grasp that are estimated to take at least 2 % less tension than the result; of fingers
-        with more than two elements, whose tension the estimates do not tell, those that were not tried.
-    best_open : float
-        Least of their estimates [N]; NaN where there is none.
-    pruned : dict of str to int
-        Starts that were not tried, by the reason.
-    """
-
-    modes: int = 0
-    sampled: int = 0
-    places: int = 0
-    postures: int = 0
-    basins: int = 0
-    starts_solved: int = 0
-    starts_failed: int = 0
+    modes: int = 0  # sets of contacts
+    sampled: int = 0  # those of whose postures samples were tried: the others are scanned
+    places: int = 0  # of contacts on the object that were scanned
+    postures: int = 0  # that touch there and whose forces were balanced
+    basins: int = 0  # minima of the estimated tension among these
+    starts_solved: int = 0  # starts of the solver that led to a verified grasp
+    starts_failed: int = 0  # the other ones; a failure proves nothing
+    # Basins without a verified grasp that are estimated to take at least 2 % less tension than the result; of fingers
+    # with more than two elements, whose tension the estimates do not tell, those that were not tried.
     open: int = 0
-    best_open: float = math.nan
-    pruned: dict[str, int] = field(default_factory=dict)
+    best_open: float = math.nan  # least of their estimates [N]; NaN where there is none
+    pruned: dict[str, int] = field(default_factory=dict)  # starts that were not tried, by the reason

@@ -14,8 +14,12 @@ from continuum_grasp.scene.grasp import GraspScene
 
 NEAR, SAME = 1e-3, 1e-4
 """Relative differences of what is sought: below the first a grasp is no better than another, since 0.1 % of tension is
-below the model's error, and less tension per force is slack; below the second two points are the same, and what is left
-is rounding and guarded places."""
+below the model's error, less tension per force is slack, less force per weight presses nothing, less than that of a
+usual amount relaxes nothing, and what is as near to the object, per length of the finger, may touch; below the second
+two points are the same, and what is left is rounding and guarded places."""
+LITTLE = 1e-5
+"""Part of what is sought that is little: the weight of the tensions where they are no aim; and less than a change by
+new guarded places, with which it is solved once more."""
 SATISFIED = 1e-7
 """Scaled violation below which a constraint counts as satisfied: a hundred times the tolerances of the solvers."""
 UNSTABLE = "unstable"

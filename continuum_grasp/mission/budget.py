@@ -20,7 +20,6 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp_drive import DriveLaw
-from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.mission import MissionScene
 
 ROUNDING = 1e-6
@@ -159,8 +158,7 @@ def held_resistance(
     response = GraspResponse(scene, {**arrays, "contact_forces": forces})
     response.contacts.friction = friction
     # Weight in the plane beyond that of the grasp is one more wrench, to which all contacts respond.
-    down = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
-    more = (mass - scene.object.mass) * np.array([*down, 0.0])
+    more = (mass - scene.object.mass) * np.array([*scene.gravity_in_plane, 0.0])
     response.contacts.forces[:, :2] += response.to_wrenches("locked").forces @ more
     return resistance(response, tendons="locked", wrenches=wrenches)
 

@@ -247,10 +247,11 @@ class GraspScene(Configuration, Supported):
         return tuple(self._setup(name, finger) for name, finger in self.named_fingers.items())
 
     @property
-    def pairs(self) -> tuple[tuple[FingerSetup, FingerSetup], ...]:
-        """Fingers that must keep clear of each other and could meet, two at a time."""
-        two = combinations(self.setups, 2) if self.overlap == "forbid" else ()
-        return tuple((setup, other) for setup, other in two if _can_meet(setup.finger, other.finger))
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Indices of fingers that must keep clear of each other and could meet, two at a time."""
+        fingers = [setup.finger for setup in self.setups]
+        two = combinations(range(len(fingers)), 2) if self.overlap == "forbid" else ()
+        return tuple((k, m) for k, m in two if _can_meet(fingers[k], fingers[m]))
 
     @property
     def places(self) -> tuple[Place, ...]:
@@ -300,9 +301,24 @@ class GraspScene(Configuration, Supported):
     @property
     def weight(self) -> float:
         """Weight of the object, in or out of the plane [N]."""
-        if isinstance(self.gravity, PlanarGravity):
-            return self.object.mass * math.hypot(*self.gravity.vector)
-        return self.object.mass * self.gravity.magnitude if isinstance(self.gravity, OutOfPlaneGravity) else 0.0
+        if isinstance(self.gravity, OutOfPlaneGravity):
+            return self.object.mass * self.gravity.magnitude
+        return self.object.mass * math.hypot(*self.gravity_in_plane)
+
+    @property
+    def gravity_in_plane(self) -> tuple[float, float]:
+        """World gravity in the plane of the fingers [m/s2]; zero of objects that are lifted, and without gravity."""
+        return self.gravity.vector if isinstance(self.gravity, PlanarGravity) else (0.0, 0.0)
+
+    @property
+    def lifted(self) -> bool:
+        """Whether friction carries the weight, out of the plane."""
+        return isinstance(self.gravity, OutOfPlaneGravity)
+
+    @property
+    def balances_tilt(self) -> bool:
+        """Whether the friction that carries the weight must not tilt the object."""
+        return isinstance(self.gravity, OutOfPlaneGravity) and self.gravity.tilt == "balance"
 
     def friction(self, contact: str) -> float:
         """Friction coefficient of a contact by its name [1]."""
@@ -451,7 +467,7 @@ class GraspScene(Configuration, Supported):
             )
 
     def _check_bases(self) -> None:
-        for setup, other in self.pairs:
+        for setup, other in ((self.setups[k], self.setups[m]) for k, m in self.pairs):
             a, b = setup.finger, other.finger
             half = float(a.profile.half_thickness(0.0)) + float(b.profile.half_thickness(0.0))
             gap = math.dist(a.base.position, b.base.position) - half

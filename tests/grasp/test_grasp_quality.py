@@ -75,7 +75,7 @@ def test_nothing_is_printed(capfd):
 def test_a_cone_is_met_exactly():
     matrix = np.zeros((1, 2, 3))
     matrix[0, 0, 0] = matrix[0, 1, 1] = 1.0
-    cones = Cones.made(matrix, np.array([[0.3, -0.1]]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1))
+    cones = Cones(matrix, np.array([[0.3, -0.1]]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1))
     found = solve_socp([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
     direction = np.array([2.0, -1.0]) / math.sqrt(5.0)
     np.testing.assert_allclose(found.x[:2], direction - [0.3, -0.1], atol=1e-4)

@@ -90,7 +90,7 @@ def test_the_robust_grasp_may_be_next_to_another_one_than_the_best(monkeypatch: 
     assert found.certificate.passed
     assert found.robustness.robust.held == 20
     assert found.statistics["robust"]["branches"] > 1
-    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.BRANCHES", 0)
+    monkeypatch.setattr("continuum_grasp.grasp.robust.solve.HELD", 1)
     monkeypatch.setattr("continuum_grasp.grasp.robust.solve.HALVINGS", 0)
     assert not optimize_grasp(scene.replaced(robust=bounds), raise_on_failure=False).solved
 

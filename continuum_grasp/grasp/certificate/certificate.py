@@ -30,17 +30,10 @@ from continuum_grasp.grasp.certificate.check import (
 )
 from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
-from continuum_grasp.grasp.certificate.recomputed import (
-    OF_CONTACTS,
-    OF_FINGER,
-    RecomputedFinger,
-    RecomputedGrasp,
-    gravity_vector,
-)
+from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects.body import Freedom, pose_bounds
 from continuum_grasp.summary import Summarized
 
@@ -220,7 +213,7 @@ def _recomputed(
     grasp = RecomputedGrasp(scene, arrays)
     checks += [mode_check(grasp), *lengths]
     for finger in grasp.fingers:
-        checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(grasp, finger)]
+        checks += [*_equilibrium(finger), *_storage(finger), *_finger_limits(finger)]
     return [*checks, *_object(grasp), *contact_checks(grasp), *clearance_checks(grasp)], grasp
 
 
@@ -309,7 +302,7 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
     yield Check(f"base, {finger.name}", off, EXACT, f"{length:.4g} m")
 
 
-def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator[Check]:
+def _finger_limits(finger: RecomputedFinger) -> Iterator[Check]:
     setup, length = finger.setup, finger.length
     limit, used = setup.tendons.max_tension, finger.finger.tendons_used
     over = [(t - limit, setup.tendons.min_tension - t) for t in finger.tensions]
@@ -340,10 +333,10 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
 
 
 def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
-    body, gravity, size = grasp.scene.object, grasp.scene.gravity, grasp.size
+    scene, body, size = grasp.scene, grasp.scene.object, grasp.size
     yield Check("object pose", _beyond(body.pose, body.free, grasp.pose, size), EXACT, f"{size:.4g} m")
     scale = grasp.force_scale
-    force, turn, lift, tilt = body.mass * gravity_vector(gravity), 0.0, 0.0, np.zeros(2)
+    force, turn, lift, tilt = body.mass * np.asarray(scene.gravity_in_plane), 0.0, 0.0, np.zeros(2)
     for contact in grasp.contacts:  # their forces are on what touches the object, lifts on the object
         arm, load = contact.point - grasp.object.com, contact.force
         force = force - load
@@ -352,9 +345,8 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
         tilt = tilt + contact.lift * arm
     yield Check.part("object force balance", float(np.abs(force).max()), scale, "N")
     yield Check.part("object moment balance", abs(turn), scale * size, "N m")
-    weight = body.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
-    yield Check.part("object lift balance", abs(lift - weight), scale, "N")
-    if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
+    yield Check.part("object lift balance", abs(lift - (scene.weight if scene.lifted else 0.0)), scale, "N")
+    if scene.balances_tilt:
         yield Check.part("object tilt balance", float(np.abs(tilt).max()), scale * size, "N m")
 
 

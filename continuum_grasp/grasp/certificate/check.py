@@ -18,7 +18,6 @@ from continuum_grasp.grasp.certificate.recomputed import (
     known_contacts,
 )
 from continuum_grasp.grasp.certificate.surfaces import SPREAD, PlacedObject, segment_distance
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.supports import Wall
 
 EXACT = 1e-6
@@ -86,14 +85,13 @@ def mode_check(grasp: RecomputedGrasp) -> Check:
 def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
     """Forces, gaps and normals of each contact."""
     scale = grasp.force_scale
-    friction_only = not isinstance(grasp.scene.gravity, OutOfPlaneGravity)
     for c in grasp.contacts:
         n, f, lift = c.normal_force, c.friction_force, c.lift
         over = float(np.hypot(f, lift)) - c.held_friction * n
         yield Check.part(f"friction cone, {c.name}", over, scale, "N")
         limit = c.normal_force_max  # pulls count against the forces in play, however high the limit is
         yield Check(f"normal force, {c.name}", worst(-n / scale, n / limit - 1), EXACT, f"{limit:.4g} N")
-        if friction_only:
+        if not grasp.scene.lifted:
             yield Check.part(f"no lift in the plane, {c.name}", abs(lift), scale, "N")
         yield from _geometry(grasp, c)
 

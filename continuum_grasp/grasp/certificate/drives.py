@@ -27,27 +27,13 @@ LEAST_PULL = 1e-6
 
 @dataclass(frozen=True)
 class DriveState:
-    """State of one drive.
+    """State of one drive."""
 
-    Attributes
-    ----------
-    tendons : tuple of str
-        Which it winds up, ``left`` (the -X side) or ``right``.
-    position : float
-        Cable wound up since zero [m], or for motors the angle of the motor [rad].
-    torque : float
-        That holds the tensions without friction of the motor [N m]; NaN for winches that follow a length.
-    torque_to_reach : float
-        Greatest magnitude while the grasp is reached, the motor's dry friction included [N m].
-    command : float
-        What the drive takes [m, rad or N m].
-    """
-
-    tendons: tuple[str, ...]
-    position: float
-    torque: float
-    torque_to_reach: float
-    command: float
+    tendons: tuple[str, ...]  # those that it winds up, ``left`` (the -X side) or ``right``
+    position: float  # cable wound up since zero [m], or for motors the angle of the motor [rad]
+    torque: float  # holds the tensions without friction of the motor [N m]; NaN for winches that follow a length
+    torque_to_reach: float  # greatest magnitude while the grasp is reached, the motor's dry friction included [N m]
+    command: float  # what the drive takes [m, rad or N m]
 
 
 class WoundTendons:

@@ -14,7 +14,6 @@ from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.shape import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 from continuum_grasp.scene.supports import Peg, Wall
 
 TRACE = 1e-4
@@ -28,8 +27,6 @@ OF_CONTACTS = tuple(f"contact_{key}" for key in ("names", "positions", "normals"
 """Names of the arrays stored of each finger, after its name and a dot, and of the contacts."""
 _COARSE = 1 / 64
 """Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
-_STEP = 1e-30
-"""Size of complex steps in the coordinates."""
 _BLUNT = 1e-3
 """Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
@@ -37,13 +34,13 @@ _BLUNT = 1e-3
 class RecomputedFinger(StoredFinger):
     """Shape, loads and potential of one finger of a grasp."""
 
-    def __init__(self, setup: FingerSetup, gravity: GraspGravity, arrays: Mapping[str, Any]) -> None:
+    def __init__(self, setup: FingerSetup, gravity: tuple[float, float], arrays: Mapping[str, Any]) -> None:
         super().__init__(setup, arrays)
         self.q, self.lengths, self.matches_tip = self.shape.q, self.shape.lengths, self.shape.matches_tip
         self.stored_tip_curvature = float(self.shape.tip)
         self.stored_backbone = np.asarray(arrays[f"{self.name}.backbone"], dtype=float)
         self.length, self.stiffness = self.profile.length, setup.stiffness
-        self.gravity = gravity_vector(gravity)
+        self.gravity = np.asarray(gravity)
         self.rod = DenseRod(self.finger, self.shape.joints, base=self.base)  # 400 panels at least
         self.curvature = self.shape.curvature(self.rod.nodes)  # at the Gauss points
         self.angles = self.rod.edge_angle(self.curvature)  # (P + 1,) [rad] and (P + 1, 2) [m] at the ends of panels
@@ -97,7 +94,7 @@ class RecomputedFinger(StoredFinger):
         marks = [*(mass.at for mass in self.finger.masses), *(edge for edges in cells for edge in edges)]
         rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base, marks=marks)
         # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
-        elastic = self.shape.elastic(rod.nodes, self.q + 1j * _STEP * np.eye(self.q.size))
+        elastic = self.shape.elastic(rod.nodes, self.q + 1e-30j * np.eye(self.q.size))
         curvature = self.profile.rest_curvature(rod.nodes) + elastic
         angle, turns = rod.angle(curvature), rod.edge_angle(curvature)
         points = rod.edge_points(curvature, angle)
@@ -112,7 +109,8 @@ class RecomputedFinger(StoredFinger):
         s = rod.nodes
         energy = 0.5 * (elastic**2 @ (rod.weights * self.profile.bending_stiffness(s)))
         # What bends the finger at rest does no work here.
-        energy = energy - elastic @ (rod.weights * self._tendon_moment(s))
+        pulled = self.shape.actuation(s) if self.friction is None else self.friction.moment(s, self.tensions)
+        energy = energy - elastic @ (rod.weights * pulled)
         if self.dry is not None:
             energy = energy + elastic @ (rod.weights * self.dry.moment(s))
         if self.gravity.any():
@@ -120,12 +118,6 @@ class RecomputedFinger(StoredFinger):
             for mass in self.finger.masses:
                 energy = energy - mass.mass * (points[..., rod.edge_index(mass.at), :] @ self.gravity)
         return np.asarray(energy)
-
-    def _tendon_moment(self, s: Array) -> Array:
-        """Bending moment of the tendons (G,) at positions [m] past the friction of the guides, of the stored shape."""
-        if self.friction is None:
-            return self.shape.actuation(s)
-        return self.friction.moment(s, self.tensions)
 
 
 @dataclass
@@ -181,7 +173,7 @@ class RecomputedGrasp:
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         self.scene, self.setups = scene, scene.setups
-        self.fingers = tuple(RecomputedFinger(setup, scene.gravity, arrays) for setup in self.setups)
+        self.fingers = tuple(RecomputedFinger(setup, scene.gravity_in_plane, arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)
         self.object = PlacedObject(scene.object, self.pose)
         self.size = scene.object.size
@@ -283,8 +275,3 @@ def _center(contact: RecomputedContact) -> Array:
     if contact.finger is not None:
         return np.asarray(contact.finger.points[contact.finger.joint_edges[contact.joint]])
     return np.asarray(contact.support.position if isinstance(contact.support, Peg) else contact.stored_position)
-
-
-def gravity_vector(gravity: GraspGravity) -> Array:
-    """Gravity in the plane [m/s2]."""
-    return np.asarray(gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0), dtype=float)

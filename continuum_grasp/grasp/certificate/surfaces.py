@@ -8,13 +8,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from continuum_grasp.arrays import Array
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
-_SMALLEST = 1e-300
-"""Keeps a division by a zero distance finite; the quotient is not used then."""
-_ROUNDING = 1e-13
-"""Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
 SPREAD = np.linspace(0.0, 1.0, 33)
 """Places spread along a piece of a curve: along a panel that passes a corner closely, one of them is within 1/64 of the
 panel from it; of the quarter of a circle, where the points of a superellipse that are tried first would be without its
@@ -129,7 +126,7 @@ class PlacedObject:
 def segment_distance(points: Array, start: Array, end: Array) -> Array:
     """Distances of points (..., 2) from segments between points that broadcast with them (...) [m]."""
     span, off = end - start, points - start
-    share = (off * span).sum(axis=-1) / np.maximum((span * span).sum(axis=-1), _SMALLEST)
+    share = (off * span).sum(axis=-1) / np.maximum((span * span).sum(axis=-1), 1e-300)
     rest = off - np.clip(share, 0.0, 1.0)[..., None] * span
     return np.asarray(np.hypot(rest[..., 0], rest[..., 1]))
 
@@ -151,7 +148,7 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
     if len(core) == 1:
         off = points - core
         away = np.hypot(off[:, 0], off[:, 1])
-        normal = np.where(away[:, None] > 0.0, off / np.maximum(away, _SMALLEST)[:, None], np.array([1.0, 0.0]))
+        normal = np.where(away[:, None] > 0.0, off / np.maximum(away, 1e-300)[:, None], np.array([1.0, 0.0]))
         return Nearest(away - radius, core + radius * normal, normal, np.full(count.size, radius))
     along, out, length = _edges(core)
     walked, height, beside = _seen(core, points)
@@ -164,8 +161,9 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
     away, at_corner = np.hypot(height, beside), beside != 0.0
     foot = core[edge] + np.clip(walked, 0.0, length[edge])[:, None] * along[edge]
     normal = height[:, None] * out[edge] + beside[:, None] * along[edge]
-    normal = side[:, None] * normal / np.maximum(away, _SMALLEST)[:, None]
-    normal = np.where((away > _ROUNDING * length.max())[:, None], normal, out[edge])
+    normal = side[:, None] * normal / np.maximum(away, 1e-300)[:, None]
+    # As near to a sharp corner as rounding the way to it means nothing.
+    normal = np.where((away > ROUNDING * length.max())[:, None], normal, out[edge])
     return Nearest(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, np.inf))
 
 
@@ -200,7 +198,7 @@ def touched(part: Part, point: Array, normal: Array, depth: float) -> Part:
         return part
     _, height, beside = (row[0] for row in _seen(core, point[None]))
     away = np.hypot(height, beside)
-    agrees = (height * (out @ normal) + beside * (along @ normal)) / np.maximum(away, _SMALLEST)
+    agrees = (height * (out @ normal) + beside * (along @ normal)) / np.maximum(away, 1e-300)
     edge, count = int(np.where(away <= away.min() + depth, agrees, -np.inf).argmax()), len(core)
     first = last = edge
     while convex[first % count] and (first == edge or out[first % count] @ normal > 0.0):

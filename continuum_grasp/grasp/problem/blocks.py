@@ -14,15 +14,10 @@ from continuum_grasp.nlp import Constraints, Violation
 
 
 class Places:
-    """Places of named entries in a column: of the unknowns, or of the run-time numbers.
-
-    Attributes
-    ----------
-    at : dict of str to slice
-    """
+    """Places of named entries in a column: of the unknowns, or of the run-time numbers."""
 
     def __init__(self, sizes: Mapping[str, int] | None = None) -> None:
-        self.at: dict[str, slice] = {}
+        self.at: dict[str, slice] = {}  # by name
         self.size = 0
         for name, size in (sizes or {}).items():
             self.add(name, size)

@@ -11,7 +11,7 @@ The laws of tendons and sections are those of the model: what they see of each e
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -162,34 +162,34 @@ class GradedBackbone(Backbone):
             total += ca.horzcat(ca.if_else(shape != 0.0, integrand, 0.0), shape * integrand, shape * integrand * s)
         return total
 
-    def _bounds(self, k: int, count: int) -> list[tuple[Any, Any]]:
-        """Equal parts of an element."""
-        start, end = self.ends[k : k + 2]
-        return list(pairwise([*(start + (j / count) * (end - start) for j in range(count)), end]))
+    def _bounds(self, count: int) -> Iterator[tuple[int, Any, Any]]:
+        """Elements, and both ends of as many equal parts of each."""
+        for k, (start, end) in enumerate(pairwise(self.ends)):
+            yield from (
+                (k, *part) for part in pairwise([*(start + (j / count) * (end - start) for j in range(count)), end])
+            )
 
     def _cells(self, count: int) -> list[Cell]:
         """Friction cells of the tendons, so many on each element."""
         cells = []
-        for k in range(len(self.ends) - 1):
-            for a, b in self._bounds(k, count):
-                middle = 0.5 * (a + b)
-                late = self._integrals(k, middle, b)
-                whole, drawn, first = ca.horzsplit(self._integrals(k, a, middle) + late)
-                leaning = (first - middle * drawn) / (b - a)
-                bend, work, lean, beyond = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
-                cells.append(Cell(k, b - a, b - a, bend, work, lean[:-1], beyond))
+        for k, a, b in self._bounds(count):
+            middle = 0.5 * (a + b)
+            late = self._integrals(k, middle, b)
+            whole, drawn, first = ca.horzsplit(self._integrals(k, a, middle) + late)
+            leaning = (first - middle * drawn) / (b - a)
+            bend, work, lean, beyond = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
+            cells.append(Cell(k, b - a, b - a, bend, work, lean[:-1], beyond))
         return cells
 
     def _ports(self, count: int) -> list[Port]:
         """Ports at which the laws of the sections see the curvature above rest, so many on each element."""
         ports, base = [], self.curves.at(0.0)("stiffness")
-        for k in range(len(self.ends) - 1):
-            for a, b in self._bounds(k, count):
-                parts = (weight * (value("stiffness") / base) for value, _, weight in self._nodes(a, b))
-                measure = sum(parts, ca.SX(0.0))
-                # Weighted by the stiffness, curvatures are moments, which are linear.
-                hats = self._hats(k, 0.5 * (a + b)) * ((b - a) / base / measure)
-                ports.append(Port(k, measure, ca.vertsplit(hats), 0.0))
+        for k, a, b in self._bounds(count):
+            parts = (weight * (value("stiffness") / base) for value, _, weight in self._nodes(a, b))
+            measure = sum(parts, ca.SX(0.0))
+            # Weighted by the stiffness, curvatures are moments, which are linear.
+            hats = self._hats(k, 0.5 * (a + b)) * ((b - a) / base / measure)
+            ports.append(Port(k, measure, ca.vertsplit(hats), 0.0))
         return ports
 
     # -- statics -------------------------------------------------------------------------------------------------

@@ -58,7 +58,10 @@ class GraspProblem(Unknowns):
         add_limits(self)
         self.objective = self._objective()
         if spec.steadied:
-            self._steady()
+            # The least eigenvalue of the second-order test, to first order about a point, is not below a level.
+            x = self.x.symbol
+            value = ca.dot(self.numbers("stability slope", x.numel()), x) - self.numbers("stability level")
+            self.rows.require("stability", value, "1", "stability", upper=ca.inf)
 
     def _close(self, contact: Touch, finger: UnitFinger) -> None:
         """A finger touches: no gap, and a middle contact is tangent.
@@ -132,12 +135,6 @@ class GraspProblem(Unknowns):
             if self.spec.tilt:
                 balance = (tilt - self.slack["tilt balance"]) / number("size")
                 require("object tilt balance", balance, "N", "gravity.tilt")
-
-    def _steady(self) -> None:
-        """The least eigenvalue of the second-order test, to first order about a point, is not below a level."""
-        x = self.x.symbol
-        value = ca.dot(self.numbers("stability slope", x.numel()), x) - self.numbers("stability level")
-        self.rows.require("stability", value, "1", "stability", upper=ca.inf)
 
     def _objective(self) -> ca.SX:
         """The objective; its own unknowns and constraints are added to the problem."""

@@ -7,15 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
+from continuum_grasp.scene.grasp_options import GraspFinger
 from continuum_grasp.scene.value import Value
-
-NONE = 1e-3
-"""Part of a usual amount that is none, so that its limit is not named, and by which an amount must stay short of the
-most that makes sense; likewise an imbalance, and the difference of the logarithms of two factors."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ class Relaxation:
 
     def sensible(self, scene: GraspScene) -> float:
         """Amount from which on a relaxation counts as none."""
-        return self.most(scene) * (1.0 - NONE)
+        return self.most(scene) * (1.0 - NEAR)
 
     def eased(self, scene: GraspScene, amount: float) -> GraspScene:
         """The scene to start from; the same one where nothing is known to be in the way."""
@@ -133,11 +130,6 @@ def _bendable(scene: GraspScene) -> float:
     return min(3.0, ONE_TURN - max(one_turn)) if one_turn and gives_bending_range(scene) else 3.0
 
 
-def _balances_tilt(scene: GraspScene) -> bool:
-    gravity = scene.gravity
-    return isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance" and scene.object.mass > 0
-
-
 def _may_tilt(scene: GraspScene) -> GraspScene:
     return _with(scene, gravity=_with(scene.gravity, tilt="ignore"))
 
@@ -217,7 +209,7 @@ RELAXATIONS = (
         without=_may_tilt,
         repair="{key}: ignore, if something else bears {needed:.3g} {unit}",
         size=2,
-        applies=_balances_tilt,
+        applies=lambda s: s.balances_tilt and s.object.mass > 0,
         bounds_shape=False,
     ),
     Relaxation(

@@ -22,7 +22,7 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.values import SATISFIED
+from continuum_grasp.grasp.values import LITTLE, SATISFIED
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -39,8 +39,6 @@ ROUNDS = 8
 """Number of times that the places that must stay clear are moved to where fingers are deepest."""
 NEXT = 2
 """Faces and corners next to a place on a circle that are tried, of each contact."""
-STEADY = 1e-5
-"""Relative change of what is sought, by new guarded places, from which on it is solved once more."""
 OPTION_SETS = (
     (nlp.OptionSet.REFINED, 40),
     (nlp.OptionSet.REFINED_MONOTONE, 60),
@@ -244,12 +242,8 @@ class GraspSolverRun:
         alike = [
             earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
         ]
-        ends: dict[str, Any] = {
-            "patience": patience,
-            "standstill": standstill,
-            "known": [earlier.x for earlier in alike],
-        }
-        first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, **ends)
+        first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
+        first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
         last = replace(last, seconds=time.perf_counter() - began)
@@ -341,10 +335,8 @@ def _parts(start: Start) -> list[int]:
     return [contact.part for contact in start.contacts.values()]
 
 
-def _after(attempt: Attempt, before: Attempt | None) -> Attempt:
+def _after(attempt: Attempt, before: Attempt) -> Attempt:
     """An attempt with the effort of another one, too."""
-    if before is None:
-        return attempt
     iterations, seconds = attempt.iterations + before.iterations, attempt.seconds + before.seconds
     return replace(attempt, iterations=iterations, seconds=seconds)
 
@@ -422,7 +414,7 @@ def solve_clear(
         acceptable = last.status is nlp.Status.ACCEPTABLE
         # What guarded places are too deep, others may be; what holds to less than the tolerance gives no more depth.
         deep = deepest > depth + min(last.violation, SATISFIED)
-        if settled and not deep and change < STEADY * max(1.0, abs(last.objective)):
+        if settled and not deep and change < LITTLE * max(1.0, abs(last.objective)):
             break
         start = replace(start, x=last.x, p=near, multipliers=last.multipliers)
     return replace(last, iterations=iterations), numbers

@@ -12,7 +12,6 @@ from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Surface
 from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.supports import Peg
 
 _RANGES = (1.0, 2.1, 3.15, 4.5, 6.3)
@@ -161,8 +160,7 @@ class ProblemSpec:
     @staticmethod
     def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
         """The structure of the problem of a scene with some contacts on, which sit where a start has them."""
-        gravity, aims, setups = scene.gravity, scene.aims, scene.setups
-        weighs, on = isinstance(gravity, PlanarGravity) and any(gravity.vector), frozenset(contacts)
+        aims, setups, weighs, on = scene.aims, scene.setups, any(scene.gravity_in_plane), frozenset(contacts)
         places: dict[str, tuple[int, int]] = {}
         for i, setup in enumerate(setups):
             places |= {name: (i, k) for k, name in enumerate(setup.middle_names)}
@@ -175,7 +173,6 @@ class ProblemSpec:
             finite = support is not None and support.name in bounded
             specs.append(ContactSpec(name, *place, isinstance(support, Peg), surfaces[start.part], finite))
         disturbed = "greatest_disturbance" in aims
-        index = {setup.name: k for k, setup in enumerate(setups)}
         return ProblemSpec(
             fingers=tuple(FingerSpec.of(setup, on, weighs) for setup in setups),
             contacts=tuple(specs),
@@ -184,10 +181,10 @@ class ProblemSpec:
             planes=len(scene.walls) - len(bounded),
             edges=len(bounded),
             pegs=len(scene.pegs),
-            pairs=tuple((index[finger.name], index[other.name]) for finger, other in scene.pairs),
+            pairs=scene.pairs,
             free=scene.object.free is not None,
-            gravity=gravity.mode,
-            tilt=isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance",
+            gravity=scene.gravity.mode,
+            tilt=scene.balances_tilt,
             aims=aims,
             wrenches=len(scene.wrenches) if disturbed else 0,
             locked=disturbed and scene.disturbances.tendons == "locked",

@@ -18,12 +18,12 @@ from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses
 from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
+from continuum_grasp.grasp.values import LITTLE, NEAR
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds
 from continuum_grasp.scene.supports import Wall
 
@@ -37,13 +37,9 @@ e / mu, one that carries a share s of the weight by e^2 / (2 s^2) more, relative
 BETWEEN = 1e-5
 """Part of the length that a finger may be inside the object between stations, which touch it like the vertices of a
 polygon; the certificate allows 1e-4."""
-LITTLE = 1e-5
-"""Weight of the tensions where they are no aim."""
 FINE = 64
 """Intervals per segment in which the lengths of a graded finger's elements are measured out, and per element at whose
 ends the depth is looked at: parabolas through the deepest place the probes."""
-HELD = 1e-3
-"""Least normal force of a contact, as a part of the weight, where slipping or disturbances are an aim."""
 
 
 @dataclass(frozen=True)
@@ -139,7 +135,8 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
         low[f"{name}.base"], high[f"{name}.base"] = _pose_bounds(pose, finger.base_free, units)
     low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units)
     steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.spec.aims))
-    least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
+    # Where slipping or disturbances are an aim, each contact presses.
+    least = NEAR * max(scene.weight / units.force, 1.0) if steady else 0.0
     if "reserve" in problem.x.at:  # which says whether contacts press
         least = -np.inf
     sideways = [-np.inf, -np.inf] if problem.spec.gravity == "out_of_plane" else [-np.inf]
@@ -196,24 +193,22 @@ def _counts(setup: FingerSetup) -> list[int]:
 
 def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: Units) -> Values:
     finger, rod, tendons, start = setup.finger, setup.finger.rod, setup.tendons, whole.fingers[setup.name]
-    tensions = whole.tensions.get(setup.name, (0.0, 0.0))
+    tensions, states = whole.tensions.get(setup.name, (0.0, 0.0)), whole.friction_states.get(setup.name)
     length, offset, greatest_tension, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
     moment = setup.stiffness / length
     rod_mass = rod.mass_per_length * length
-    gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
-    weighs = any(gravity)
     inner = inner_masses(finger)
     least = tendons.min_tension * offset / moment
     values: Values = {
         "length": length / units.length,
-        "curves": curve_numbers(setup, weighs),
+        "curves": curve_numbers(setup, any(scene.gravity_in_plane)),
         "force share": moment / length / units.force,
         "base": [*units.point(finger.base.position), finger.base.angle],
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
-        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in gravity],
+        "weight": [g * rod.mass_per_length * length**3 / setup.stiffness for g in scene.gravity_in_plane],
         "tendon_friction": tendons.friction,
-        **_branch_values(setup, moment),
-        "friction_history": _history(setup, whole),
+        # As `FingerModel` takes them: whether it was pulled from its shape at rest on stands last.
+        "friction_history": np.append(np.zeros(setup.friction_states), 1.0) if states is None else [*states, 0.0],
         "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / rod_mass,
         "bending_range": setup.bending_range,
         "pull_max": greatest_tension * offset / moment,
@@ -246,6 +241,9 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
             "rest_curvature": float(finger.profile.rest_curvature(0.0)) * length,
             "curvature_limit": finger.curvature_limit * length if finger.strain_limit is not None else 0.0,
         }
+    for k, branch in enumerate(finger.damping.dry_friction, 1):
+        values[f"dry_friction_{k}_stiffness"] = branch.stiffness / setup.stiffness
+        values[f"dry_friction_{k}_moment"] = branch.moment / moment
     for k, mass in enumerate(inner):
         values |= {f"mass_{k}": mass.mass / rod_mass, f"mass_{k}.at": mass.at / length}
     values |= {f"joint_{k}": s / length for k, s in enumerate(setup.middle_places)}
@@ -253,21 +251,6 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         tolerance_of(setup, scene) * length / units.length if setup.stations else (scene.solver.penetration_tolerance)
     )
     return {f"{setup.name}.{key}": value for key, value in values.items()}
-
-
-def _branch_values(setup: FingerSetup, moment: float) -> Values:
-    """Numbers of the branches of dry friction in bending, with a unit of moments [N m]."""
-    values: Values = {}
-    for k, branch in enumerate(setup.finger.damping.dry_friction):
-        values[f"dry_friction_{k + 1}_stiffness"] = branch.stiffness / setup.stiffness
-        values[f"dry_friction_{k + 1}_moment"] = branch.moment / moment
-    return values
-
-
-def _history(setup: FingerSetup, start: Start) -> Array:
-    """Friction states and whether the finger was pulled from its shape at rest on, as `FingerModel` takes them."""
-    states = start.friction_states.get(setup.name)
-    return np.append(np.zeros(setup.friction_states), 1.0) if states is None else np.append(states, 0.0)
 
 
 def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:
@@ -310,15 +293,16 @@ def _objective_values(scene: GraspScene, units: Units) -> Values:
 
 
 def _object_values(scene: GraspScene, units: Units) -> Values:
-    body, gravity = scene.object, scene.gravity
-    weight: Any = scene.weight / units.force
-    if isinstance(gravity, PlanarGravity):
-        weight = [body.mass * g / units.force for g in gravity.vector]
+    body = scene.object
     return {
         "object pose": units.pose(body.pose),
         "center of mass": units.point(body.com),
         "size": body.size / units.length,
-        "weight": weight,
+        "weight": (
+            [body.mass * g / units.force for g in scene.gravity_in_plane]
+            if scene.gravity.mode == "planar"
+            else scene.weight / units.force
+        ),
         **{f"part_{k}": surface_of(part).numbers(part, units.length) for k, part in enumerate(body.parts)},
     }
 

@@ -14,7 +14,6 @@ from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.shape import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
-from continuum_grasp.scene.grasp_options import PlanarGravity
 
 CELLS = 32
 """Least number of cells along a finger: the responses of shipped grasps are within 3e-5 of those with 128."""
@@ -98,17 +97,13 @@ class BentFinger(StoredFinger):
 
         Pulled along, it stiffens; pushed, it softens.
         """
-        contacts, gravity, s = self._contacts, self._contacts.scene.gravity, self.rod.mesh.nodes
-        beyond = np.zeros((s.size, 2))
+        contacts, mesh, gravity = self._contacts, self.rod.mesh, np.asarray(self._contacts.scene.gravity_in_plane)
+        beyond = (mesh.to_edges(self._density)[-1] - mesh.to_nodes(self._density))[:, None] * gravity
         forces = [(float(contacts.stations[k]), contacts.pushes[k]) for k in self.touching]
-        if isinstance(gravity, PlanarGravity):
-            vector = np.asarray(gravity.vector)
-            mesh = self.rod.mesh
-            beyond += (mesh.to_edges(self._density)[-1] - mesh.to_nodes(self._density))[:, None] * vector
-            forces += [(mass.at, mass.mass * vector) for mass in self.finger.masses]
+        forces += [(mass.at, mass.mass * gravity) for mass in self.finger.masses]
         # As for a column: the force beyond a section times half the square of its turn, along the tangent.
         for at, force in forces:
-            beyond[s < at] += force
+            beyond[mesh.nodes < at] += force
         along = np.einsum("gi,gi->g", beyond, self._tangents) * self.rod.weights
         return np.asarray(self._spins.T @ (along[:, None] * self._spins))
 

@@ -49,12 +49,6 @@ class ContactSet:
         """World forces (C, 2) in the plane on what touches the object [N]."""
         return np.asarray(self.forces[:, :1] * self.normals + self.forces[:, 1:2] * self.across)
 
-    def wrench_map(self) -> Array:
-        """Wrench on the object about its center of mass per (N, f) of each contact, shape (3, C, 2) [1, 1, m]."""
-        on_object = -np.stack([self.normals, self.across], axis=1)
-        moment = self.arms[:, None, 0] * on_object[:, :, 1] - self.arms[:, None, 1] * on_object[:, :, 0]
-        return np.stack([on_object[:, :, 0], on_object[:, :, 1], moment])
-
     def finger_of(self, contact: int) -> str | None:
         """Name of the finger at a contact, None at a support."""
         return None if np.isnan(self.stations[contact]) else self.names[contact].split(".")[0]
@@ -92,8 +86,11 @@ def cone_edges(contacts: ContactSet) -> Array:
     and tendons have limits is the business of `continuum_grasp.grasp.quality.resistance`. In a scene with the weight
     out of the plane the whole planar cones count, as though nothing were lifted.
     """
-    scale = np.array([1.0, 1.0, contacts.scene.torque_scale])
-    normal, across = (contacts.wrench_map()[:, :, i].T / scale for i in (0, 1))
+    arms, scale = contacts.arms, np.array([1.0, 1.0, contacts.scene.torque_scale])
+    normal, across = (
+        np.column_stack([on_object, arms[:, 0] * on_object[:, 1] - arms[:, 1] * on_object[:, 0]]) / scale
+        for on_object in (-contacts.normals, -contacts.across)
+    )
     slopes = [(mu, -mu) if mu > 0.0 else (0.0,) for mu in contacts.friction]
     edges = [normal[k] + slope * across[k] for k, pair in enumerate(slopes) for slope in pair]
     return np.reshape(edges, (-1, 3))
@@ -119,19 +116,15 @@ def epsilon_l1(edges: Array) -> float:
         a, b, c = _chosen(edges, 3)
         normals = np.cross(b - a, c - a)
         directions += [normals, -normals]
-    units = _units(np.concatenate(directions))
-    return float((units @ edges.T).max(axis=1).min())
+    every = np.concatenate(directions)
+    lengths = np.linalg.norm(every, axis=1)
+    retained = lengths > 0.0  # the direction of rounding is one more that does no harm
+    return float((every[retained] / lengths[retained, None] @ edges.T).max(axis=1).min())
 
 
 def _chosen(points: Array, count: int) -> list[Array]:
     """All choices of ``count`` points: the first of each choice (K, 3), the second and so on."""
     return [points[list(k)] for k in zip(*combinations(range(len(points)), count), strict=True)]
-
-
-def _units(directions: Array) -> Array:
-    lengths = np.linalg.norm(directions, axis=1)
-    retained = lengths > 0.0  # the direction of rounding is one more that does no harm
-    return np.asarray(directions[retained] / lengths[retained][:, None])
 
 
 def _null_space(points: Array) -> Array:

@@ -108,32 +108,26 @@ def solve_lp(
     return LPOutcome("optimal", x, float(cost @ x), residual)
 
 
-@dataclass
 class Cones:
-    """Second-order cones |A_k x + a_k| <= b_k @ x + c_k for k = 1..K, vectors with two components."""
+    """Second-order cones |A_k x + a_k| <= b_k @ x + c_k for k = 1..K, vectors with two components: ``matrix`` A
+    (K, 2, n), ``offset`` a (K, 2), ``width`` b (K, n), ``spare`` c (K,).
 
-    matrix: Array  # (K, 2, n) A
-    offset: Array  # (K, 2) a
-    width: Array  # (K, n) b
-    spare: Array  # (K,) c
-    # Cone and unit direction u (2,) of the tangent planes u @ (A_k x + a_k) <= b_k @ x + c_k that stand for it so far.
-    # They hold for any width, so they stay valid while widths change.
-    cuts: list[tuple[int, Array]]
+    Tangent planes stand for them, at first in evenly spread directions; where a component is always zero, both sides of
+    the other, which is the cone itself.
+    """
 
-    @classmethod
-    def made(cls, matrix: Array, offset: Array, width: Array, spare: Array) -> Cones:
-        """Cones with tangent planes in evenly spread directions; where a component is always zero, both sides of the
-        other, which is the cone itself.
-        """
+    def __init__(self, matrix: Array, offset: Array, width: Array, spare: Array) -> None:
+        self.matrix, self.offset, self.width, self.spare = matrix, offset, width, spare
+        # Cone and unit direction u (2,) of the planes u @ (A_k x + a_k) <= b_k @ x + c_k so far. They hold for any
+        # width, so they stay valid while widths change.
+        self.cuts: list[tuple[int, Array]] = []
         # The first polygon exceeds the cone by 1 / cos(15 deg) - 1 = 3.5 % at most; cuts at solutions refine it.
         turns = 2 * np.pi * np.arange(12) / 12
         around = list(np.stack([np.cos(turns), np.sin(turns)], axis=1))
-        cuts: list[tuple[int, Array]] = []
         for k in range(matrix.shape[0]):
             live = [bool(np.any(matrix[k, i]) or offset[k, i]) for i in (0, 1)]
             flat = [np.array([s, 0.0]) for s in (1, -1)] if live[0] else [np.array([0.0, s]) for s in (1, -1)]
-            cuts += [(k, u) for u in (around if all(live) else flat)]
-        return cls(matrix, offset, width, spare, cuts)
+            self.cuts += [(k, u) for u in (around if all(live) else flat)]
 
     def planes(self) -> tuple[Array, Array]:
         """Rows (P, n) and their upper limits (P,) of all tangent planes."""

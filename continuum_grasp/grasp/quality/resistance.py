@@ -120,7 +120,7 @@ class _Limits:
         pulls = np.column_stack([differences * unit, np.tile(np.eye(len(self.setups))[:, free], 2) * both])
         matrix = np.zeros_like(effect)  # the lift, second in the cones, stays as it is
         matrix[:, 0] = effect[:, 1]
-        cones = Cones.made(
+        cones = Cones(
             matrix,
             self.forces[:, 1:] / self.scale,
             self.friction[:, None] * effect[:, 0],

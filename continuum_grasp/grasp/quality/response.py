@@ -38,18 +38,10 @@ class Change:
 
 
 class GraspResponse:
-    """First-order response of a grasp, which must be an equilibrium, with F fingers and C contacts.
+    """First-order response of a grasp, which must be an equilibrium, with F fingers and C contacts, by its ``arrays``.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        The grasp's stored numbers.
-    springs : (F,) sequence of float, optional
-        Difference of a finger's tensions per path drawn in while its drives hold [N/m], where others carry the grasp
-        out than those of the scene.
-    compliance : float, optional
-        Give of each contact [m/N]; next to none where not given.
+    ``springs`` (F,) are differences of a finger's tensions per path drawn in while its drives hold [N/m], where others
+    carry the grasp out than those of the scene; ``compliance`` the give of each contact [m/N], next to none by default.
     """
 
     def __init__(
@@ -148,27 +140,23 @@ class GraspResponse:
 
     def _solve(self, causes: Array, tendons: Tendons) -> Change:
         """Solve the saddle point problem of motions, contact forces and, where locked, tension differences."""
-        size, count = self._object + 3, self.contacts.count
-        fingers = len(self._fingers) if tendons == "locked" else 0
-        moving, pushing, pulling = slice(size), slice(size, size + 2 * count), slice(size + 2 * count, None)
-        matrix = np.zeros((size + 2 * count + fingers, size + 2 * count + fingers))
-        matrix[moving, moving] = self._stiffness
-        matrix[moving, pushing] = -self._jacobian.T
-        matrix[pushing, moving] = self._jacobian
-        matrix[pushing, pushing] = self._compliance * np.eye(2 * count)
-        if fingers:
-            matrix[moving, pulling] = -self._shared.T
-            matrix[pulling, moving] = self._plain
-            with np.errstate(divide="ignore"):
-                matrix[pulling, pulling] = np.diag(1.0 / (np.array(self._springs) * self._arms))
-        right = np.zeros((matrix.shape[0], causes.shape[1]))
-        right[moving] = causes
-        unknowns = np.linalg.solve(matrix, right)
-        motion = unknowns[moving]
-        changed = unknowns[pushing].reshape(count, 2, -1)
+        count, fingers = self.contacts.count, len(self._fingers) if tendons == "locked" else 0
+        with np.errstate(divide="ignore"):
+            compliances = np.diag(1.0 / (np.array(self._springs) * self._arms)[:fingers])
+        none = np.zeros((2 * count, fingers))
+        matrix = np.block(
+            [
+                [self._stiffness, -self._jacobian.T, -self._shared[:fingers].T],
+                [self._jacobian, self._compliance * np.eye(2 * count), none],
+                [self._plain[:fingers], none.T, compliances],
+            ]
+        )
+        right = np.pad(causes, ((0, len(matrix) - len(causes)), (0, 0)))
+        motion, pushed, pulled = np.split(np.linalg.solve(matrix, right), np.cumsum([len(causes), 2 * count]))
+        changed = pushed.reshape(count, 2, -1)
         # Seen along the turned directions, a force changes by its cross product with the turn too.
         turned, stored = self._turn_of_normal @ motion, self.contacts.forces
         forces = [changed[:, 0] + stored[:, 1, None] * turned, changed[:, 1] - stored[:, 0, None] * turned]
         differences = np.zeros((len(self._fingers), causes.shape[1]))
-        differences[:fingers] = unknowns[pulling]
+        differences[:fingers] = pulled
         return Change(motion[self._object :], np.stack(forces, axis=1), differences, self._turned @ motion)

@@ -14,22 +14,20 @@ import math
 from collections.abc import Iterable, Sequence
 
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
 from continuum_grasp.grasp.reasons.words import in_words, is_clear, is_rare, ordered, part_of
-from continuum_grasp.grasp.search import FIRST_CAP, HELD, Search
+from continuum_grasp.grasp.search import CLOSEST, FIRST_CAP, HELD, Search
 from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.grasp.values import Reason
+from continuum_grasp.grasp.values import NEAR, Reason
 from continuum_grasp.scene.grasp import GraspScene
 
-FIRST, MORE = 2, 8
-"""Starts from which a limit, or all of them, are relaxed first; and starts per limit that gives a grasp."""
+MORE = 8
+"""Starts from which a limit that gives a grasp is relaxed; before that, `CLOSEST`."""
 REWEIGHTED, FLOOR = 2, 0.1
 """Number of times that parts are weighted anew, and the part of a usual amount that halves a weight."""
-TOGETHER = 2
-"""Most limits of a reason: scenes that break more are not explained."""
 
 
 class Repairs(Elastic):
@@ -67,14 +65,11 @@ class Repairs(Elastic):
     def reasons(self) -> list[Reason]:
         """The reasons so far; of several limits at once each is needed: none is enough without the others."""
         alone = {limits[0]: repair.total for limits, repair in self.found.items() if len(limits) == 1}
-
-        def suffices(limit: Relaxation, repair: Repair) -> bool:
-            return alone.get(limit, math.inf) <= (1.0 + NONE) * repair.parts[limit]
-
         needed = [
             repair
             for limits, repair in self.found.items()
-            if len(limits) == 1 or not any(suffices(limit, repair) for limit in limits)
+            if len(limits) == 1
+            or not any(alone.get(limit, math.inf) <= (1.0 + NEAR) * repair.parts[limit] for limit in limits)
         ]
         return ordered(self._reason(reason) for repair in needed if (reason := self.as_demanded(repair)) is not None)
 
@@ -83,7 +78,7 @@ class Repairs(Elastic):
         attempt, reason = repair.attempt, in_words(self, repair)
         if not (attempt.optimal and all(is_clear(each, self.scene) for each in (reason, *reason.also))):
             tried = self.search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=FIRST_CAP)
-            if max(repair.parts.values()) < NONE and not (tried and tried.verified):
+            if max(repair.parts.values()) < NEAR and not (tried and tried.verified):
                 # The solver may leave a narrow feasible set that relaxed limits had led to.
                 self.search.adopt(attempt)
         return reason
@@ -99,15 +94,15 @@ class Repairs(Elastic):
             self.totals.setdefault((limit,), [])
             if not (search.impossible and cannot_balance(eased(self.scene, [limit], LARGER[-1]))):
                 starts[limit] = self.starts.alone(limit)
-                self._from(limit, starts[limit], FIRST)
+                self._from(limit, starts[limit], CLOSEST)
         others = [limit for limit in starts if limit in self.bounding]
         # From rough starts all limits are relaxed at once: where that gives no grasp, one alone gives none, but for a
         # part of a limit, which is not relaxed as far beside others.
         rough = self.starts.rough if others else []
-        points = _least(self._all_from(self.numbered, rough[:FIRST]))
+        points = _least(self._all_from(self.numbered, rough[:CLOSEST]))
         for limit in others:
             if math.isfinite(limit.most(self.scene)) and not limit.bounds_shape and (points or not limit.additive):
-                self._from(limit, rough, FIRST)
+                self._from(limit, rough, CLOSEST)
         for point in [*points, *_least(self.found.values())[:1]]:
             self._in_place_of(point, [limit for limit in others if (limit,) not in self.found])
         for limit in starts:
@@ -123,19 +118,19 @@ class Repairs(Elastic):
         modest = {limit: MODEST * limit.most(self.scene) / limit.start(self.scene) for limit in point.parts}
         if any(part > modest[limit] for limit, part in point.parts.items()):
             return  # so far that is relaxed alone only
-        known = tuple(limit for limit, part in point.parts.items() if part >= NONE)
+        known = tuple(limit for limit, part in point.parts.items() if part >= NEAR)
         weights = {relaxation.name: 1.0 / FLOOR for relaxation in known}
         if len(set(others) - set(known)) > 1:
             # Where none of them is relaxed though all may be, none is in the place of something.
             every = self.relax(tuple(dict.fromkeys((*known, *others))), point, weights=weights)
             if every is not None and all(
-                every.parts[relaxation] < NONE for relaxation in others if relaxation not in known
+                every.parts[relaxation] < NEAR for relaxation in others if relaxation not in known
             ):
                 others = [relaxation for relaxation in others if relaxation in known]
         for limit in others:
             rest = [relaxation for relaxation in known if relaxation is not limit]
             at = self.relax((*rest, limit), point, weights={**weights, limit.name: 1.0}) if rest else point
-            if at is not None and all(at.parts[relaxation] < NONE for relaxation in rest):
+            if at is not None and all(at.parts[relaxation] < NEAR for relaxation in rest):
                 self.attempt((limit,), at)
 
     def _from(self, limit: Relaxation, starts: Iterable[Start], count: int) -> None:
@@ -182,8 +177,8 @@ class Repairs(Elastic):
         """Few limits that are relaxed at a point next to one with many, and that point."""
         for count in itertools.count():
             parts = point.parts
-            needed = [limit for limit in parts if parts[limit] >= NONE] or [max(parts, key=parts.__getitem__)]
-            if len(needed) <= TOGETHER:
+            needed = [limit for limit in parts if parts[limit] >= NEAR] or [max(parts, key=parts.__getitem__)]
+            if len(needed) <= 2:  # scenes that break more are not explained
                 return tuple(needed), point
             weights = {limit.name: FLOOR / (FLOOR + part) for limit, part in parts.items()}
             if count < REWEIGHTED and (lighter := self.relax(needed, point, weights=weights)):

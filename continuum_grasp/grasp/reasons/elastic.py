@@ -13,12 +13,12 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.certificate import certify_reached
-from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
+from continuum_grasp.grasp.problem.relaxations import Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.problem.values import contact_features
 from continuum_grasp.grasp.search import FIRST_CAP, PATIENCE, STANDSTILL, Search
 from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.grasp.values import SAME
+from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
@@ -61,7 +61,7 @@ class Elastic:
         if repair is None:
             return None
         # Of several limits one that is not relaxed has no part in the reason.
-        if len(limits) == 1 or min(repair.parts.values()) >= NONE:
+        if len(limits) == 1 or min(repair.parts.values()) >= NEAR:
             repair = self._deep(repair)
             best = self.found.get(limits)
             if (best is None or repair.total < best.total) and self.holds(repair.parts, repair.arrays):

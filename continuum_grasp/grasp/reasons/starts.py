@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from functools import cached_property
-from itertools import zip_longest
 from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
+from continuum_grasp.grasp.problem.relaxations import Relaxation
 from continuum_grasp.grasp.search import BENT, HELD, UNLIKELY, Search
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
-from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.starts.values import Start, interleaved
 from continuum_grasp.grasp.tried import branch_of
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import GraspScene
 
 NEARER = 0.95
@@ -110,7 +110,7 @@ class Starts:
                 return UNLIKELY
             alike = (basin.start for basin in search.basins if basin.start.contacts.keys() == start.contacts.keys())
             known = min((other.imbalance for other in alike), default=math.inf)
-            return min(threshold, max(NEARER * known, NONE))
+            return min(threshold, max(NEARER * known, NEAR))
 
         return [start for start in starts if start.imbalance < enough(start)]
 
@@ -129,8 +129,3 @@ def spread(starts: list[Start]) -> list[Start]:
     for start in starts:
         branches.setdefault(branch_of(start), []).append(start)
     return interleaved(list(branches.values()))
-
-
-def interleaved(lists: list[list[Start]]) -> list[Start]:
-    """The first of each list, then the second of each, and so on."""
-    return [start for rank in zip_longest(*lists) for start in rank if start is not None]

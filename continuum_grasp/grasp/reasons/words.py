@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.reasons.elastic import Elastic, Repair
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.grasp.values import Reason
+from continuum_grasp.grasp.values import NEAR, Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import greatest_shift
 
@@ -38,7 +38,7 @@ def ordered(reasons: Iterable[Reason]) -> list[Reason]:
     result: list[Reason] = []
     tied: list[Reason] = []
     for reason in sorted(reasons, key=rank):
-        if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > NONE):
+        if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > NEAR):
             result, tied = result + tied, []
         tied = sorted([*tied, reason], key=lambda ranked: [names.index(part.name) for part in (ranked, *ranked.also)])
     return result + tied

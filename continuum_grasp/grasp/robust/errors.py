@@ -96,14 +96,7 @@ def with_drawn_states(scene: GraspScene, errors: Array) -> Array:
 
 
 class InError:
-    """Scenes of a grasp with errors.
-
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of the grasp, as a result holds them.
-    """
+    """Scenes of a grasp with errors; ``arrays`` are those of the grasp, as a result holds them."""
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         names = [str(name) for name in arrays["contact_names"]]
@@ -113,9 +106,8 @@ class InError:
         # Supports that the object touches; two contacts with one: a face lies on it and has no error of its angle.
         supports = [support.name for name in names if (support := scene.support_of(name)) is not None]
         self.on, self.flat = frozenset(supports), len(supports) > len(set(supports))
-
-        # Coordinates of its pose that the supports leave.
         self._lies: dict[bytes, Pose] = {}
+        # Coordinates of its pose that the supports leave.
         self.left = tuple({0, 1, 2} - set(pinned_by(self.scene, self.on, self.pose, flat=self.flat)))
 
     def pose_in_error(self, error: Array) -> Pose:

@@ -141,16 +141,9 @@ class JointSolverRun:
     """Solver runs on a grasp and its postures in error; of the form of `GraspSolverRun`, whose unknowns, numbers and
     constraints come first.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    start : Start
-        Next to which grasps are sought; it decides which contacts are on.
-    errors : ndarray, shape (K, 6 + S)
-        As rows of `continuum_grasp.grasp.robust.errors`.
-    touching : sequence of dict
-        Which contacts are on in the posture of each error (K), and where on the object they are; None: those of the
-        start.
+    Grasps are sought next to a start, which decides which contacts are on; ``errors`` (K, 6 + S) are rows of
+    `continuum_grasp.grasp.robust.errors`, and ``touching`` (K) says which contacts are on in the posture of each, and
+    where on the object they are; None: those of the start.
     """
 
     def __init__(

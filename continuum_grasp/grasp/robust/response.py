@@ -30,6 +30,7 @@ from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
 from continuum_grasp.grasp.tried import Tried
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -40,35 +41,19 @@ SETS = 4
 FRUITLESS = 12
 """Sets of contacts, and starts from the posture with the greatest reserve, that are tried in a row without one that
 holds: such a grasp has other flaws; a set takes 0.6 s."""
-NEAR = 1e-3
-"""Gap, per length of the finger, from which on a contact that is clear cannot be what is missing [1]."""
 
 
 @dataclass(frozen=True)
 class Response(Tried):
-    """The posture for one error, in the scene with it.
+    """The posture for one error, in the scene with it."""
 
-    Attributes
-    ----------
-    error : ndarray, shape (6 + K,)
-        See `continuum_grasp.grasp.robust.errors`; K friction states.
-    reserve : float
-        By how much all friction cones could be narrower, per force reference [1]; minus infinity where no posture was
-        found.
-    margin : float
-        Least friction margin [1]; minus infinity where a contact parts or no posture balances, NaN where the solver has
-        no answer.
-    weakest : str
-        The contact with that margin; empty where nothing balances.
-    begin : Start
-        Where the posture was sought from, without the error; it has the contacts of the posture.
-    """
-
-    error: Array
+    error: Array  # (6 + K,) as of `continuum_grasp.grasp.robust.errors`, with K friction states
+    # By how much all friction cones could be narrower, per force reference [1]; minus infinity without a posture.
     reserve: float
+    # Least friction margin [1]; minus infinity where a contact parts or no posture balances, NaN without an answer.
     margin: float
-    weakest: str
-    begin: Start
+    weakest: str  # the contact with that margin; empty where nothing balances
+    begin: Start  # where the posture was sought from, without the error; it has the contacts of the posture
 
     @property
     def holds(self) -> bool:
@@ -77,19 +62,9 @@ class Response(Tried):
 
 
 class Responder:
-    """Finds the postures of a grasp with errors.
+    """Finds the postures of a grasp with errors; ``arrays`` are those of the grasp, as a result holds them.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        Of the grasp, as a result holds them.
-    budget : Budget
-
-    Attributes
-    ----------
-    anew : int
-        Errors for which no solution next to another one was found, so that an NLP was solved from the grasp.
+    ``anew`` counts errors for which no solution next to another one was found, so that it was sought from the grasp.
     """
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> None:

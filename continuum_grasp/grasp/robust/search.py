@@ -42,44 +42,26 @@ def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -
 class Exchange:
     """Errors that are tried, and those of them that the problem of a grasp must have: they grow until none fails.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    bounds : Robust
-    arrays : mapping
-        Of the grasp that it begins with, as a result holds them.
-    budget : Budget
-    errors : ndarray, shape (K, 6 + S), optional
-        Those that the problem has already.
-
-    Attributes
-    ----------
-    arrays : mapping
-        Of the grasp that was tried last.
-    responder : Responder
-        Of that grasp.
-    responses, first : sequence of Response
-        Of that grasp, and of the one that it begins with, to all errors.
-    chosen : list of int
-        Which of these the problem must have.
-    touching : sequence of mapping
-        Which contacts are on in the posture of each of those that the problem has, and where.
-    iterations : int
-        Of all runs of the solver.
-    optimal : bool
-        Whether the grasp is a local optimum to the full tolerance.
+    It begins with the grasp of ``arrays``, as a result holds them, and with ``errors`` (K, 6 + S) that the problem has
+    already.
     """
 
-    responder: Responder
+    arrays: Mapping[str, Any]  # of the grasp that was tried last
+    responder: Responder  # of that grasp
+    responses: list[Response]  # of that grasp to all errors
+    first: list[Response]  # of the grasp that it begins with
+    chosen: list[int]  # errors that the problem must have
+    touching: Sequence[Mapping[str, ContactStart]]  # contacts that are on in the posture of each of these, and where
+    iterations: int  # of all runs of the solver
+    optimal: bool  # whether the grasp is a local optimum to the full tolerance
 
     def __init__(
         self, scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget, errors: Sequence[Array] = ()
     ) -> None:
         self.scene, self.budget, self.arrays = scene, budget, arrays
-        self.responses, self.first = list[Response](), list[Response]()
+        self.responses, self.first, self.touching = [], [], ()
         tried = {error.tobytes(): error for error in (*errors, *tried_errors(scene, bounds, arrays))}
         self._errors, self.chosen = list(tried.values()), list(range(len(errors)))
-        self.touching: Sequence[Mapping[str, ContactStart]] = ()
         self.iterations, self.optimal = 0, True
 
     def active(self, arrays: Mapping[str, Any]) -> list[Response]:

@@ -32,6 +32,7 @@ from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.response import HOLDS
 from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.shape import ROUNDING
+from continuum_grasp.grasp.starts.force import Loads
 from continuum_grasp.grasp.starts.supports import evenly
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.scene.grasp import GraspScene
@@ -43,8 +44,6 @@ of the longest finger; friction coefficients, the object's mass, bending stiffne
 shares. Those of `Trials` of missions, but for friction, which is known to a fifth as a rule."""
 PLANTS = 128
 """Plants of the quasi-random sequence, each with eight signs of its errors: shares are good to 1 or 2 %."""
-_TURNS = 24
-"""Tangent planes that stand for a spatial friction cone, beside that at the force of the grasp: 0.9 % wider."""
 _EQUATIONS = (
     *("contact gap", "contact tangency", "contact on the surface", "contact normal"),
     *("finger equilibrium", "drive", "object ", "landing"),
@@ -178,7 +177,8 @@ class _Plants:
         friction = np.array([self.scene.friction(name) for name in self.names])
         slippery = np.outer(1.0 + points @ self.sides[:, ERRORS.index("friction")], friction)
         forces = self._forces + np.einsum("cfe,de->dcf", self._by_error, points)
-        turns = 2.0 * np.pi * np.arange(_TURNS) / _TURNS
+        # Tangent planes stand for a spatial cone, beside that at the force of the grasp: 0.9 % wider.
+        turns = 2.0 * np.pi * np.arange(Loads.directions) / Loads.directions
         around = np.stack([np.cos(turns), np.sin(turns)], axis=1) if forces.shape[2] == 3 else np.array([[1.0], [-1.0]])
         ways = self._by_way.shape[2]
         rows = [np.tile(-self._spare_by_way, (len(points), 1, 1))]
@@ -187,11 +187,8 @@ class _Plants:
             # Friction times normal force, less the force along each direction; and what presses.
             direction = np.array(sideways) / max(float(np.linalg.norm(sideways)), 1e-300)
             cone = np.zeros((len(points), len(around) + 2, forces.shape[2]))
-            cone[:, :-1, 0], cone[:, -1, 0], cone[:, :-1, 1:] = (
-                slippery[:, k, None],
-                1.0,
-                -np.vstack([around, direction]),
-            )
+            cone[:, :-1, 0], cone[:, -1, 0] = slippery[:, k, None], 1.0
+            cone[:, :-1, 1:] = -np.vstack([around, direction])
             rows.append((-cone.reshape(-1, cone.shape[2]) @ self._by_way[k]).reshape(*cone.shape[:2], ways))
             limits.append(np.einsum("drf,df->dr", cone, forces[:, k]))
         matrix = np.concatenate(rows, axis=1)

@@ -14,19 +14,11 @@ from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.result import GraspResult, flawed
-from continuum_grasp.grasp.robust.errors import (
-    BOUNDS,
-    OBJECT,
-    alone,
-    drawn,
-    extremes,
-    with_drawn_states,
-    with_states,
-)
+from continuum_grasp.grasp.robust.errors import BOUNDS, OBJECT, alone, drawn, extremes, with_drawn_states, with_states
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
 from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_postures
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import HELD, Search
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import NEAR, UNSTABLE, Reason, Status, tension_of
@@ -35,17 +27,12 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, Robust
 
 DRAWS = 100
-"""Friction states that are drawn, where the scene names no errors."""
-COMPARED = 200
-"""Draws with which the nominal grasp is tried: its share is known to 7 percentage points at 95 %."""
+"""Friction states that are drawn, where the scene names no errors. The nominal grasp is tried with twice as many draws
+at most: its share is then known to 7 percentage points at 95 %."""
 HALVINGS = 4
 """Number of times that the interval of the bounds that a grasp holds is halved: to a sixteenth."""
-BRANCHES = 2
-"""Further grasps of the nominal search next to which a robust one is sought. With stations, that with one holds after
-1.5 s, that with two after 3 s, that with four does not after 17 s, and one with three has no answer after minutes
-(preshaped)."""
-_TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
-"""Keys of a finger by which its friction states matter less."""
+_FRICTIONS = {"tendons.friction": "of the tendons", "damping.dry_friction.moment": "in bending"}
+"""Keys of a finger by which its friction states matter less, and where these are."""
 
 
 def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
@@ -64,7 +51,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
             scene.objective == "least_tension"
             and tension_of(scene, arrays) < (1.0 - NEAR) * tension_of(scene, exchange.arrays)
         )
-        if branches > BRANCHES or not may or budget.over:
+        if branches >= HELD or not may or budget.over:
             break
         branches += 1
         other = find_robust(scene, bounds, arrays, budget)
@@ -77,9 +64,9 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         arrays = with_postures(scene, exchange.arrays, exchange.responses, trials)
         certificate = certify(scene, arrays)
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
-    nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
+    nominal = _trials(scene, bounds, result.arrays, errors[: 2 * DRAWS], trials, first.first)
     robust = nominal if exchange.holds else None
-    if exchange.holds and (exchange.arrays is not result.arrays or len(errors) > COMPARED):
+    if exchange.holds and (exchange.arrays is not result.arrays or len(errors) > 2 * DRAWS):
         robust = _trials(scene, bounds, exchange.arrays, errors, trials, exchange.responses)
     robustness = Robustness(errors, nominal, robust, exchange.errors, result.arrays, exchange.touching)
     if robust is None:
@@ -125,8 +112,7 @@ def _whatever(scene: GraspScene) -> str:
 
 def _where(scene: GraspScene) -> str:
     """Parts that have friction states, in words."""
-    both = ("of the tendons", "has_tendon_friction"), ("in bending", "has_dry_friction")
-    return " and ".join(word for word, has in both if any(getattr(setup.finger, has) for setup in scene.setups))
+    return " and ".join(_FRICTIONS[key] for key in _frictions(scene))
 
 
 def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
@@ -178,19 +164,27 @@ def _none(
         f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found that holds "
         f"whatever {_whatever(result.scene)}"
     )
-    violated = () if worst is None else (f"{_written(result.scene, worst.error)}: {_failing(worst)}",)
+    violated: tuple[str, ...] = ()
+    if worst is not None:
+        broken = ", ".join(str(violation) for violation in worst.attempt.violations[:2])
+        what = worst.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
+        violated = (f"{_written(result.scene, worst.error)}: {what}",)
     base = replace(result, robustness=robustness, violated=violated, sensitivity=())
     if low <= 0.0 or budget.cut:
         advice = "Lower the bounds in robust, raise contacts.friction or tendons.max_tension, or add a contact."
         if not result.scene.robust:
-            advice = _less(result.scene)
+            advice = (
+                f"Lower {' and '.join(_frictions(result.scene))}, raise contacts.friction or "
+                "contacts.normal_force_max, which fingers that were let out press with more, or add a contact. "
+                "friction_states: pulled, where nothing moves the fingers after they are pulled."
+            )
         return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
     name, key, unit, now, limits = "errors", "robust", "1", 1.0, "all bounds"
     repair = f"multiply all bounds in robust by {low:.4g}"
     if not result.scene.robust:
         frictions = _frictions(result.scene)
         (key, now), *further = frictions.items()
-        name, unit, limits = "friction states", "1" if key == _TENDONS else "N m", " and ".join(frictions)
+        name, unit, limits = "friction states", "N m" if key.endswith("moment") else "1", " and ".join(frictions)
         repair = f"multiply all {key} by {low:.4g}, to {low * now:.4g} at most"
         repair += "".join(f", and all {other} likewise, to {low * limit:.4g}" for other, limit in further)
     text += f"; with {low:.0%} of {limits} there is one"
@@ -224,25 +218,9 @@ def _less_friction(setup: FingerSetup, share: float) -> GraspFinger:
 
 def _frictions(scene: GraspScene) -> dict[str, float]:
     """Keys of the frictions that have states, and the greatest value of each."""
-    greatest = {_TENDONS: 0.0, _BENDING: 0.0}
-    for setup in scene.setups:
-        greatest[_TENDONS] = max(greatest[_TENDONS], setup.tendons.friction)
-        greatest[_BENDING] = max([greatest[_BENDING], *(branch.moment for branch in setup.finger.damping.dry_friction)])
-    return {key: value for key, value in greatest.items() if value > 0.0}
-
-
-def _less(scene: GraspScene) -> str:
-    """Advice where friction states are too bad."""
-    return (
-        f"Lower {' and '.join(_frictions(scene))}, raise contacts.friction or contacts.normal_force_max, which fingers "
-        "that were let out press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
-        "after they are pulled."
-    )
-
-
-def _failing(response: Response) -> str:
-    broken = ", ".join(str(violation) for violation in response.attempt.violations[:2])
-    return response.weakest or f"no posture balances{f' ({broken})' if broken else ''}"
+    branches = [branch.moment for setup in scene.setups for branch in setup.finger.damping.dry_friction]
+    greatest = max(setup.tendons.friction for setup in scene.setups), max(branches, default=0.0)
+    return {key: value for key, value in zip(_FRICTIONS, greatest, strict=True) if value > 0.0}
 
 
 def _written(scene: GraspScene, error: Array) -> str:
@@ -255,7 +233,7 @@ def _written(scene: GraspScene, error: Array) -> str:
     for setup in scene.setups if states else ():
         finger_states = states[scene.state_columns[setup.name]] if setup.name in scene.state_columns else []
         count = setup.tendon_friction_states
-        parts = ("of the tendons", finger_states[:count]), ("in bending", finger_states[count:])
+        parts = zip(_FRICTIONS.values(), (finger_states[:count], finger_states[count:]), strict=True)
         of = f" of {setup.name}" * (len(scene.setups) > 1)
         words += [f"friction states {part}{of} {_signs(each)}" for part, each in parts if each]
     return ", ".join(words)

@@ -20,11 +20,13 @@ from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_
 from continuum_grasp.grasp.starts.scan.curves import segment_end, touch
 from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violation
 from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose, pose_bounds
 
-_TABLE = {2: 400, 3: 36, 4: 14}
-"""Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets."""
+COUNTS = {2: (14, 400, 48), 3: (8, 36, 96), 4: (6, 14, 96)}
+"""By number of fingers: postures per finger that are combined, to 200 to 1300 combinations; and, of those that touch
+with their tips alone, that are matched, to 40,000 to 160,000 sets, and how many of these are chosen."""
 _LIKELY = 600
 """Sets among which those that differ are chosen."""
 _COST = 0.1
@@ -38,30 +40,27 @@ def matched_sets(
     features: list[Array],
     blocks: list[Block],
     supports: tuple[Block, dict[str, ContactStart]],
-    count: int,
 ) -> list[Candidates]:
-    """Postures of each finger, ``count`` at most, the k-th of which belong together, the most likely ones that differ
-    first.
-    """
+    """Postures of each finger, the k-th of which belong together, the most likely ones that differ first."""
     com = complex(*scene.object.com)
-    row_limit = _TABLE[len(postures)]
+    _, row_limit, count = COUNTS[len(postures)]
     picks, tables = [], []
     for setup, candidates, unlike, block in zip(scene.setups, postures, features, blocks, strict=True):
-        carried = shape_forces(loads, setup, candidates, block, com)
-        edges, pull = carried.known[:, 3:5], carried.known[:, 5]
+        known, own = shape_forces(loads, setup, candidates, block, com)
+        edges, pull = known[:, 3:5], known[:, 5]
         high = float(block.high[-2:].max()) / loads.force
         normal = edges.sum(axis=1)
         # What is outside of the cone or a limit, per the forces in play.
         outside = np.maximum(-edges, 0.0).sum(axis=1) + np.maximum(np.abs(pull) - high, 0.0)
         outside += np.maximum(normal - setup.normal_force_max / loads.force, 0.0)
-        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((carried.own**2).sum(axis=1))
+        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((own**2).sum(axis=1))
         alone += np.minimum(10.0 * candidates.violation, 1.0)
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
         pick = np.array(spread_order(score, unlike, row_limit))
         picks.append(pick)
-        tables.append(np.column_stack([carried.known[:, :3], lift, alone, cost])[pick])
+        tables.append(np.column_stack([known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
     total = tables[0]
     size = 1.0 + np.sqrt((total[:, :3] ** 2).sum(axis=1))
@@ -107,21 +106,17 @@ _DESCENTS = 24
 """Steps to the nearest forces of supports, with which Gauss-Newton steps begin."""
 _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
-_SHALLOW = 1e-3
-"""Depth in obstacles, in lengths of the finger, that the weights leave at the best posture beside an object."""
 
 
-@dataclass(frozen=True)
-class ShapeForces:
-    """Effect of the contact force and the tension that come closest to bending P postures of a finger as they are."""
+def shape_forces(
+    loads: Loads, setup: FingerSetup, candidates: Candidates, block: Block, com: complex
+) -> tuple[Array, Array]:
+    """Contact force and tension that come closest to bending P postures of a finger, which touches with its tip alone,
+    as they are: what is known of them (P, 8), and what is missing for the balance of the finger (P, R).
 
-    known: Array  # (P, 8) what they do to the object (3), forces along two edges of the cone, tension left minus
-    # right, all per the unit of force; arm of the contact, per the object's size (2)
-    own: Array  # (P, R) what is missing for the balance of the finger
-
-
-def shape_forces(loads: Loads, setup: FingerSetup, candidates: Candidates, block: Block, com: complex) -> ShapeForces:
-    """Forces that shapes of a finger that touches with its tip alone fix; ``com`` in the object's frame [m]."""
+    Known are their effect on the object (3), forces along two edges of the cone, tension left minus right, all per the
+    unit of force, and the arm of the contact from ``com``, in the object's frame [m], per the object's size (2).
+    """
     columns = [*cone_edges(loads, setup.held_friction), -2]
     moments, onto = block.moments[:, :, columns], block.onto[:, :3, columns]
     square = np.einsum("pri,prj->pij", moments, moments)
@@ -134,7 +129,7 @@ def shape_forces(loads: Loads, setup: FingerSetup, candidates: Candidates, block
     arm = (candidates.points[:, 0] - com) / loads.length
     known = [(onto @ forces[..., None])[..., 0], forces, arm.real[:, None], arm.imag[:, None]]
     known[0], known[1] = known[0] / loads.force, known[1] / loads.force
-    return ShapeForces(np.concatenate(known, axis=1), remainder)
+    return np.concatenate(known, axis=1), remainder
 
 
 def polished(
@@ -191,7 +186,7 @@ def pressed(onto: Array, off: Array) -> Array:
 class _Look:
     """Tip of a finger at a set's posture and, behind it, with each of its n unknowns changed a little."""
 
-    known: Array  # (K, 1 + n, 8)
+    known: Array  # (K, 1 + n, 8), of `shape_forces`
     own: Array  # (K, 1 + n, R)
     steps: Array  # (K, n) these changes
 
@@ -200,7 +195,7 @@ class _Balance:
     """Imbalance, and its cost, from what the tips do, lifts and forces at supports."""
 
     def __init__(self, scene: GraspScene, loads: Loads, supports: Block, touched: dict[str, ContactStart]) -> None:
-        self.loads, self._setups = loads, scene.setups
+        self.loads = loads
         self._friction = np.array(
             [s.held_friction for s in scene.setups] + [scene.held_friction(name) for name in touched]
         )
@@ -241,28 +236,22 @@ class _Balance:
 
     def missing(self, looks: list[_Look], free: Array) -> tuple[Array, Array]:
         """Residuals (K, R), of which the first ones are the cost, and their slopes (K, R, n)."""
-        base = [look.known[:, 0] for look in looks]
-        here = self._common(base, free)
-        remainders = [look.own[:, 0] for look in looks]
-        columns, blocks = [], []
-        for k, look in enumerate(looks):
-            width = look.known.shape[1] - 1
-            blocks.append(np.swapaxes((look.own[:, 1:] - look.own[:, :1]) / look.steps[..., None], 1, 2))
-            for j in range(width):
-                moved = [look.known[:, 1 + j] if i == k else b for i, b in enumerate(base)]
-                columns.append((self._common(moved, free) - here) / look.steps[:, j, None])
-        for j in range(free.shape[1]):
-            step = np.zeros(free.shape[1])
-            step[j] = _STEP
-            columns.append((self._common(base, free + step) - here) / _STEP)
-        common = np.stack(columns, axis=2)
-        slope = np.zeros((len(free), here.shape[1] + sum(b.shape[1] for b in blocks), common.shape[2]))
-        slope[:, : here.shape[1]] = common
-        row, column = here.shape[1], 0
-        for block in blocks:
-            slope[:, row : row + block.shape[1], column : column + block.shape[2]] = block
-            row, column = row + block.shape[1], column + block.shape[2]
-        return np.concatenate([here, *remainders], axis=1), slope
+
+        def residuals(free: Array, finger: int = 0, change: int = 0) -> Array:
+            at = [change if k == finger else 0 for k in range(len(looks))]
+            known, own = (
+                [getattr(look, name)[:, j] for look, j in zip(looks, at, strict=True)] for name in ("known", "own")
+            )
+            return np.concatenate([self._common(known, free), *own], axis=1)
+
+        here = residuals(free)
+        slopes = [
+            (residuals(free, k, 1 + j) - here) / look.steps[:, j, None]
+            for k, look in enumerate(looks)
+            for j in range(look.steps.shape[1])
+        ]
+        slopes += [(residuals(free + step) - here) / _STEP for step in _STEP * np.eye(free.shape[1])]
+        return here, np.stack(slopes, axis=2)
 
     def _common(self, known: list[Array], free: Array) -> Array:
         """The cost, balances of the object, and what is outside of limits (K, R)."""
@@ -326,15 +315,16 @@ class _Finger:
         if len(slopes):
             wrong[slopes] = self._in_the_way(postures.take(slopes))
         block = finger_block(self.scene, self.loads, self.setup, postures, self.pose)
-        carried = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
-        alone = np.column_stack([carried.own, _IN_THE_WAY * wrong, _GAP * gap])
-        known, remainder = (part.reshape(count, size + 1, -1) for part in (carried.known, alone))
-        return _Look(known, remainder, steps)
+        known, own = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
+        own = np.column_stack([own, _IN_THE_WAY * wrong, _GAP * gap])
+        known, own = (part.reshape(count, size + 1, -1) for part in (known, own))
+        return _Look(known, own, steps)
 
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
         postures, gap = self._postures(x, np.arange(len(x)), touching=True)
-        wrong = np.maximum(self._in_the_way(postures) - _SHALLOW, 0.0)
+        # The weights leave the best posture beside an object a little too deep.
+        wrong = np.maximum(self._in_the_way(postures) - NEAR, 0.0)
         return replace(postures, violation=wrong + np.where(np.abs(gap) < ROUNDING, 0.0, 1.0))
 
     def _in_the_way(self, postures: Candidates) -> Array:

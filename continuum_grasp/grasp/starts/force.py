@@ -23,7 +23,6 @@ from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects.body import Pose
 
 _NODES, _WEIGHTS = gauss_legendre(4)
@@ -79,17 +78,16 @@ class Block:
 
 def loads_of(scene: GraspScene) -> Loads:
     """Loads on a scene's contacts."""
-    gravity = complex(*scene.gravity.vector) if isinstance(scene.gravity, PlanarGravity) else 0j
-    upright = scene.gravity if isinstance(scene.gravity, OutOfPlaneGravity) else None
+    gravity = complex(*scene.gravity_in_plane)
     stiff = max(s.stiffness / s.finger.rod.length**2 for s in scene.setups)
     return Loads(
         # Where nothing weighs, forces that bend a finger well are about E I / L^2.
         force=max(scene.weight, 0.3 * stiff),
         length=scene.object.size,
         planar=scene.object.mass * gravity,
-        lift=scene.object.mass * upright.magnitude if upright else 0.0,
+        lift=scene.weight if scene.lifted else 0.0,
         gravity=gravity,
-        balance=upright is not None and upright.tilt == "balance",
+        balance=scene.balances_tilt,
     )
 
 

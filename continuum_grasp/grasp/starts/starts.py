@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import zip_longest
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.basins import Basins, is_scanned
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, spread_order
-from continuum_grasp.grasp.starts.fingertips import matched_sets, polished
+from continuum_grasp.grasp.starts.fingertips import COUNTS, matched_sets, polished
 from continuum_grasp.grasp.starts.force import (
     Block,
     Loads,
@@ -28,7 +27,7 @@ from continuum_grasp.grasp.starts.force import (
 )
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses, support_contacts
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start, interleaved
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
@@ -51,7 +50,7 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start
         rows = [(at, row) for at in kind for row in range(len(at.score))]
         score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in kind), strict=True))
         chosen.append([_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)])
-    return [start for rank in zip_longest(*chosen) for start in rank if start is not None]
+    return interleaved(chosen)
 
 
 def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Basins] | None:
@@ -61,7 +60,7 @@ def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Ba
     if not is_scanned(scene, on):
         return None
     basins = Basins(scene, on)
-    return _starts_of(basins, refined=True), basins
+    return starts_of(basins, refined=True), basins
 
 
 def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
@@ -76,12 +75,8 @@ def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
     return still if free and is_scanned(still, on) else None
 
 
-def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
-    """Starts from the postures of a scan for a scene that differs in mass or in limits of forces alone."""
-    return _starts_of(basins.with_forces(scene))
-
-
-def _starts_of(basins: Basins, *, refined: bool = False) -> list[Start]:
+def starts_of(basins: Basins, *, refined: bool = False) -> list[Start]:
+    """Starts from the basins of a scan, which may be ``refined``."""
     if not basins.postures:
         return []
     scored = basins.refined() if refined else basins.lowest()
@@ -140,12 +135,8 @@ def _as_start(made: Weighing | Basins, at: Weighed, row: int) -> Start:
 NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero. With limits
 relaxed, postures that hold had 0.003 at most, others 0.02 and more with few exceptions (28 scenes)."""
-_PER_FINGER = {2: 14, 3: 8, 4: 6}
-"""Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
 _CLEAREST = 100
 """Postures of one finger that are weighed, those with least in the way: all that 8 scenes chose have nothing."""
-_SETS = {2: 48, 3: 96, 4: 96}
-"""Sets of so many fingers that touch with their tips alone, at a pose of the object."""
 
 
 @dataclass(frozen=True)
@@ -192,7 +183,7 @@ class Weighing:
             return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
-        sets = matched_sets(self.scene, self.loads, postures, features, blocks, supports, _SETS[len(self.setups)])
+        sets = matched_sets(self.scene, self.loads, postures, features, blocks, supports)
         bent = polished(self.scene, self.loads, sets, pose, supports)
         pairs = [np.arange(len(bent[0].knots))] * len(bent)
         return [self._weigh(pose, bent, self._features(bent), self._blocks(pose, bent), pairs), plain]
@@ -224,12 +215,12 @@ def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> li
     """Combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ, by indices."""
     if len(blocks) == 1:
         return [np.arange(len(blocks[0].needed))]
-    alone = [_alone(loads, block) for block in blocks]
-    limit = _PER_FINGER[len(blocks)]
-    picks = [
-        np.array(spread_order(doubt(left) + cost, what, limit))
-        for (left, cost, _), what in zip(alone, features, strict=True)
-    ]
+    # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
+    free, picks = replace(loads, planar=0j, lift=0.0, balance=False), []
+    for block, what in zip(blocks, features, strict=True):
+        internal = replace(block, onto=0.0 * block.onto[:, :3])
+        left, cost, _ = imbalance(free, [internal], [np.arange(len(block.needed))])
+        picks.append(np.array(spread_order(doubt(left) + cost, what, COUNTS[len(blocks)][0])))
     return [index.ravel() for index in np.meshgrid(*picks, indexing="ij")]
 
 
@@ -240,15 +231,6 @@ def doubt(left: Array) -> Array:
     return np.where(left < NEARLY_BALANCED, 10.0 * left, 10.0 * NEARLY_BALANCED + 2.0 * (left - NEARLY_BALANCED))
 
 
-def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
-    """Remainder of the fingers' own balance, its cost, and what the forces then do to the object."""
-    # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
-    free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
-    internal = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
-    left, cost, forces = imbalance(free, [internal], [np.arange(len(block.needed))])
-    return left, cost, (block.onto[:, :3] @ forces[..., None])[..., 0] / loads.force
-
-
 _AT = np.linspace(0.0, 1.0, 25)
 """Places along a finger: the segments between them are 4 % of its length."""
 
@@ -257,12 +239,9 @@ def overlaps(scene: GraspScene, postures: list[Candidates], index: list[Array]) 
     """Depth of the fingers of B combinations in each other, in sum, per length (B,); ``index`` (B,) per finger are the
     postures combined.
     """
-    names = [setup.name for setup in scene.setups]
-    pairs = [(names.index(finger.name), names.index(other.name)) for finger, other in scene.pairs]
-    deep = np.zeros(len(index[0]))
+    deep, pairs, lines = np.zeros(len(index[0])), scene.pairs, []
     if not pairs:
         return deep
-    lines = []
     for setup, candidates in zip(scene.setups, postures, strict=True):
         bent = sample(candidates.knots, candidates.curvatures, np.tile(_AT, (len(candidates.knots), 1)))
         x, y, turn = candidates.bases.T

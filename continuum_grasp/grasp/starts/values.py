@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -73,7 +74,7 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
     normals = dict(zip(names, arrays["contact_normals"], strict=True))
     x, y, turn = arrays["object.pose"].tolist()
     back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    fingers = {}
+    fingers, tensions = {}, {}
     for setup in scene.setups:
         finger = setup.name
         shape = FingerShape(setup, arrays)
@@ -86,6 +87,8 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
             sides.append(1 if name not in normals or across @ normals[name] >= 0.0 else -1)
         base = tuple(arrays[f"{finger}.base"].tolist())
         fingers[finger] = FingerStart(base, joints, tuple(sides), *_knots(shape.curvatures, ends))
+        left, right = arrays[f"{finger}.tensions"].tolist()
+        tensions[finger] = left, right
     contacts, forces = {}, {}
     for k, name in enumerate(names):
         n, f, lift = arrays["contact_forces"][k].tolist()
@@ -94,10 +97,6 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
         normal = back @ normals[name]
         angle = float(np.arctan2(normal[1], normal[0]))
         contacts[name] = ContactStart(int(arrays["contact_parts"][k]), (float(point[0]), float(point[1])), angle)
-    tensions = {}
-    for setup in scene.setups:
-        left, right = arrays[f"{setup.name}.tensions"].tolist()
-        tensions[setup.name] = left, right
     return Start("found", (x, y, turn), fingers, contacts, forces, tensions)
 
 
@@ -118,6 +117,11 @@ def with_contacts(scene: GraspScene, start: Start, contacts: Mapping[str, Contac
         contacts={name: contacts[name] for name in order if name in contacts},
         forces={name: force for name, force in start.forces.items() if name in contacts},
     )
+
+
+def interleaved(lists: list[list[Start]]) -> list[Start]:
+    """The first of each list, then the second of each, and so on."""
+    return [start for rank in zip_longest(*lists) for start in rank if start is not None]
 
 
 def _knots(profile: Array, ends: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:

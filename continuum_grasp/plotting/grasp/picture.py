@@ -19,7 +19,7 @@ from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import MM, GraspView, lighter, turned
 from continuum_grasp.scene.graded import ends
-from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp_options import GraspFinger
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -149,8 +149,8 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
         words = f"\n{written(contact.normal_force)} N, friction {written(abs(contact.friction_force))} N"
         name = contact.name + (words if forces else "")
         labels.append(Label(name, view.color(contact.name), MM * contact.position, contact.normal))
-    if isinstance(scene.gravity, PlanarGravity | OutOfPlaneGravity):
-        into = "\ninto plane" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
+    if scene.gravity.mode != "none":
+        into = "\ninto plane" if scene.lifted else ""
         text = f"weight {scene.weight:.2f} N{into}"
         labels.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:

@@ -13,7 +13,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing.bodies import CIRCLE, finger_outline, object_outlines
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE, SLATE
-from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp_options import GraspFinger
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
@@ -54,7 +54,7 @@ class GraspView:
     @property
     def lifted(self) -> bool:
         """Whether friction carries the weight out of the plane."""
-        return isinstance(self.result.scene.gravity, OutOfPlaneGravity)
+        return self.result.scene.lifted
 
     @property
     def fingers(self) -> Mapping[str, GraspFinger]:
@@ -111,9 +111,7 @@ class GraspView:
     def weight(self) -> Array:
         """Weight of the object in the plane (2,) [N]."""
         scene = self.result.scene
-        if isinstance(scene.gravity, PlanarGravity):
-            return scene.object.mass * np.array(scene.gravity.vector)
-        return np.zeros(2)
+        return scene.object.mass * np.array(scene.gravity_in_plane)
 
     @cached_property
     def extent(self) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.nlp.sqp import qp_solver
 
 
@@ -53,8 +54,6 @@ def called(name: str, out: Array, *arguments: Array | float) -> Array:
 
 _STEPS = 30
 """Most steps: 8 to 11 as a rule, more than 20 in two of a thousand."""
-_RIGID = 1e-9
-"""Stiffness that makes every system regular."""
 
 
 def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> Array:
@@ -67,7 +66,8 @@ def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> A
     """
     count, size, height = across.shape
     if library():
-        sizes = count, height, size, _STEPS, _RIGID, enough
+        # A stiffness that is rounding makes every system regular.
+        sizes = count, height, size, _STEPS, ROUNDING, enough
         return called("within_bounds", np.empty((count, size)), *sizes, across, goal, weight)
     solve = _by_library(size, height).map(count, [False, False, True], [False])
     return np.array(solve(across.transpose(0, 2, 1).reshape(-1, size).T, goal.T, weight)).T
@@ -79,7 +79,7 @@ def _by_library(size: int, height: int) -> ca.Function:
     its matrices are sparse.
     """
     across, goal, weight = ca.MX.sym("across", size, height), ca.MX.sym("goal", height), ca.MX.sym("weight", size)
-    squares, rows = ca.diag(ca.DM([_RIGID] * size + [1.0] * height)), ca.horzcat(across.T, -ca.MX.eye(height))
+    squares, rows = ca.diag(ca.DM([ROUNDING] * size + [1.0] * height)), ca.horzcat(across.T, -ca.MX.eye(height))
     free = [np.inf] * height
     options: dict[str, Any] = {"error_on_fail": False, "piqp": {"eps_abs": 1e-11, "eps_rel": 1e-11}}
     solver = ca.conic("squares", qp_solver(None), {"h": squares.sparsity(), "a": rows.sparsity()}, options)

@@ -81,11 +81,6 @@ class FingerTask:
             out = np.minimum(out, away)
         return out
 
-    @property
-    def object_numbers(self) -> Array:
-        """The object as the kernel of the scan has it."""
-        return _numbers(self.shapes)
-
     def rough_distance(self, points: Array, part: int | None = None) -> Array:
         """Signed distance from the object, or from one part of it, to within 1e-5 of its size."""
         return rough_distance(self.shapes if part is None else self.shapes[part : part + 1], points)
@@ -163,12 +158,13 @@ P = TypeVar("P", bound=Postures)
 def rough_distance(shapes: tuple[Outline, ...], points: Array) -> Array:
     """Signed distance from the nearest of some outlines, to within 1e-5 of its size."""
     if kernel.library():
-        return kernel.called("distances", np.empty(points.shape), points.size, _numbers(shapes), points)
+        return kernel.called("distances", np.empty(points.shape), points.size, object_numbers(shapes), points)
     return np.asarray(np.min([shape.rough_distance(points) for shape in shapes], axis=0))
 
 
 @lru_cache(maxsize=64)
-def _numbers(shapes: tuple[Outline, ...]) -> Array:
+def object_numbers(shapes: tuple[Outline, ...]) -> Array:
+    """Outlines of an object as the kernel of the scan has them."""
     return np.array([len(shapes), *(each for shape in shapes for each in shape.rough_numbers)])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
-from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_REACH, TIPS, FingerTask, Postures, Rows
+from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_REACH, TIPS, FingerTask, Postures, Rows, object_numbers
 from continuum_grasp.model.surfaces.outline import Outline
 
 _ROOT = 8
@@ -124,7 +124,7 @@ def scanned(task: FingerTask) -> Branch:
         first = _arcs(task, ring, point, normal)
     else:
         first = _clothoids(task, parts, places, point, normal)
-        first = first.followed_by([_between(task, ring, first)])
+        first = first.followed_by([_between(ring, first)])
         first = first.take(_within(task, first))
     return onwards(task, first)[0]
 
@@ -137,7 +137,7 @@ def beside(task: FingerTask, some: Branch, shifts: Array) -> tuple[Branch, Array
     good &= _within(task, new)
     new, rows = new.take(good), rows[good]
     if not task.tip:
-        return _free(task, new), rows
+        return _free(new), rows
     # The tip's root next to the old one.
     last = new.ends[:, 3]
     width = _NEARBY * (2.0 * TIP_REACH / (TIPS - 1)) / (1.0 - new.joint)
@@ -159,7 +159,7 @@ def _moved(ring: Ring, old: Branch, places: Array, turn: Array, bend: Array) -> 
     return replace(new, ends=np.concatenate([ends, old.ends[:, 2:]], axis=1)), good
 
 
-def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
+def _between(ring: Ring, first: Branch) -> Branch:
     """First curves at places between those of neighbors that differ much, as what follows would, too."""
     first = first.take(np.argsort(first.place, kind="stable"))
     bend = first.ends[:, 0] * first.joint
@@ -203,7 +203,7 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     near = np.flatnonzero(np.abs(point) <= high)
     # No curve is longer than the last position of the contact, so that its curvature bends it by this at most.
     limit = task.bending_range * sum(task.counts[: task.middles.index(True) + 1])
-    limit = 1.05 * min(limit, float(np.max(task.limits)) * (1.0 + _ABOVE) * high)
+    limit = 1.05 * min(limit, float(np.max(task.limits)) * (1.0 + ABOVE) * high)
     every = np.meshgrid((1, -1), (-math.tau, 0.0, math.tau), near, indexing="ij")
     side, winding, row = (each.ravel() for each in every)
     turn = wrapped(normal[row] + np.where(side > 0, 0.0, math.pi)) + winding
@@ -263,15 +263,15 @@ def _within(task: FingerTask, branch: Branch) -> Array:
         (branch.joint >= low - 1e-9)
         & (branch.joint <= high + 1e-9)
         & (greatest * branch.joint <= range_ * (1.0 + 1e-6))
-        & (greatest <= np.max(task.limits) * (1.0 + _ABOVE))
+        & (greatest <= np.max(task.limits) * (1.0 + ABOVE))
     )
 
 
-_ABOVE = 0.02
+ABOVE = 0.02
 """Part by which a curvature may be above its limit."""
 
 
-def _free(task: FingerTask, branch: Branch) -> Branch:
+def _free(branch: Branch) -> Branch:
     """On to a free tip with constant curvature."""
     ends = branch.ends.copy()
     ends[:, 2:] = ends[:, 1:2]
@@ -281,9 +281,9 @@ def _free(task: FingerTask, branch: Branch) -> Branch:
 def onwards(task: FingerTask, first: Branch) -> tuple[Branch, Array]:
     """On from the last contact to the tip, and the row that each goes on from."""
     if not len(first) or not task.tip:
-        return _free(task, first), np.arange(len(first))
+        return _free(first), np.arange(len(first))
     rest = 1.0 - first.joint
-    reach = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, np.max(task.limits) * (1.0 + _ABOVE))
+    reach = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, np.max(task.limits) * (1.0 + ABOVE))
     return _tips(task, first, reach[:, None] * np.linspace(-1.0, 1.0, TIPS))
 
 
@@ -311,7 +311,7 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
         return first.point[rows, None] + move, first.turn[rows, None] + 0.5 * ell * (start + last)
 
     start = np.stack([first.point.real, first.point.imag, first.turn, rest], axis=1)
-    rule = task.object_numbers, NODES, WEIGHTS
+    rule = object_numbers(task.shapes), NODES, WEIGHTS
 
     def gaps(rows: Array, last: Array) -> Array:
         """Gaps (R, G) between such tips and the object."""

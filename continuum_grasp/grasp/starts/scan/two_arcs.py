@@ -1,4 +1,6 @@
-"""Fingers of two arcs that touch with the tip alone: curves in the plane of the two bends."""
+"""Fingers of two arcs that touch with the tip alone: curves in the plane of the two bends. Each arc is half of the
+finger, since no contact is between them.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +12,8 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan.curves import table_of
 from continuum_grasp.grasp.starts.scan.task import FRONT, FingerTask
-from continuum_grasp.grasp.starts.scan.touching import Branch, bracketed_root
+from continuum_grasp.grasp.starts.scan.touching import ABOVE, Branch, bracketed_root
 
-SHARE = 0.5
-"""Part of the length of each of the two arcs, where no contact is between them."""
 _LINES = 401
 """Bends of each arc that are tried, over the bending range both ways: 0.031 rad apart for a whole turn. On a corner the
 normal turns by a right angle in about as much."""
@@ -28,7 +28,7 @@ def arc_spacing(task: FingerTask) -> float:
 def _table(reach: float) -> tuple[Array, Array]:
     """Bends of the arcs of a finger, and tips."""
     bends = np.linspace(-reach, reach, _LINES)
-    return bends, table_of(bends / SHARE, bends / SHARE, SHARE)[0]
+    return bends, table_of(2.0 * bends, 2.0 * bends, 0.5)[0]
 
 
 def scanned_arcs(task: FingerTask) -> Branch:
@@ -38,7 +38,7 @@ def scanned_arcs(task: FingerTask) -> Branch:
     cell = 2.0 * (bends[1] - bends[0])
     for shape in task.shapes:
         near |= np.abs(tips - shape.center) < shape.extent + task.half + cell
-    reach = 1.02 * np.max(task.limits) * np.array(SHARE) + bends[1] - bends[0]
+    reach = (1.0 + ABOVE) * np.max(task.limits) * 0.5 + bends[1] - bends[0]
     near &= (np.abs(bends) < reach)[:, None] & (np.abs(bends) < reach)
     gap = np.full(tips.shape, np.nan)
     gap[near] = task.gap(tips[near])
@@ -56,7 +56,7 @@ def scanned_arcs(task: FingerTask) -> Branch:
 
 def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, Array]:
     """The postures next to some, by steps (P, S) of the bends along the curves [rad], and the row that each is from."""
-    bends = some.ends[:, [0, 2]] * SHARE
+    bends = 0.5 * some.ends[:, [0, 2]]
     # Along the curve: across the gradient of the gap.
     gradient = np.stack([_gap(task, bends + d) - _gap(task, bends - d) for d in 1e-4 * np.eye(2)], axis=1)
     across = gradient / np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)[:, None]
@@ -72,16 +72,16 @@ def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, A
     return branch, rows[row][index]
 
 
-def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
+def _tips(bends: Array) -> tuple[Array, Array]:
     """Tips and angles of the section there, by the two bends (B, 2)."""
     half = 0.5 * bends
-    chord = np.sinc(half / math.pi) * SHARE
+    chord = 0.5 * np.sinc(half / math.pi)
     tip = 1j * (chord[:, 0] * np.exp(1j * half[:, 0]) + chord[:, 1] * np.exp(1j * (bends[:, 0] + half[:, 1])))
     return tip, bends[:, 0] + bends[:, 1]
 
 
 def _gap(task: FingerTask, bends: Array) -> Array:
-    return task.gap(_tips(task, bends)[0])
+    return task.gap(_tips(bends)[0])
 
 
 def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: Array) -> tuple[Branch, Array]:
@@ -92,13 +92,12 @@ def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: A
 
     part = bracketed_root(gap, np.zeros(len(low)), np.ones(len(low)), at_low, at_high)
     bends = low + part[:, None] * (high - low)
-    tip, facing = _tips(task, bends)
+    tip, facing = _tips(bends)
     parts, point, normal = task.touched(tip)
     good = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
     good &= (np.abs(bends).max(axis=1, initial=0.0) <= task.bending_range * (1.0 + 1e-6)) & (np.abs(gap(part)) < 1e-6)
     bends, parts, point, normal = bends[good], parts[good], point[good], normal[good]
     none = np.zeros(len(bends))
-    curvatures = bends / SHARE
     branch = Branch(
         part=parts,
         side=none.astype(int) + 1,
@@ -106,8 +105,8 @@ def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: A
         point=none + 0j,
         normal=none,
         turn=bends[:, 0],
-        joint=none + SHARE,
-        ends=np.repeat(curvatures, 2, axis=1),
+        joint=none + 0.5,
+        ends=np.repeat(2.0 * bends, 2, axis=1),
         tip=parts,
         tip_point=point,
         tip_normal=normal,
