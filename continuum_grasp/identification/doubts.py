@@ -238,7 +238,7 @@ def _widths(problem: Problem, predictions: Array) -> list[Further]:
         if min(np.sum(way > 0), np.sum(way < 0)) >= _LEAST:
             slope[rows] = way
             size, unit = float(np.ptp(predictions[rows])), problem.entries[rows[0]].unit
-            widths.append((Unknown(name, unit, _WIDTH, 1.0, False, 0.0, -math.inf, math.inf, size), slope))
+            widths.append((Unknown(name, unit, _WIDTH, typical=size), slope))
     return widths
 
 
@@ -270,7 +270,7 @@ def _origins(problem: Problem) -> list[Further]:
 
 
 def _directions(name: str, unit: str, target: str, slope: Array) -> list[Further]:
-    return [(Unknown(name, unit, target, 1.0, True, 0.0, -math.inf, math.inf, 1.0), slope)] if slope.any() else []
+    return [(Unknown(name, unit, target), slope)] if slope.any() else []
 
 
 def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:

@@ -6,7 +6,7 @@ import csv
 import io
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, cast
 
@@ -228,7 +228,7 @@ def design_experiments(
         at_known = applied(plain, targets, choice.values[: choice.shared]) if known.scales else plain
         design = Design(at_known, patterns_of(plain), scene.excitation)
         motion = design.excited(lambda of: _read_along(of, *logged[0], known))
-    choice.choose(motion.by_segment if motion else ())
+    choice.choose([*motion.by_segment.values()] if motion else ())
     rows = [offered[k] for k in choice.made]
     headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
     reading = (
@@ -236,8 +236,10 @@ def design_experiments(
         *(_read_back(data_set, names[k]) for k, (_, data_set) in enumerate(proposed)),
         *(v for _, v in logged),
     )
-    return replace(
-        plan_of(choice, motion, plain),
+    return plan_of(
+        choice,
+        motion,
+        plain,
         pose_headings=headings,
         pose_rows=tuple(tuple(row.get(heading, "") for heading in headings) for row in rows),
         configuration=scene.model_copy(update={"data": reading}),
@@ -266,15 +268,14 @@ def _possible(
     return proposals, known.whitened(number, slopes, block, data_set, key)
 
 
-def plan_of(choice: Choice, motion: Excited | None, scene: Scene) -> ExperimentPlan:
-    """Plan of the experiments that were chosen, and of a motion."""
-    chosen = [(f"pose {k}", choice.offered[index]) for k, index in enumerate(choice.made, 1)]
-    offered, along = list(choice.offered), motion.by_segment if motion else []
-    chosen += [(segment.name, rows) for segment, rows in zip(motion.segments if motion else (), along, strict=True)]
+def plan_of(choice: Choice, motion: Excited | None, scene: Scene, **further: Any) -> ExperimentPlan:
+    """Plan of the experiments that were chosen, and of a motion; ``further`` fields are added, or replace the same."""
+    offered, along = list(choice.offered), motion.by_segment if motion else {}
+    chosen = {f"pose {k}": offered[index] for k, index in enumerate(choice.made, 1)} | along
     free, shared = [unknown._replace(lower=-np.inf, upper=np.inf) for unknown in choice.unknowns], choice.shared
     before, after, every = (
         infer(free, choice.values, np.vstack([choice.rows, *rows]), None, shared=shared)
-        for rows in ([], [rows for _, rows in chosen], [*offered, *along])
+        for rows in ([], chosen.values(), [*offered, *along.values()])
     )
     warnings = [warning.replace("the data", "these experiments") for warning in after.warnings]
     unseen = [
@@ -285,33 +286,27 @@ def plan_of(choice: Choice, motion: Excited | None, scene: Scene) -> ExperimentP
             f"no possible experiment shows {', '.join(unseen)}: measure other quantities, offer other choices, or "
             "leave it out of estimate"
         )
-    each = np.stack([np.sum(rows**2, axis=0) for _, rows in chosen], axis=1)[:shared]
-    plan = ExperimentPlan(
+    each = np.stack([np.sum(rows**2, axis=0) for rows in chosen.values()], axis=1)[:shared]
+    statistics: dict[str, Any] = {"offered": len(offered), "readings": sum(map(len, chosen.values()))}
+    fields: dict[str, Any] = {"scene": scene}
+    if motion is not None:
+        rehearsal, statistics["scale"] = motion.rehearsal, motion.scale
+        labels = tuple(finger_input.label for finger_input in rehearsal.scene.finger.inputs)
+        fields = {"scene": rehearsal.scene, "rehearsal": rehearsal, "segments": motion.segments, "t": rehearsal.t}
+        fields |= {"commands": rehearsal.u[:, : len(labels)], "command_names": labels}
+        warnings += rehearsal.warnings
+    return ExperimentPlan(
         names=tuple(unknown.name for unknown in free[:shared]),
         units=tuple(unknown.unit for unknown in free[:shared]),
         values=choice.values[:shared],
         before=before.deviations[:shared],
         deviations=after.deviations[:shared],
         shares=each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300),
-        experiment_names=tuple(name for name, _ in chosen),
-        scene=scene,
+        experiment_names=tuple(chosen),
         status="not shown" if unseen else "designed",
         warnings=tuple(warnings),
-        statistics={"offered": len(offered), "readings": sum(len(rows) for _, rows in chosen)},
-    )
-    if motion is None:
-        return plan
-    labels = tuple(finger_input.label for finger_input in motion.rehearsal.scene.finger.inputs)
-    return replace(
-        plan,
-        segments=motion.segments,
-        t=motion.rehearsal.t,
-        commands=motion.rehearsal.u[:, : len(labels)],
-        command_names=labels,
-        rehearsal=motion.rehearsal,
-        scene=motion.rehearsal.scene,
-        warnings=(*plan.warnings, *motion.rehearsal.warnings),
-        statistics={**plan.statistics, "scale": motion.scale},
+        statistics=statistics,
+        **fields | further,
     )
 
 
@@ -383,15 +378,8 @@ def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Kno
 def _read_back(data_set: StaticPoses, name: str) -> StaticPoses:
     """The set that reads the table of poses, a row each."""
     chosen = (*data_set.where, RowsEqual(column=SET, equals=(name,)))
-    changes = {
-        "file": POSES,
-        "name": f"{name}, proposed",
-        "where": chosen,
-        "use": "fit",
-        "holdout_rows": (),
-        "pose": None,
-    }
-    return data_set.model_copy(update=changes)
+    read = {"file": POSES, "name": f"{name}, proposed", "where": chosen}
+    return data_set.model_copy(update=read | {"use": "fit", "holdout_rows": (), "pose": None})
 
 
 def poses_text(plan: ExperimentPlan) -> str:

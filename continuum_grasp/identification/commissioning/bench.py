@@ -89,11 +89,13 @@ class Bench:
         names = ["bending_stiffness", "tip_mass"] + ["material_damping"] * damped
         self.unknowns = read_unknowns(around, names)
         if lag is not None:
-            self.unknowns.append(Unknown(LAG, "s", LAG, 1.0, False, lag, 0.02 * lag, 50.0 * lag, lag))
+            lags = {"start": lag, "lower": 0.02 * lag, "upper": 50.0 * lag, "typical": lag}
+            self.unknowns.append(Unknown(LAG, "s", LAG, **lags))
         self.model = PlantModel(plain, parameters=[unknown.target for unknown in self.unknowns] + [FRICTION] * friction)
         self.nominal = self.model.p.copy()
         period, delay = scene.controller.step, 0.0 if scene.estimator is None else scene.estimator.delay
-        self.unknowns.append(Unknown(DELAY, "s", DELAY, 1.0, False, delay, 0.0, 1.0, max(delay, period)))
+        delays = {"start": delay, "lower": 0.0, "upper": 1.0, "typical": max(delay, period)}
+        self.unknowns.append(Unknown(DELAY, "s", DELAY, **delays))
         arms = (
             np.array([tendon.arm(finger.rod.length) for tendon in finger.tendon_list]) if finger.tendons else np.ones(1)
         )
@@ -102,7 +104,7 @@ class Bench:
         self.zeros = [0.5 * sides] if opposed else list(np.eye(len(arms)))
         unit, greatest = unit_of(self.model.u_names[0]), float(max(scene.input_limits[1]))
         self.unknowns += [
-            Unknown(f"{ZERO}_{k + 1}", unit, ZERO, 1.0, False, 0.0, -greatest, greatest, 0.05 * greatest)
+            Unknown(f"{ZERO}_{k + 1}", unit, ZERO, lower=-greatest, upper=greatest, typical=0.05 * greatest)
             for k in range(len(self.zeros))
         ]
         method = choose_method(self.model, period)
@@ -205,7 +207,7 @@ class BenchBlock(Block):
         for k, _, _ in self._cells:
             label, unit = split_unit(log.names[k])
             name = f"{BIAS}_{label.rpartition('_')[2]}" if label[-1].isdigit() else BIAS
-            self.unknowns.append(Unknown(name, unit, BIAS, 1.0, False, 0.0, -math.inf, math.inf, 0.05 * greatest))
+            self.unknowns.append(Unknown(name, unit, BIAS, typical=0.05 * greatest))
         words = [(*split_unit(name), "tip" if name in TIP else "tension") for name in log.names]
         for at, row in zip(log.at.tolist(), log.readings.tolist(), strict=True):
             for (what, unit, group), value in zip(words, row, strict=True):
@@ -239,12 +241,10 @@ class BenchBlock(Block):
 
 
 def _of_camera(length: float) -> list[Unknown]:
-    free = -math.inf, math.inf
-    rows = [("m", 0.0, *free, 0.05 * length)] * 2 + [("rad", 0.0, *free, 0.1), ("1", 1.0, 1e-6, math.inf, 0.1)]
-    return [
-        Unknown(name, unit, name, 1.0, False, start, low, high, size)
-        for name, (unit, start, low, high, size) in zip(CAMERA, rows, strict=True)
-    ]
+    x, y, angle, scale = CAMERA
+    places = [Unknown(name, "m", name, typical=0.05 * length) for name in (x, y)]
+    turn = Unknown(angle, "rad", angle, typical=0.1)
+    return [*places, turn, Unknown(scale, "1", scale, start=1.0, lower=1e-6, typical=0.1)]
 
 
 def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Array, float]:

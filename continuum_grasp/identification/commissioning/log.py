@@ -312,7 +312,7 @@ def _with_friction(
     slope = block.by_friction(solution.values)[:, None]
     jacobian, residuals = problem.weighted(solution, slope)
     step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
-    friction = Unknown(FRICTION, "1", FRICTION, 1.0, False, 0.0, -math.inf, math.inf, 0.01)
+    friction = Unknown(FRICTION, "1", FRICTION, typical=0.01)
     predictions = solution.predictions + np.hstack([solution.jacobian, slope]) @ step
     values = np.append(solution.values + step[:-1], step[-1])
     return [*problem.unknowns, friction], values, predictions, (jacobian, residuals + jacobian @ step)
