@@ -143,10 +143,8 @@ class Predicted(Result):
         return self._errors(fitted=False)
 
     def _errors(self, *, fitted: bool) -> tuple[Channel, ...]:
-        groups, units = (
-            np.array([entry.group for entry in self.entries]),
-            {entry.group: entry.unit for entry in self.entries},
-        )
+        groups = np.array([entry.group for entry in self.entries])
+        units = {entry.group: entry.unit for entry in self.entries}
         missed = {group: self.residuals[(groups == group) & (self.fitted == fitted)] for group in units}
         return tuple(Channel.of(group, units[group], fitted, errors) for group, errors in missed.items() if errors.size)
 

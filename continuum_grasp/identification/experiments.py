@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, cast
 
 import numpy as np
@@ -20,7 +18,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock
 from continuum_grasp.identification.data import Reading, TipPath
 from continuum_grasp.identification.fit import applied
-from continuum_grasp.identification.fitting import Measurements, listed, posed, resolved
+from continuum_grasp.identification.fitting import Measurements, posed, resolved, sources_of
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.information import Choice
 from continuum_grasp.identification.path_block import PathBlock
@@ -342,11 +340,10 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
     sought = read_unknowns(scene, scene.estimate)
     unknowns, scales = [unknown for unknown in sought if not unknown.per_set], dict[str, float]()
     rows: Array = np.zeros((0, len(unknowns)))
-    sources = listed(data)
-    paths = [Path(source) for source in sources if isinstance(source, (str, os.PathLike))]
+    paths, arrays = sources_of(data)
     if paths:
         scene = scene.model_copy(update={"data": sets_of(scene, paths)})
-    if sources:
+    if paths or arrays:
         problem = posed(scene, data, scene.estimate).problem
         solution = problem.solve(report)
         unknowns = [

@@ -44,21 +44,20 @@ def choose_law(
     names, problems = list(candidates), list(candidates.values())
     if problems[0].fitted.all():
         raise InputError("laws are chosen by what they predict: hold rows or a set out", key="laws")
-    fits, missed, failed = list[Solution | None](), list[Array | None](), list[str]()
+    fits, failed, fitted = list[Solution | None](), list[str](), problems[0].fitted
     for k, problem in enumerate(problems):
-        solution, deviations, why = None, None, ""
+        solution, why = None, ""
         try:
             solution = problem.solve(lambda share: None)
-            deviations = np.where(problem.fitted, np.nan, solution.predictions - problem.measured)
         except (SolverError, NumericalError) as error:
             why = f"not fitted: {error}"
         fits.append(solution)
-        missed.append(deviations)
         failed.append(why)
         report((k + 1) / len(problems))
     sigma = np.min([fit.sigma for fit in fits if fit is not None], axis=0, initial=math.inf)
-    squares = [None if residuals is None else (residuals / sigma) ** 2 for residuals in missed]
-    errors = [math.inf if squared is None else float(np.sqrt(np.nanmean(squared))) for squared in squares]
+    missed = [None if fit is None else (fit.predictions - problems[0].measured) / sigma for fit in fits]
+    squares = [np.full(len(fitted), math.inf) if off is None else off**2 for off in missed]
+    within, errors = ([float(np.sqrt(np.mean(of[rows]))) for of in squares] for rows in (fitted, ~fitted))
     best = int(np.argmin(errors))
     if not math.isfinite(errors[best]):
         raise SolverError("no law could be fitted", status="no fit", violated=failed, advice="fit them one by one")
@@ -66,28 +65,24 @@ def choose_law(
     alike = [
         k
         for k, squared in enumerate(squares)
-        if k == best or (squared is not None and not _differ(problems[best], squared - np.asarray(squares[best])))
+        if k == best or (fits[k] is not None and not _differ(problems[best], squared - squares[best]))
     ]
     chosen = min(alike, key=lambda k: (numbers[k], errors[k]))
     verdicts = [
         failed[k] or ("chosen" if k == chosen else "alike" if k in alike else "worse") for k in range(len(fits))
     ]
-    weighted = [
-        math.inf if fit is None else float(np.sqrt(np.mean(((fit.predictions - of.measured) / sigma)[of.fitted] ** 2)))
-        for fit, of in zip(fits, problems, strict=True)
-    ]
-    trials = tuple(map(LawTrial._make, zip(names, numbers, weighted, errors, verdicts, strict=True)))
+    trials = tuple(map(LawTrial._make, zip(names, numbers, within, errors, verdicts, strict=True)))
     return names[chosen], cast(Solution, fits[chosen]), trials
 
 
 def _differ(problem: Problem, more: Array) -> bool:
-    """Whether squared errors of one law are surely greater, by ``more`` (m,), than those of another; NaN is fitted."""
+    """Whether squared errors of one law are surely greater, by ``more`` (m,), than those of another, of hold-outs."""
     from scipy.special import stdtrit
 
     total, variance, freedom = 0.0, 0.0, 0.0
-    for block, part in zip(problem.blocks, problem.parts, strict=True):
+    for block, part, _ in problem.parts:
         differences, at = more[part], np.array([entry.at for entry in block.entries])
-        there = np.isfinite(differences)
+        there = ~problem.fitted[part]
         # readings of one row or instant depend on one another
         rows = np.array([differences[there & (at == instant)].sum() for instant in np.unique(at[there])])
         if rows.size:

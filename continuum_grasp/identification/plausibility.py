@@ -130,7 +130,7 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
 def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
     """Misfits of the fitted entries, by set and kind."""
     all_misfits = []
-    for block, part in zip(problem.blocks, problem.parts, strict=True):
+    for block, part, _ in problem.parts:
         missed = zip(block.entries, (predictions - problem.measured)[part], strict=True)
         rows = [(KIND_OF.get(entry.quantity, entry.quantity), entry, off) for entry, off in missed if entry.fitted]
         for kind in dict.fromkeys(kind for kind, _, _ in rows):
@@ -163,9 +163,9 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     message, farthest = "", 0.0
-    for block, part, numbers in zip(problem.blocks, problem.parts, problem.by_block(values), strict=True):
+    for block, part, columns in problem.parts:
         readings, finger = block.data.measured, block.scene.finger
-        sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, numbers, strict=False)}
+        sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, values[columns], strict=False)}
         base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
         length = finger.rod.length
         markers: dict[Any, list[int]] = {}

@@ -89,19 +89,15 @@ class Bench:
         names = ["bending_stiffness", "tip_mass"] + ["material_damping"] * damped
         self.unknowns = read_unknowns(around, names)
         if lag is not None:
-            lags = {"start": lag, "lower": 0.02 * lag, "upper": 50.0 * lag, "typical": lag}
-            self.unknowns.append(Unknown(LAG, "s", LAG, **lags))
+            self.unknowns.append(Unknown(LAG, "s", LAG, start=lag, lower=0.02 * lag, upper=50.0 * lag, typical=lag))
         self.model = PlantModel(plain, parameters=[unknown.target for unknown in self.unknowns] + [FRICTION] * friction)
         self.nominal = self.model.p.copy()
         period, delay = scene.controller.step, 0.0 if scene.estimator is None else scene.estimator.delay
-        delays = {"start": delay, "lower": 0.0, "upper": 1.0, "typical": max(delay, period)}
-        self.unknowns.append(Unknown(DELAY, "s", DELAY, **delays))
-        arms = (
-            np.array([tendon.arm(finger.rod.length) for tendon in finger.tendon_list]) if finger.tendons else np.ones(1)
-        )
-        sides = np.sign(arms)
-        opposed = len(arms) == 2 and sides.sum() == 0.0
-        self.zeros = [0.5 * sides] if opposed else list(np.eye(len(arms)))
+        size = max(delay, period)
+        self.unknowns.append(Unknown(DELAY, "s", DELAY, start=delay, lower=0.0, upper=1.0, typical=size))
+        sides = np.sign([tendon.arm(finger.rod.length) for tendon in finger.tendon_list] or [1.0])
+        opposed = len(sides) == 2 and sides.sum() == 0.0
+        self.zeros = [0.5 * sides] if opposed else list(np.eye(len(sides)))
         unit, greatest = unit_of(self.model.u_names[0]), float(max(scene.input_limits[1]))
         self.unknowns += [
             Unknown(f"{ZERO}_{k + 1}", unit, ZERO, lower=-greatest, upper=greatest, typical=0.05 * greatest)
