@@ -200,7 +200,7 @@ class Predicted(Result):
                     channels.append(Channel.of(what, unit, fitted, errors, length))
         return tuple(channels)
 
-    def tables(self) -> dict[str, Any]:
+    def details(self) -> dict[str, Any]:
         """Errors of each channel, and sets of measurements, as plain data."""
         sets = [{"name": name, "entries": count} for name, count in self.blocks]
         return {"channels": [dict(vars(channel)) for channel in self.channels], "blocks": sets}
@@ -236,7 +236,3 @@ class Comparison(Predicted):
             channel.name: f"{channel.texts[1]} {channel.texts[4]} r.m.s. {channel.texts[5]}".strip()
             for channel in self.channels[:6]
         }
-
-    def details(self) -> dict[str, Any]:
-        """Errors of each channel, as plain data."""
-        return self.tables()

@@ -166,11 +166,8 @@ def _judged(
     if tried[-1].target == _BEFORE and round(float(step[-1])) != 1:  # there is no row between two
         return 0.0, 0.0, 0.0
     matters = math.isfinite(sure) and float(np.linalg.norm(beyond)) > least
-    return (
-        abs(float(step[-1])) / max(float(sure), 1e-300) if matters else 0.0,
-        float(step[-1]),
-        float(inference.deviations[-1]),
-    )
+    share = abs(float(step[-1])) / max(float(sure), 1e-300) if matters else 0.0
+    return share, float(step[-1]), float(inference.deviations[-1])
 
 
 def _words(problem: Problem, further: Unknown, step: float, deviation: float) -> str:

@@ -17,7 +17,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock
 from continuum_grasp.identification.data import Reading, TipPath
-from continuum_grasp.identification.fit import applied
+from continuum_grasp.identification.fit import applied, estimate_texts, table_of
 from continuum_grasp.identification.fitting import Measurements, posed, resolved, sources_of
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.information import Choice
@@ -125,15 +125,13 @@ class ExperimentPlan(Result):
 
     def pairs(self) -> dict[str, str]:
         """Unknowns with the deviations that they will have."""
-        rows = zip(self.names, self.values, self.deviations, self.units, strict=True)
-        return {name: f"{value:.4g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in rows}
+        return estimate_texts(self, 4)
 
     def details(self) -> dict[str, Any]:
         """Unknowns, poses and segments as plain data."""
-        keys = ("name", "unit", "value", "before", "deviation", "shown_by")
-        rows = zip(self.names, self.units, self.values, self.before, self.deviations, self.shown_by, strict=True)
+        known = {"name": self.names, "unit": self.units, "value": self.values, "before": self.before}
         return {
-            "unknowns": [dict(zip(keys, row, strict=True)) for row in rows],
+            "unknowns": table_of(**known, deviation=self.deviations, shown_by=self.shown_by),
             "poses": [dict(zip(self.pose_headings, row, strict=True)) for row in self.pose_rows],
             "segments": [segment._asdict() for segment in self.segments],
         }
@@ -229,11 +227,8 @@ def design_experiments(
     choice.choose([*motion.by_segment.values()] if motion else ())
     rows = [offered[k] for k in choice.made]
     headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
-    reading = (
-        *known.sets,
-        *(_read_back(data_set, names[k]) for k, (_, data_set) in enumerate(proposed)),
-        *(v for _, v in logged),
-    )
+    filled = [_read_back(data_set, name) for name, (_, data_set) in zip(names, proposed, strict=False)]
+    reading = (*known.sets, *filled, *(data_set for _, data_set in logged))
     return plan_of(
         choice,
         motion,

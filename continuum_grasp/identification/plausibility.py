@@ -236,16 +236,9 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
     missed = [m for m in left if m.limit < math.inf and m.rms > min(m.limit, _UNEXPLAINED * m.scatter)]
     if missed or _total(left) * _BETTER >= before:
         return []
-    shifts = [
-        (unknown, value)
-        for unknown, value in zip(trial.unknowns, solution.values, strict=True)
-        if unknown.name in _BASE
-    ]
-    by = (
-        f" ({', '.join(f'{unknown.name} {value:.3g} {unknown.unit}' for unknown, value in shifts)} off)"
-        if shifts
-        else ""
-    )
+    values = zip(trial.unknowns, solution.values, strict=True)
+    shifts = ", ".join(f"{u.name} {value:.3g} {u.unit}" for u, value in values if u.name in _BASE)
+    by = f" ({shifts} off)" if shifts else ""
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
 

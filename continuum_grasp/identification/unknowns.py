@@ -117,10 +117,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     elif name in ADDED:
         target = ADDED[name]
     elif name == LAG and not finger.winches:
-        lags = [tendon.time_constant for tendon in finger.tendon_list] + [
-            chamber.time_constant for chamber in finger.chambers
-        ]
-        nominal, unit = max(lag or 0.0 for lag in lags), "s"
+        nominal, unit = max(of.time_constant or 0.0 for of in (*finger.tendon_list, *finger.chambers)), "s"
     elif name != DELAY:
         nominal, unit = _of_model(scene, name, key)
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)

@@ -8,7 +8,7 @@ differences.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -24,7 +24,7 @@ from continuum_grasp.core.rollouts import Signal
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.identification.blocks import Block, Entry
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
-from continuum_grasp.labels import split_unit, unit_of
+from continuum_grasp.labels import name_of, split_unit, unit_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Plant
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS
@@ -45,11 +45,14 @@ _FRICTION = 0.01
 
 
 class Connected(NamedTuple):
-    """Connections of commands and readings to tendons: the number of each one's tendon from 0, and its sign."""
+    """Connections of commands and readings to tendons: the number of each one's tendon from 0, and its sign; and where
+    the search for the camera starts, as `CAMERA` has it.
+    """
 
     order: tuple[int, ...]
     signs: tuple[int, ...]
     mirrored: bool = False
+    camera: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
 
 
 class Log(NamedTuple):
@@ -197,13 +200,14 @@ class BenchBlock(Block):
         self.name, self.finger, self.entries = "bench", bench.scene.finger, []
         self.bench, self._log, self.connected = bench, log, connected
         self._cells = [(k, *paired[name]) for k, name in enumerate(log.names) if name not in TIP]
-        self.unknowns = [*bench.unknowns, *_of_camera(bench.scene.finger.rod.length)]
         self._delay = [unknown.name for unknown in bench.unknowns].index(DELAY)
         greatest, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
-        for k, _, _ in self._cells:
-            label, unit = split_unit(log.names[k])
-            name = f"{BIAS}_{label.rpartition('_')[2]}" if label[-1].isdigit() else BIAS
-            self.unknowns.append(Unknown(name, unit, BIAS, typical=0.05 * greatest))
+        rows = zip(CAMERA, ("m", "m", "rad", "1"), connected.camera, (0.05 * length,) * 2 + (0.1,) * 2, strict=True)
+        camera = [Unknown(name, unit, name, start=start, typical=size) for name, unit, start, size in rows]
+        camera[-1] = camera[-1]._replace(lower=1e-6)
+        cells = [log.names[k] for k, _, _ in self._cells]
+        biases = [Unknown(bias_of(name), unit_of(name), BIAS, typical=0.05 * greatest) for name in cells]
+        self.unknowns = [*bench.unknowns, *camera, *biases]
         words = [(*split_unit(name), "tip" if name in TIP else "tension") for name in log.names]
         for at, row in zip(log.at.tolist(), log.readings.tolist(), strict=True):
             for (what, unit, group), value in zip(words, row, strict=True):
@@ -236,11 +240,10 @@ class BenchBlock(Block):
         return readings.ravel()
 
 
-def _of_camera(length: float) -> list[Unknown]:
-    x, y, angle, scale = CAMERA
-    places = [Unknown(name, "m", name, typical=0.05 * length) for name in (x, y)]
-    turn = Unknown(angle, "rad", angle, typical=0.1)
-    return [*places, turn, Unknown(scale, "1", scale, start=1.0, lower=1e-6, typical=0.1)]
+def bias_of(name: str) -> str:
+    """Unknown that is the zero of a load cell, by the name of its reading."""
+    number = name_of(name).rpartition("_")[2]
+    return f"{BIAS}_{number}" if number.isdigit() else BIAS
 
 
 def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Array, float]:
