@@ -268,15 +268,9 @@ def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list
 
 def sources_of(data: Measurements) -> tuple[list[Path], list[Data]]:
     """Files and folders of measurements, and those that are given as arrays."""
-    paths, arrays = list[Path](), list[Data]()
-    for source in data if isinstance(data, Sequence) and not isinstance(data, str) else [data]:
-        if isinstance(source, (str, os.PathLike)):
-            paths.append(Path(source))
-        elif isinstance(source, (Poses, TipPath)):
-            arrays.append(source)
-        else:
-            raise InputError(f"expected Poses, TipPath or a path, got {source!r:.60}", key="data")
-    return paths, arrays
+    sources = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
+    paths = [Path(source) for source in sources if isinstance(source, (str, os.PathLike))]
+    return paths, [source for source in sources if isinstance(source, (Poses, TipPath))]
 
 
 def _credible(problem: Problem, solution: Solution) -> tuple[Solution, list[str]]:

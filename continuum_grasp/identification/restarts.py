@@ -17,10 +17,9 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import NumericalError, SolverError
 from continuum_grasp.identification.problem import Problem, Solution
 
-_PER_SIDE = 3
-"""Steps of the scan to each side [1]: from 0.03 to 30 times the start."""
-_FACTORS = tuple(10.0 ** (k / 2) for k in range(-_PER_SIDE, _PER_SIDE + 1) if k)
-"""Factors on a start value [1]: half decades, from which searches over stiffness, mass and damping of rods converge."""
+_FACTORS = tuple(10.0 ** (k / 2) for k in range(-3, 4) if k)
+"""Factors on a start value [1], 0.03 to 30: half decades, from which searches over stiffness, mass and damping of rods
+converge."""
 _TOGETHER = 5
 """Power of two of starts with all parameters off at once [1]: where friction and slack are both too large, nothing
 moves, and no change of one of them is seen."""

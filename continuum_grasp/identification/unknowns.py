@@ -84,12 +84,7 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
 
     InputError if there is none, one is unknown or given twice, or a start value is missing or out of bounds.
     """
-    if isinstance(estimates, str):
-        raise InputError(f"expected a list of names, got {estimates!r:.60}", key="estimate")
     chosen = [Estimate(name=estimate) if isinstance(estimate, str) else estimate for estimate in estimates]
-    for k, asked in enumerate(chosen):
-        if not isinstance(asked, Estimate):
-            raise InputError(f"expected a name or an Estimate, got {asked!r:.60}", key=f"estimate[{k}]")
     if not chosen:
         raise InputError("expected names of parameters to estimate; compare estimates nothing", key="estimate")
     unknowns = [_unknown(scene, estimate, f"estimate[{k}]") for k, estimate in enumerate(chosen)]
