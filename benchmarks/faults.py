@@ -426,7 +426,7 @@ FAULTS: tuple[Fault, ...] = (
         tests="identification/test_experiments.py",
     ),
     *_in(
-        "identification/laws.py",
+        "identification/searches.py",
         ("key=lambda k: (numbers[k], errors[k])", "key=lambda k: (-numbers[k], errors[k])"),
         tests="identification/test_laws.py",
     ),

@@ -12,7 +12,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.comparison import Predicted
 from continuum_grasp.identification.inference import Inference
-from continuum_grasp.identification.laws import LawTrial
+from continuum_grasp.identification.searches import LawTrial
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.model.parameters import at_tip, numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored

@@ -23,12 +23,11 @@ from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
-from continuum_grasp.identification.laws import LawTrial, choose_law
 from continuum_grasp.identification.path_block import block_of
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, questionable, too_far
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
-from continuum_grasp.identification.restarts import restarted
+from continuum_grasp.identification.searches import LawTrial, choose_law, restarted
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
