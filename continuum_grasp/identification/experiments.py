@@ -6,10 +6,9 @@ import csv
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
@@ -25,7 +24,7 @@ from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Progress, with_sets
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
 from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
-from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
+from continuum_grasp.identification.unknowns import prior, read_unknowns
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.results.yaml_text import yaml_text
@@ -212,25 +211,24 @@ def design_experiments(
         if any(isinstance(place, Column) for reading in data_set.measured for place in (reading.at, reading.offset)):
             raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
     plain, names = plain_scene(scene), [data_set.name or f"data[{k}]" for k, data_set in designed]
-    known = _known(scene, data, names, progress or (lambda share: None))
-    choice, offered = known.choice, list[dict[str, str]]()
+    known, offered = _Known(scene, data, names, progress or (lambda share: None)), list[dict[str, str]]()
     for number, (k, data_set) in enumerate(proposed):
         cells, jacobians = _possible(number, data_set, plain, known, f"data[{k}]")
-        choice.offer(jacobians, data_set.propose or 1)
+        known.offer(jacobians, data_set.propose or 1)
         offered += [{SET: names[number], **row} for row in cells]
     motion = None
     if logged:
-        targets = [(unknown.target, unknown.factor, unknown.added) for unknown in choice.unknowns[: choice.shared]]
-        at_known = applied(plain, targets, choice.values[: choice.shared]) if known.scales else plain
+        targets = [(unknown.target, unknown.factor, unknown.added) for unknown in known.unknowns[: known.shared]]
+        at_known = applied(plain, targets, known.values[: known.shared]) if known.scales else plain
         design = Design(at_known, patterns_of(plain), scene.excitation)
         motion = design.excited(lambda of: _read_along(of, *logged[0], known))
-    choice.choose([*motion.by_segment.values()] if motion else ())
-    rows = [offered[k] for k in choice.made]
+    known.choose([*motion.by_segment.values()] if motion else ())
+    rows = [offered[k] for k in known.made]
     headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
     filled = [_read_back(data_set, name) for name, (_, data_set) in zip(names, proposed, strict=False)]
     reading = (*known.sets, *filled, *(data_set for _, data_set in logged))
     return plan_of(
-        choice,
+        known,
         motion,
         plain,
         pose_headings=headings,
@@ -248,8 +246,8 @@ def _possible(
     """
     headings, cells, poses = choices_of(data_set, scene, key)
     block = PosesBlock(poses.scene or scene, poses, known.sought)
-    unknowns = [known.choice.unknowns[k] for k in known.columns[number]]
-    at = known.choice.values[known.columns[number]]
+    unknowns = [known.unknowns[k] for k in known.columns[number]]
+    at = known.values[known.columns[number]]
     about = _ABOUT * np.array([min(unknown.sigma, unknown.typical) for unknown in unknowns])
     free = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
     turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
@@ -258,7 +256,7 @@ def _possible(
         raise InputError("no choice of the conditions has an equilibrium within the bending range", key=key)
     blank = {column: "" for of in data_set.measured for column in (of.column, of.minus) if column is not None}
     proposals = [dict(zip(headings, cells[row], strict=True)) | blank for row in rows]
-    return proposals, known.whitened(number, slopes, block, data_set, key)
+    return proposals, known.whitened(number, slopes, block, key)
 
 
 def plan_of(choice: Choice, motion: Excited | None, scene: Scene, **further: Any) -> ExperimentPlan:
@@ -303,20 +301,37 @@ def plan_of(choice: Choice, motion: Excited | None, scene: Scene, **further: Any
     )
 
 
-class _Known(NamedTuple):
-    """Knowledge before a design, and the choice of experiments that begins with it."""
+class _Known(Choice):
+    """Knowledge before the design of sets with some names, and the choice of experiments that begins with it.
 
-    choice: Choice
-    sets: tuple[DataSet, ...]
-    """Data that are measured already."""
-    sought: list[Unknown]
-    """Unknowns of each set."""
-    columns: list[NDArray[np.intp]]
-    """Unknowns of each set that is designed, among all."""
-    scales: dict[str, float]
-    """Standard deviation of readings that were measured, by their group."""
+    ``sought`` are the unknowns of each set, ``columns`` those of each set that is designed, among all; ``sets`` are the
+    data that are measured already, ``scales`` the standard deviations of their readings, by group.
+    """
 
-    def whitened(self, number: int, slopes: Array, block: Block, one: StaticPoses | TipTrajectory, key: str) -> Array:
+    def __init__(self, scene: IdentifyScene, data: Measurements, names: Sequence[str], report: Progress) -> None:
+        sought = read_unknowns(scene, scene.estimate)
+        unknowns, self.scales = [unknown for unknown in sought if not unknown.per_set], dict[str, float]()
+        rows: Array = np.zeros((0, len(unknowns)))
+        paths, arrays = sources_of(data)
+        if paths:
+            scene = scene.model_copy(update={"data": sets_of(scene, paths)})
+        if paths or arrays:
+            problem = posed(scene, data, scene.estimate).problem
+            solution = problem.solve(report)
+            pairs = zip(problem.unknowns, solution.values, strict=True)
+            unknowns = [unknown._replace(start=value) for unknown, value in pairs]
+            rows = problem.weighted(solution)[0][: problem.fitted.sum()]
+            groups = (entry.group for entry in problem.entries)
+            self.scales = dict(zip(groups, solution.sigma.tolist(), strict=True))
+        shared = sum(not unknown.per_set for unknown in unknowns)
+        fresh = iter(unknowns[:shared])
+        self.sought = [unknown if unknown.per_set else next(fresh) for unknown in sought]
+        unknowns, self.columns = with_sets(unknowns, self.sought, [(name, ()) for name in names])
+        self.sets: tuple[DataSet, ...] = scene.data if paths else ()
+        whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
+        super().__init__(unknowns, shared, np.vstack([whole, prior(unknowns, np.zeros(len(unknowns)))[1]]))
+
+    def whitened(self, number: int, slopes: Array, block: Block, key: str) -> Array:
         """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
         sigma = []
         for k, entry in enumerate(block.entries[: slopes.shape[-2]]):
@@ -325,34 +340,9 @@ class _Known(NamedTuple):
                 where = f"{key}.measured[{k}].sigma"
                 raise InputError("deviations cannot be predicted without that of every reading", key=where)
             sigma.append(deviation)
-        whole = np.zeros((*slopes.shape[:-1], len(self.choice.unknowns)))
+        whole = np.zeros((*slopes.shape[:-1], len(self.unknowns)))
         whole[..., self.columns[number]] = slopes / np.array(sigma)[:, None]
         return whole
-
-
-def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report: Progress) -> _Known:
-    """Knowledge before the design of some sets."""
-    sought = read_unknowns(scene, scene.estimate)
-    unknowns, scales = [unknown for unknown in sought if not unknown.per_set], dict[str, float]()
-    rows: Array = np.zeros((0, len(unknowns)))
-    paths, arrays = sources_of(data)
-    if paths:
-        scene = scene.model_copy(update={"data": sets_of(scene, paths)})
-    if paths or arrays:
-        problem = posed(scene, data, scene.estimate).problem
-        solution = problem.solve(report)
-        unknowns = [
-            unknown._replace(start=value) for unknown, value in zip(problem.unknowns, solution.values, strict=True)
-        ]
-        rows = problem.weighted(solution)[0][: problem.fitted.sum()]
-        scales = dict(zip((entry.group for entry in problem.entries), solution.sigma.tolist(), strict=True))
-    shared = sum(not unknown.per_set for unknown in unknowns)
-    fresh = iter(unknowns[:shared])
-    sought = [unknown if unknown.per_set else next(fresh) for unknown in sought]
-    unknowns, columns = with_sets(unknowns, sought, [(name, ()) for name in sets])
-    whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
-    whole = np.vstack([whole, prior(unknowns, np.zeros(len(unknowns)))[1]])
-    return _Known(Choice(unknowns, shared, whole), scene.data if paths else (), sought, columns, scales)
 
 
 def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Known) -> Array:
@@ -363,8 +353,8 @@ def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Kno
         Reading(m.quantity, none, m.place, m.sigma, m.since, m.of, cast(float, m.offset)) for m in data_set.measured
     ]
     block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
-    _, slopes = block.predict(known.choice.values[known.columns[-1]])
-    return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, data_set, f"data[{k}]")
+    _, slopes = block.predict(known.values[known.columns[-1]])
+    return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, f"data[{k}]")
 
 
 def _read_back(data_set: StaticPoses, name: str) -> StaticPoses:
