@@ -113,9 +113,6 @@ class Block:
     free = False
     """Whether that motion is free, so that a part from its start is fitted before the whole."""
 
-    begins_there = False
-    """Whether a free motion begins at the first row, wherever that is in time."""
-
     def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> None:
         self.name, self.data, self.scene, self.finger = data.name, data, scene, scene.finger
 

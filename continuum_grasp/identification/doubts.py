@@ -245,7 +245,7 @@ def _late(problem: Problem, predictions: Array) -> list[Further]:
     for block, part, _ in problem.parts:
         t = np.array(list(dict.fromkeys(entry.at for entry in block.entries)))
         rows = predictions[part].reshape(t.size, -1)
-        if block.moves and not block.begins_there:
+        if block.moves and not (block.free and block.own):  # which begins at its first row, wherever that is in time
             motions[part] = -(np.gradient(rows, t, axis=0) * np.gradient(t)[:, None]).ravel()
         elif not block.moves:
             before[part] = (np.vstack([rows[:1], rows[:-1]]) - rows).ravel()
