@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -189,7 +189,7 @@ class Fit(Predicted):
         }
 
 
-def table_of(**columns: Sequence[Any] | Array) -> list[dict[str, Any]]:
+def table_of(**columns: Iterable[Any]) -> list[dict[str, Any]]:
     """Rows of a table, from its columns."""
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 

@@ -112,7 +112,8 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     elif name in ADDED:
         target = ADDED[name]
     elif name == LAG and not finger.winches:
-        nominal, unit = max(of.time_constant or 0.0 for of in (*finger.tendon_list, *finger.chambers)), "s"
+        lags = [of.time_constant for of in finger.tendon_list] + [of.time_constant for of in finger.chambers]
+        nominal, unit = max(lag or 0.0 for lag in lags), "s"
     elif name != DELAY:
         nominal, unit = _of_model(scene, name, key)
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
