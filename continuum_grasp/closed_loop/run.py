@@ -46,7 +46,7 @@ class Controls(Protocol):
     def estimated_names(self) -> tuple[str, ...]: ...
     @property
     def statistics(self) -> Mapping[str, Any]: ...
-    def step(self, measurement: Array, reference: Array, *, p: Array | None = None) -> Any:
+    def step(self, measurement: Array, reference: Array) -> Any:
         """Return the command for a measurement (ny) and setpoints (N + 1, nr)."""
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:
@@ -54,11 +54,10 @@ class Controls(Protocol):
 
 
 class _Step(NamedTuple):
-    """A period: measurement, setpoints and parameters at its start, the command, the plant's state at its end."""
+    """A period: measurement and setpoints at its start, the command, the plant's state at its end."""
 
     y: Array
     r: Array
-    p: Array
     command: Any
     x: Array
 
@@ -191,9 +190,8 @@ def _loop(
             asked = []
             for loop, later in zip(loops, ahead, strict=True):
                 plant, plan = loop.plant, loop.plan
-                reference, measured, p = plan.rows(plant.t + later), plant.measure(), plan.phase.p
-                command = loop.control.step(measured, reference, p=p)
-                asked.append((measured, reference[0], loop.control.stages.p_nominal if p is None else p, command))
+                reference, measured = plan.rows(plant.t + later), plant.measure()
+                asked.append((measured, reference[0], loop.control.step(measured, reference)))
             states = shared.advance([of[-1].u for of in asked])
             # The period is recorded at once and whole, wherever an interruption falls.
             done.append([_Step(*of, plant_states[-1]) for of, plant_states in zip(asked, states, strict=True)])
@@ -234,7 +232,7 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
         y=np.array([step.y for step in steps]).reshape(count, len(plant.sensors.names)),
         estimate=_stack([c.estimate.x for c in commands]),
         parameters=_stack([c.estimate.p for c in commands]),
-        given_parameters=_stack([step.p for step in steps]),
+        given_parameters=_stack([stages.p_nominal] * count),
         std=_stack([() if c.estimate.std is None else c.estimate.std for c in commands]),
         contact_force_estimate=_stack([of.force for of in touched]) if touched else None,
         contact_force_std=_stack([of.std for of in touched]) if touched else None,

@@ -14,15 +14,6 @@ from continuum_grasp.errors import InputError
 
 
 @dataclass(frozen=True)
-class Moment:
-    """An instant of a closed loop: time since the phase began [s], plant, last command."""
-
-    t: float
-    plant: Any
-    command: Any
-
-
-@dataclass(frozen=True)
 class Phase:
     """A part of a closed loop with its own setpoints.
 
@@ -30,20 +21,13 @@ class Phase:
     ----------
     rows : callable
         Setpoints (T, nr) at instants (T,) since the phase began [s].
-    duration, until : float, callable
-        Longest time [s], and whether the phase is over before that; while this is open, the horizon sees it go on.
-    p : (np,) ndarray, optional
-        Parameters of the controller in this phase; nominal where not given.
-    begin : callable, optional
-        Called with controller and plant when the phase begins: to change weights, to let something go.
+    duration : float
+        [s]
     """
 
     name: str
     rows: Callable[[Array], Array]
     duration: float = math.inf
-    until: Callable[[Moment], bool] | None = None
-    p: Array | None = None
-    begin: Callable[[Any, Any], None] | None = None
 
 
 @dataclass
@@ -66,7 +50,7 @@ class Schedule:
 
     @property
     def duration(self) -> float:
-        """Longest time of all phases [s]."""
+        """Time of all phases [s]."""
         return sum(phase.duration for phase in self.phases)
 
     def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:
@@ -74,31 +58,23 @@ class Schedule:
         self.current, self.start = phase, t
         if len(self.phases) > 1:
             self.events.append((t, self.phase.name))
-        if self.phase.begin is not None:
-            self.phase.begin(controller, plant)
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
         """Begin the next phase where the present one is over, and the one after it where that is over at once; False
         after the last.
         """
-        while self._over(t, plant, command):
+        # Times are sums of rounded periods.
+        while t - self.start > self.phase.duration * (1 - 1e-9) - 1e-9:
             if self.current + 1 == len(self.phases):
                 return False
             self.enter(t, controller, plant, self.current + 1)
         return True
 
-    def _over(self, t: float, plant: Any, command: Any) -> bool:
-        phase, since = self.phase, t - self.start
-        # Times are sums of rounded periods.
-        over = since > phase.duration * (1 - 1e-9) - 1e-9
-        return over or (phase.until is not None and phase.until(Moment(since, plant, command)))
-
     def rows(self, t: Array) -> Array:
-        """Setpoints (T, nr) as they are foreseen now at instants (T,) [s]."""
+        """Setpoints (T, nr) at instants (T,) [s], those of later phases too."""
         k, start = self.current, self.start
         rows = self.phases[k].rows(t - start)
-        # What ends at a time is foreseen; what ends at an event is foreseen to go on.
-        while self.phases[k].until is None and k + 1 < len(self.phases):
+        while k + 1 < len(self.phases):
             start, k = start + self.phases[k].duration, k + 1
             later = t >= start - 1e-9
             if not np.any(later):

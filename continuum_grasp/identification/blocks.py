@@ -113,9 +113,6 @@ class Block:
     free = False
     """Whether that motion is free, so that a part from its start is fitted before the whole."""
 
-    begins_there = False
-    """Whether a free motion begins at the first row, wherever that is in time."""
-
     def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> None:
         self.name, self.data, self.scene, self.finger = data.name, data, scene, scene.finger
 
@@ -173,9 +170,8 @@ class PosesBlock(Block):
         beside = ca.SX.sym("offsets", len(still))
         y = at_rest(model, still, q, u, p, *past, offsets=beside)
         self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
-        self._offsets = np.array([np.broadcast_to(reading.offset, data.rows) for reading in still]).T.reshape(
-            data.rows, -1
-        )
+        offsets = [np.broadcast_to(reading.offset, data.rows) for reading in still]
+        self._offsets = np.array(offsets).T.reshape(data.rows, -1)
         vibrations = [reading for reading in data.measured if reading.of_mode]
         self._vibrations = Vibrations(model, vibrations, len(unknowns), data.name) if vibrations else None
         self._places = np.argsort(np.argsort([reading.of_mode for reading in data.measured], kind="stable"))
@@ -200,9 +196,8 @@ class PosesBlock(Block):
                         derivatives[row].append(self._row(row, resting)[1])
                         continue
                 del derivatives[row]
-        return np.array(list(derivatives), dtype=np.intp), np.array(list(derivatives.values())).swapaxes(
-            0, 1
-        ) if derivatives else np.zeros(0)
+        slopes = np.array(list(derivatives.values()))
+        return np.array(list(derivatives), dtype=np.intp), slopes.swapaxes(0, 1) if derivatives else slopes
 
     def bent(self, values: Array) -> Bent:
         rows, model = list(self._shapes.all(values)), self._shapes.model

@@ -143,10 +143,8 @@ class Predicted(Result):
         return self._errors(fitted=False)
 
     def _errors(self, *, fitted: bool) -> tuple[Channel, ...]:
-        groups, units = (
-            np.array([entry.group for entry in self.entries]),
-            {entry.group: entry.unit for entry in self.entries},
-        )
+        groups = np.array([entry.group for entry in self.entries])
+        units = {entry.group: entry.unit for entry in self.entries}
         missed = {group: self.residuals[(groups == group) & (self.fitted == fitted)] for group in units}
         return tuple(Channel.of(group, units[group], fitted, errors) for group, errors in missed.items() if errors.size)
 
@@ -202,7 +200,7 @@ class Predicted(Result):
                     channels.append(Channel.of(what, unit, fitted, errors, length))
         return tuple(channels)
 
-    def tables(self) -> dict[str, Any]:
+    def details(self) -> dict[str, Any]:
         """Errors of each channel, and sets of measurements, as plain data."""
         sets = [{"name": name, "entries": count} for name, count in self.blocks]
         return {"channels": [dict(vars(channel)) for channel in self.channels], "blocks": sets}
@@ -238,7 +236,3 @@ class Comparison(Predicted):
             channel.name: f"{channel.texts[1]} {channel.texts[4]} r.m.s. {channel.texts[5]}".strip()
             for channel in self.channels[:6]
         }
-
-    def details(self) -> dict[str, Any]:
-        """Errors of each channel, as plain data."""
-        return self.tables()

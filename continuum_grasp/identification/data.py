@@ -124,7 +124,11 @@ class Poses:
 
     def __post_init__(self) -> None:
         _check_readings(self.name, self.measured)
-        _check_rows(self.name, self.conditions, self.fitted, self.rows)
+        for key, values in self.conditions.items():
+            column(f"{self.name}.conditions.{key}", values, self.rows)
+        if self.fitted is not None and np.shape(self.fitted) != (self.rows,):
+            message = f"expected {self.rows} truth values, got shape {np.shape(self.fitted)}"
+            raise InputError(message, key=f"{self.name}.fitted")
 
     @property
     def rows(self) -> int:
@@ -217,18 +221,7 @@ def _check_readings(name: str, readings: Sequence[Reading], count: int | None = 
         values = column(f"{name}.measured[{k}].values", reading.values, count)
         if reading.quantity == "frequency" and np.any(values <= 0.0):
             raise InputError("expected frequencies above 0 Hz", key=f"{name}.measured[{k}].values")
-        _check_deviation(f"{name}.measured[{k}].sigma", reading.sigma)
+        if reading.sigma is not None:
+            positive(f"{name}.measured[{k}].sigma", reading.sigma)
         if np.ndim(reading.offset):
             column(f"{name}.measured[{k}].offset", reading.offset, count)
-
-
-def _check_rows(name: str, conditions: Mapping[str, ArrayLike], fitted: ArrayLike | None, rows: int) -> None:
-    for key, values in conditions.items():
-        column(f"{name}.conditions.{key}", values, rows)
-    if fitted is not None and np.shape(fitted) != (rows,):
-        raise InputError(f"expected {rows} truth values, got shape {np.shape(fitted)}", key=f"{name}.fitted")
-
-
-def _check_deviation(key: str, value: float | None) -> None:
-    if value is not None:
-        positive(key, value)

@@ -99,7 +99,7 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
 def _series(problem: Problem, weighted: Array) -> list[str]:
     """Paths whose residuals are correlated: then they are the model's error rather than noise."""
     messages, paths = [], sum(block.moves for block in problem.blocks)
-    for block, part in zip(problem.blocks, problem.parts, strict=True):
+    for block, part, _ in problem.parts:
         residuals, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
         if not block.moves or residuals.size < _SERIES * count:
             continue
@@ -166,11 +166,8 @@ def _judged(
     if tried[-1].target == _BEFORE and round(float(step[-1])) != 1:  # there is no row between two
         return 0.0, 0.0, 0.0
     matters = math.isfinite(sure) and float(np.linalg.norm(beyond)) > least
-    return (
-        abs(float(step[-1])) / max(float(sure), 1e-300) if matters else 0.0,
-        float(step[-1]),
-        float(inference.deviations[-1]),
-    )
+    share = abs(float(step[-1])) / max(float(sure), 1e-300) if matters else 0.0
+    return share, float(step[-1]), float(inference.deviations[-1])
 
 
 def _words(problem: Problem, further: Unknown, step: float, deviation: float) -> str:
@@ -221,7 +218,7 @@ def _law(what: str, problem: Problem) -> str:
 def _readings(problem: Problem) -> list[tuple[int, str, NDArray[np.intp]]]:
     """Number of the set, name, and fitted entries (R,) of each reading of the shape."""
     readings: dict[tuple[int, str], list[int]] = {}
-    for k, (block, part) in enumerate(zip(problem.blocks, problem.parts, strict=True)):
+    for k, (block, part, _) in enumerate(problem.parts):
         for row, entry in enumerate(block.entries, part.start):
             if entry.fitted and entry.quantity in KIND_OF:
                 readings.setdefault((k, entry.series), []).append(row)
@@ -238,17 +235,17 @@ def _widths(problem: Problem, predictions: Array) -> list[Further]:
         if min(np.sum(way > 0), np.sum(way < 0)) >= _LEAST:
             slope[rows] = way
             size, unit = float(np.ptp(predictions[rows])), problem.entries[rows[0]].unit
-            widths.append((Unknown(name, unit, _WIDTH, 1.0, False, 0.0, -math.inf, math.inf, size), slope))
+            widths.append((Unknown(name, unit, _WIDTH, typical=size), slope))
     return widths
 
 
 def _late(problem: Problem, predictions: Array) -> list[Further]:
     """By how many samples rows of motions are late, and whether readings are those of the row before or behind."""
     motions, before, behind = np.zeros((3, len(predictions)))
-    for block, part in zip(problem.blocks, problem.parts, strict=True):
+    for block, part, _ in problem.parts:
         t = np.array(list(dict.fromkeys(entry.at for entry in block.entries)))
         rows = predictions[part].reshape(t.size, -1)
-        if block.moves and not block.begins_there:
+        if block.moves and not (block.free and block.own):  # which begins at its first row, wherever that is in time
             motions[part] = -(np.gradient(rows, t, axis=0) * np.gradient(t)[:, None]).ravel()
         elif not block.moves:
             before[part] = (np.vstack([rows[:1], rows[:-1]]) - rows).ravel()
@@ -270,26 +267,26 @@ def _origins(problem: Problem) -> list[Further]:
 
 
 def _directions(name: str, unit: str, target: str, slope: Array) -> list[Further]:
-    return [(Unknown(name, unit, target, 1.0, True, 0.0, -math.inf, math.inf, 1.0), slope)] if slope.any() else []
+    return [(Unknown(name, unit, target), slope)] if slope.any() else []
 
 
 def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:
     """A parameter of a law, and the derivative (m,) of shapes by it, where the law has no effect yet."""
     slope, count, unknown = np.zeros(len(problem.measured)), len(problem.sought), list[Unknown]()
-    values, ranges = problem.by_block(solution.values), dict[int, list[float]]()
+    ranges = dict[int, list[float]]()
     for k, _, rows in _readings(problem):
         if problem.blocks[k].moves or name == "softening_ratio":
             per = problem.blocks[k].scene.finger.rod.length if problem.entries[rows[0]].unit == "m" else 1.0
             ranges.setdefault(k, []).append(float(np.ptp(problem.measured[rows])) / per)
     for k, sizes in ranges.items():
-        scene = problem.blocks[k].scene
+        block, part, columns = problem.parts[k]
+        scene = block.scene
         added = name == "softening_ratio" and scene.finger.softening is None
         if added:
             # From half of the greatest curvature on, as the range of the readings says; the derivative at a ratio of 1.
             bent = {"curvature": 0.5 * max(sizes) / scene.finger.rod.length, "stiffness_ratio": 0.5}
             scene = scene.changed({"finger.softening": bent})
         unknown = read_unknowns(scene, [name])
-        block = problem.blocks[k].again([*problem.sought, *unknown], scene=scene)
-        at = np.insert(values[k], count, 1.0 if added else unknown[0].start)
-        slope[problem.parts[k]] = block.predict(at)[1][:, count]
+        at = np.insert(solution.values[columns], count, 1.0 if added else unknown[0].start)
+        slope[part] = block.again([*problem.sought, *unknown], scene=scene).predict(at)[1][:, count]
     return [(candidate, slope) for candidate in unknown]

@@ -12,7 +12,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
 from continuum_grasp.identification.observation import moving
-from continuum_grasp.identification.rows import runtime_names, set_by, symbols
+from continuum_grasp.identification.rows import runtime_names, set_by, symbols, with_slopes
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
@@ -64,9 +64,7 @@ class Driven:
             for before, now in pairwise(slid):
                 states = ca.SX(clipped(states + now - before))
             parts.append(states)
-        start = ca.densify(ca.vertcat(*parts))
-        slopes = [ca.densify(ca.jacobian(start, by)) for by in (q, u, p)]
-        self._start = ca.Function("start", [q, u, p, history], ca.cse([start, *slopes]))
+        self._start = with_slopes("start", ca.vertcat(*parts), q, u, p, history)
         self._passed = tuple(passed)
 
     def _with_slopes(self, name: str, y: ca.SX, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> ca.Function:
@@ -108,7 +106,7 @@ class Driven:
         # Friction is that of the first shape, and goes on from there.
         how = friction_of(self.scene.initial, self.model, needed=False)
         history = friction_history(self.model, (*self._passed, q)[0], u, p, **how)
-        state, by_q, by_u, by_p = (np.array(part) for part in self._start(q, u, p, history))
+        state, by_q, by_u, by_p = (np.array(part) for part in self._start(q, u, p, history)[:4])
         slope = by_q @ by_values + by_p @ self.turned
         if self._late is not None:
             slope[:, self._late] += by_u @ row[self.model.nu :]

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, cast
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
@@ -19,15 +16,15 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock
 from continuum_grasp.identification.data import Reading, TipPath
-from continuum_grasp.identification.fit import applied
-from continuum_grasp.identification.fitting import Measurements, listed, posed, resolved
+from continuum_grasp.identification.fit import applied, estimate_texts, table_of
+from continuum_grasp.identification.fitting import Measurements, posed, resolved, sources_of
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.information import Choice
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Progress, with_sets
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
 from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
-from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
+from continuum_grasp.identification.unknowns import prior, read_unknowns
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.results.yaml_text import yaml_text
@@ -127,15 +124,13 @@ class ExperimentPlan(Result):
 
     def pairs(self) -> dict[str, str]:
         """Unknowns with the deviations that they will have."""
-        rows = zip(self.names, self.values, self.deviations, self.units, strict=True)
-        return {name: f"{value:.4g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in rows}
+        return estimate_texts(self, 4)
 
     def details(self) -> dict[str, Any]:
         """Unknowns, poses and segments as plain data."""
-        keys = ("name", "unit", "value", "before", "deviation", "shown_by")
-        rows = zip(self.names, self.units, self.values, self.before, self.deviations, self.shown_by, strict=True)
+        known = {"name": self.names, "unit": self.units, "value": self.values, "before": self.before}
         return {
-            "unknowns": [dict(zip(keys, row, strict=True)) for row in rows],
+            "unknowns": table_of(**known, deviation=self.deviations, shown_by=self.shown_by),
             "poses": [dict(zip(self.pose_headings, row, strict=True)) for row in self.pose_rows],
             "segments": [segment._asdict() for segment in self.segments],
         }
@@ -216,28 +211,26 @@ def design_experiments(
         if any(isinstance(place, Column) for reading in data_set.measured for place in (reading.at, reading.offset)):
             raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
     plain, names = plain_scene(scene), [data_set.name or f"data[{k}]" for k, data_set in designed]
-    known = _known(scene, data, names, progress or (lambda share: None))
-    choice, offered = known.choice, list[dict[str, str]]()
+    known, offered = _Known(scene, data, names, progress or (lambda share: None)), list[dict[str, str]]()
     for number, (k, data_set) in enumerate(proposed):
         cells, jacobians = _possible(number, data_set, plain, known, f"data[{k}]")
-        choice.offer(jacobians, data_set.propose or 1)
+        known.offer(jacobians, data_set.propose or 1)
         offered += [{SET: names[number], **row} for row in cells]
     motion = None
     if logged:
-        targets = [(unknown.target, unknown.factor, unknown.added) for unknown in choice.unknowns[: choice.shared]]
-        at_known = applied(plain, targets, choice.values[: choice.shared]) if known.scales else plain
+        targets = [(unknown.target, unknown.factor, unknown.added) for unknown in known.unknowns[: known.shared]]
+        at_known = applied(plain, targets, known.values[: known.shared]) if known.scales else plain
         design = Design(at_known, patterns_of(plain), scene.excitation)
         motion = design.excited(lambda of: _read_along(of, *logged[0], known))
-    choice.choose(motion.by_segment if motion else ())
-    rows = [offered[k] for k in choice.made]
+    known.choose([*motion.by_segment.values()] if motion else ())
+    rows = [offered[k] for k in known.made]
     headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
-    reading = (
-        *known.sets,
-        *(_read_back(data_set, names[k]) for k, (_, data_set) in enumerate(proposed)),
-        *(v for _, v in logged),
-    )
-    return replace(
-        plan_of(choice, motion, plain),
+    filled = [_read_back(data_set, name) for name, (_, data_set) in zip(names, proposed, strict=False)]
+    reading = (*known.sets, *filled, *(data_set for _, data_set in logged))
+    return plan_of(
+        known,
+        motion,
+        plain,
         pose_headings=headings,
         pose_rows=tuple(tuple(row.get(heading, "") for heading in headings) for row in rows),
         configuration=scene.model_copy(update={"data": reading}),
@@ -253,8 +246,8 @@ def _possible(
     """
     headings, cells, poses = choices_of(data_set, scene, key)
     block = PosesBlock(poses.scene or scene, poses, known.sought)
-    unknowns = [known.choice.unknowns[k] for k in known.columns[number]]
-    at = known.choice.values[known.columns[number]]
+    unknowns = [known.unknowns[k] for k in known.columns[number]]
+    at = known.values[known.columns[number]]
     about = _ABOUT * np.array([min(unknown.sigma, unknown.typical) for unknown in unknowns])
     free = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
     turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
@@ -263,18 +256,17 @@ def _possible(
         raise InputError("no choice of the conditions has an equilibrium within the bending range", key=key)
     blank = {column: "" for of in data_set.measured for column in (of.column, of.minus) if column is not None}
     proposals = [dict(zip(headings, cells[row], strict=True)) | blank for row in rows]
-    return proposals, known.whitened(number, slopes, block, data_set, key)
+    return proposals, known.whitened(number, slopes, block, key)
 
 
-def plan_of(choice: Choice, motion: Excited | None, scene: Scene) -> ExperimentPlan:
-    """Plan of the experiments that were chosen, and of a motion."""
-    chosen = [(f"pose {k}", choice.offered[index]) for k, index in enumerate(choice.made, 1)]
-    offered, along = list(choice.offered), motion.by_segment if motion else []
-    chosen += [(segment.name, rows) for segment, rows in zip(motion.segments if motion else (), along, strict=True)]
+def plan_of(choice: Choice, motion: Excited | None, scene: Scene, **further: Any) -> ExperimentPlan:
+    """Plan of the experiments that were chosen, and of a motion; ``further`` fields are added, or replace the same."""
+    offered, along = list(choice.offered), motion.by_segment if motion else {}
+    chosen = {f"pose {k}": offered[index] for k, index in enumerate(choice.made, 1)} | along
     free, shared = [unknown._replace(lower=-np.inf, upper=np.inf) for unknown in choice.unknowns], choice.shared
     before, after, every = (
         infer(free, choice.values, np.vstack([choice.rows, *rows]), None, shared=shared)
-        for rows in ([], [rows for _, rows in chosen], [*offered, *along])
+        for rows in ([], chosen.values(), [*offered, *along.values()])
     )
     warnings = [warning.replace("the data", "these experiments") for warning in after.warnings]
     unseen = [
@@ -285,50 +277,61 @@ def plan_of(choice: Choice, motion: Excited | None, scene: Scene) -> ExperimentP
             f"no possible experiment shows {', '.join(unseen)}: measure other quantities, offer other choices, or "
             "leave it out of estimate"
         )
-    each = np.stack([np.sum(rows**2, axis=0) for _, rows in chosen], axis=1)[:shared]
-    plan = ExperimentPlan(
+    each = np.stack([np.sum(rows**2, axis=0) for rows in chosen.values()], axis=1)[:shared]
+    statistics: dict[str, Any] = {"offered": len(offered), "readings": sum(map(len, chosen.values()))}
+    fields: dict[str, Any] = {"scene": scene}
+    if motion is not None:
+        rehearsal, statistics["scale"] = motion.rehearsal, motion.scale
+        labels = tuple(finger_input.label for finger_input in rehearsal.scene.finger.inputs)
+        fields = {"scene": rehearsal.scene, "rehearsal": rehearsal, "segments": motion.segments, "t": rehearsal.t}
+        fields |= {"commands": rehearsal.u[:, : len(labels)], "command_names": labels}
+        warnings += rehearsal.warnings
+    return ExperimentPlan(
         names=tuple(unknown.name for unknown in free[:shared]),
         units=tuple(unknown.unit for unknown in free[:shared]),
         values=choice.values[:shared],
         before=before.deviations[:shared],
         deviations=after.deviations[:shared],
         shares=each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300),
-        experiment_names=tuple(name for name, _ in chosen),
-        scene=scene,
+        experiment_names=tuple(chosen),
         status="not shown" if unseen else "designed",
         warnings=tuple(warnings),
-        statistics={"offered": len(offered), "readings": sum(len(rows) for _, rows in chosen)},
-    )
-    if motion is None:
-        return plan
-    labels = tuple(finger_input.label for finger_input in motion.rehearsal.scene.finger.inputs)
-    return replace(
-        plan,
-        segments=motion.segments,
-        t=motion.rehearsal.t,
-        commands=motion.rehearsal.u[:, : len(labels)],
-        command_names=labels,
-        rehearsal=motion.rehearsal,
-        scene=motion.rehearsal.scene,
-        warnings=(*plan.warnings, *motion.rehearsal.warnings),
-        statistics={**plan.statistics, "scale": motion.scale},
+        statistics=statistics,
+        **fields | further,
     )
 
 
-class _Known(NamedTuple):
-    """Knowledge before a design, and the choice of experiments that begins with it."""
+class _Known(Choice):
+    """Knowledge before the design of sets with some names, and the choice of experiments that begins with it.
 
-    choice: Choice
-    sets: tuple[DataSet, ...]
-    """Data that are measured already."""
-    sought: list[Unknown]
-    """Unknowns of each set."""
-    columns: list[NDArray[np.intp]]
-    """Unknowns of each set that is designed, among all."""
-    scales: dict[str, float]
-    """Standard deviation of readings that were measured, by their group."""
+    ``sought`` are the unknowns of each set, ``columns`` those of each set that is designed, among all; ``sets`` are the
+    data that are measured already, ``scales`` the standard deviations of their readings, by group.
+    """
 
-    def whitened(self, number: int, slopes: Array, block: Block, one: StaticPoses | TipTrajectory, key: str) -> Array:
+    def __init__(self, scene: IdentifyScene, data: Measurements, names: Sequence[str], report: Progress) -> None:
+        sought = read_unknowns(scene, scene.estimate)
+        unknowns, self.scales = [unknown for unknown in sought if not unknown.per_set], dict[str, float]()
+        rows: Array = np.zeros((0, len(unknowns)))
+        paths, arrays = sources_of(data)
+        if paths:
+            scene = scene.model_copy(update={"data": sets_of(scene, paths)})
+        if paths or arrays:
+            problem = posed(scene, data, scene.estimate).problem
+            solution = problem.solve(report)
+            pairs = zip(problem.unknowns, solution.values, strict=True)
+            unknowns = [unknown._replace(start=value) for unknown, value in pairs]
+            rows = problem.weighted(solution)[0][: problem.fitted.sum()]
+            groups = (entry.group for entry in problem.entries)
+            self.scales = dict(zip(groups, solution.sigma.tolist(), strict=True))
+        shared = sum(not unknown.per_set for unknown in unknowns)
+        fresh = iter(unknowns[:shared])
+        self.sought = [unknown if unknown.per_set else next(fresh) for unknown in sought]
+        unknowns, self.columns = with_sets(unknowns, self.sought, [(name, ()) for name in names])
+        self.sets: tuple[DataSet, ...] = scene.data if paths else ()
+        whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
+        super().__init__(unknowns, shared, np.vstack([whole, prior(unknowns, np.zeros(len(unknowns)))[1]]))
+
+    def whitened(self, number: int, slopes: Array, block: Block, key: str) -> Array:
         """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
         sigma = []
         for k, entry in enumerate(block.entries[: slopes.shape[-2]]):
@@ -337,35 +340,9 @@ class _Known(NamedTuple):
                 where = f"{key}.measured[{k}].sigma"
                 raise InputError("deviations cannot be predicted without that of every reading", key=where)
             sigma.append(deviation)
-        whole = np.zeros((*slopes.shape[:-1], len(self.choice.unknowns)))
+        whole = np.zeros((*slopes.shape[:-1], len(self.unknowns)))
         whole[..., self.columns[number]] = slopes / np.array(sigma)[:, None]
         return whole
-
-
-def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report: Progress) -> _Known:
-    """Knowledge before the design of some sets."""
-    sought = read_unknowns(scene, scene.estimate)
-    unknowns, scales = [unknown for unknown in sought if not unknown.per_set], dict[str, float]()
-    rows: Array = np.zeros((0, len(unknowns)))
-    sources = listed(data)
-    paths = [Path(source) for source in sources if isinstance(source, (str, os.PathLike))]
-    if paths:
-        scene = scene.model_copy(update={"data": sets_of(scene, paths)})
-    if sources:
-        problem = posed(scene, data, scene.estimate).problem
-        solution = problem.solve(report)
-        unknowns = [
-            unknown._replace(start=value) for unknown, value in zip(problem.unknowns, solution.values, strict=True)
-        ]
-        rows = problem.weighted(solution)[0][: problem.fitted.sum()]
-        scales = dict(zip((entry.group for entry in problem.entries), solution.sigma.tolist(), strict=True))
-    shared = sum(not unknown.per_set for unknown in unknowns)
-    fresh = iter(unknowns[:shared])
-    sought = [unknown if unknown.per_set else next(fresh) for unknown in sought]
-    unknowns, columns = with_sets(unknowns, sought, [(name, ()) for name in sets])
-    whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
-    whole = np.vstack([whole, prior(unknowns, np.zeros(len(unknowns)))[1]])
-    return _Known(Choice(unknowns, shared, whole), scene.data if paths else (), sought, columns, scales)
 
 
 def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Known) -> Array:
@@ -376,22 +353,15 @@ def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Kno
         Reading(m.quantity, none, m.place, m.sigma, m.since, m.of, cast(float, m.offset)) for m in data_set.measured
     ]
     block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
-    _, slopes = block.predict(known.choice.values[known.columns[-1]])
-    return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, data_set, f"data[{k}]")
+    _, slopes = block.predict(known.values[known.columns[-1]])
+    return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, f"data[{k}]")
 
 
 def _read_back(data_set: StaticPoses, name: str) -> StaticPoses:
     """The set that reads the table of poses, a row each."""
     chosen = (*data_set.where, RowsEqual(column=SET, equals=(name,)))
-    changes = {
-        "file": POSES,
-        "name": f"{name}, proposed",
-        "where": chosen,
-        "use": "fit",
-        "holdout_rows": (),
-        "pose": None,
-    }
-    return data_set.model_copy(update=changes)
+    read = {"file": POSES, "name": f"{name}, proposed", "where": chosen}
+    return data_set.model_copy(update=read | {"use": "fit", "holdout_rows": (), "pose": None})
 
 
 def poses_text(plan: ExperimentPlan) -> str:

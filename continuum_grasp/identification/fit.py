@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -12,8 +12,8 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.comparison import Predicted
 from continuum_grasp.identification.inference import Inference
-from continuum_grasp.identification.laws import LawTrial
-from continuum_grasp.identification.unknowns import DELAY, LAG, OF_DRIVE, Unknown
+from continuum_grasp.identification.searches import LawTrial
+from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.model.parameters import at_tip, numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.yaml_text import yaml_text
@@ -137,14 +137,8 @@ class Fit(Predicted):
 
     def pairs(self) -> dict[str, str]:
         """Estimates with their standard deviations, and the errors of what was fitted."""
-        estimates = zip(self.names, self.values, self.deviations, self.units, strict=True)
-        errors = [
-            f"{channel.name}: {channel.rms:.3g} {channel.unit} r.m.s. of {channel.count}" for channel in self.errors
-        ]
-        return {
-            **{name: f"{value:.6g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in list(estimates)[:5]},
-            "errors": "; ".join(errors),
-        }
+        errors = [f"{of.name}: {of.rms:.3g} {of.unit} r.m.s. of {of.count}" for of in self.errors]
+        return {**dict(list(estimate_texts(self, 6).items())[:5]), "errors": "; ".join(errors)}
 
     def apply(self, scene: FingerScene | None = None) -> Any:
         """A scene with the estimates in it.
@@ -177,10 +171,11 @@ class Fit(Predicted):
 
     def summary(self) -> dict[str, Any]:
         """Parameters and errors as plain data."""
-        keys = ("name", "unit", "value", "deviation", "interval")
-        rows = zip(self.names, self.units, self.values, self.deviations, map(list, self.intervals), strict=True)
+        intervals = [list(interval) for interval in self.intervals]
+        estimated = {"name": self.names, "unit": self.units, "value": self.values, "deviation": self.deviations}
+        of_sets = {"name": self.set_names, "value": self.set_values, "deviation": self.set_deviations}
         return {
-            "parameters": [dict(zip(keys, row, strict=True)) for row in rows],
+            "parameters": table_of(**estimated, interval=intervals),
             "correlation": self.correlation,
             "singular_values": self.singular_values,
             "freedom": self.freedom,
@@ -189,12 +184,20 @@ class Fit(Predicted):
             "laws": [trial._asdict() for trial in self.laws],
             "errors": [dict(vars(channel)) for channel in self.errors],
             "holdout_errors": [dict(vars(channel)) for channel in self.holdout_errors],
-            "sets": [
-                {"name": name, "value": value, "deviation": deviation}
-                for name, value, deviation in zip(self.set_names, self.set_values, self.set_deviations, strict=True)
-            ],
-            **self.tables(),
+            "sets": table_of(**of_sets),
+            **super().details(),
         }
+
+
+def table_of(**columns: Iterable[Any]) -> list[dict[str, Any]]:
+    """Rows of a table, from its columns."""
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def estimate_texts(result: Any, digits: int) -> dict[str, str]:
+    """Values of a result's unknowns with their standard deviations and units, by name."""
+    rows = zip(result.names, result.values, result.deviations, result.units, strict=True)
+    return {name: f"{value:.{digits}g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in rows}
 
 
 def estimates(unknowns: Sequence[Unknown], values: Array, inference: Inference) -> dict[str, Any]:
@@ -227,8 +230,7 @@ def finger_text(fit: Fit) -> str:
     if finger is None:
         return f"# Not a finger: {why}\n"
     head = f"# Identified from {', '.join(name for name, _ in fit.blocks)}.\n"
-    rows = zip(fit.names, fit.values, fit.deviations, fit.units, strict=True)
-    head += "".join(f"# {name}: {value:.6g} +/- {deviation:.2g} {unit}\n" for name, value, deviation, unit in rows)
+    head += "".join(f"# {name}: {text}\n" for name, text in estimate_texts(fit, 6).items())
     return head + yaml_text({"schema_version": 1, **finger}, exact=True)
 
 
@@ -240,7 +242,7 @@ def applied(scene: Any, targets: Sequence[tuple[str, float, bool]], values: Arra
             scene = scene.changed({"estimator.delay": period * round(value / period)})
         elif target == LAG and not (scene.finger.tendons or scene.finger.chambers):
             scene = scene.changed({"controller.input.time_constant": value})
-        elif target not in OF_DRIVE:
+        elif target != DELAY:
             changes = _changes(scene.finger, target, factor * value, added)
             scene = scene.changed({f"finger.{key}": new for key, new in changes.items()})
     return scene

@@ -23,12 +23,11 @@ from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
-from continuum_grasp.identification.laws import LawTrial, choose_law
 from continuum_grasp.identification.path_block import block_of
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, questionable, too_far
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
-from continuum_grasp.identification.restarts import may_be_local, restarted
+from continuum_grasp.identification.searches import LawTrial, choose_law, may_be_local, restarted
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
@@ -233,16 +232,17 @@ def posed(
     return Task(scene, note, Problem(blocks, unknowns))
 
 
-def _finer(problem: Problem, sets: Sequence[Array]) -> Array | None:
+def _finer(problem: Problem, values: Array) -> Array | None:
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
     predictions = []
-    for block, set_values in zip(problem.blocks, sets, strict=True):
+    for block, _, columns in problem.parts:
         model = FingerModel(block.scene)
         # the start that was estimated is in coordinates of the coarser one
         if len(model.lengths) > _MOST or block.own:
             return None
         try:
-            predictions.append(block.again(problem.sought, scene=refined(block.scene, model)).predict(set_values)[0])
+            finer = block.again(problem.sought, scene=refined(block.scene, model))
+            predictions.append(finer.predict(values[columns])[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None
     return np.concatenate(predictions)
@@ -258,23 +258,18 @@ def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list
     """Given measurements, and those in given files, which come first; those that the scene names where none is given,
     in the folder of its own file, ``beside``.
     """
-    sources, measurements = listed(data), list[Data]()
-    paths = [Path(source) for source in sources if isinstance(source, (str, os.PathLike))]
-    if paths or not sources:
-        measurements += read_data(scene, paths, beside=beside)
-    for source in sources:
-        if isinstance(source, (Poses, TipPath)):
-            measurements.append(source)
-        elif not isinstance(source, (str, os.PathLike)):
-            raise InputError(f"expected Poses, TipPath or a path, got {source!r:.60}", key="data")
+    paths, arrays = sources_of(data)
+    measurements = arrays if arrays and not paths else [*read_data(scene, paths, beside=beside), *arrays]
     if not measurements:
         raise InputError("expected measurements, got none", key="data")
     return measurements
 
 
-def listed(data: Measurements) -> list[Any]:
-    """Measurements, or places of them, one by one."""
-    return list(data) if isinstance(data, Sequence) and not isinstance(data, str) else [data]
+def sources_of(data: Measurements) -> tuple[list[Path], list[Data]]:
+    """Files and folders of measurements, and those that are given as arrays."""
+    sources = data if isinstance(data, Sequence) and not isinstance(data, str) else [data]
+    paths = [Path(source) for source in sources if isinstance(source, (str, os.PathLike))]
+    return paths, [source for source in sources if isinstance(source, (Poses, TipPath))]
 
 
 def _credible(problem: Problem, solution: Solution) -> tuple[Solution, list[str]]:
@@ -303,7 +298,7 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     sigma, rows = solution.sigma, problem.weighted(solution)
     inference = infer(unknowns, solution.values, *rows, shared, problem.series)
     doubted: tuple[str, ...] = ()
-    finer = _finer(problem, problem.by_block(solution.values))
+    finer = _finer(problem, solution.values)
     if finer is not None:
         coarse, fine = ((part / sigma)[problem.fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, inference.deviations, rows[0][: len(coarse)], coarse, fine)

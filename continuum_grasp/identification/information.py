@@ -70,7 +70,7 @@ class Choice:
     """Experiments on unknowns, of which those are chosen that show most of the first ``shared``, those of all sets.
 
     ``values`` are those at which experiments are judged, ``rows`` (rows, n) the derivatives of what is known already,
-    per standard deviation.
+    per standard deviation. ``made`` are numbers of those that are made, of what is ``offered``, as often as they are.
     """
 
     def __init__(self, unknowns: Sequence[Unknown], shared: int, rows: Array) -> None:
@@ -78,8 +78,7 @@ class Choice:
         self.values, self._sizes = (
             np.array(column) for column in zip(*((v.start, v.typical) for v in unknowns), strict=True)
         )
-        self.offered, self.counts = list[Array](), np.zeros(0, dtype=np.intp)
-        self._cautious = list[Array]()
+        self.offered, self._cautious, self.made = list[Array](), list[Array](), list[int]()
         self._budgets = list[tuple[NDArray[np.intp], int]]()
 
     def offer(self, jacobians: Array, most: int) -> None:
@@ -97,9 +96,5 @@ class Choice:
         """Choose among what is offered, beside what is read along a motion (readings, n)."""
         offered = np.array([information(jacobian, self._sizes) for jacobian in self._cautious])
         known = information(np.vstack([self.rows, *along]), self._sizes)
-        self.counts = allotted(offered, known, self.shared, self._budgets)
-
-    @property
-    def made(self) -> list[int]:
-        """Numbers of the experiments that are made, of those that are offered, as often as they are made."""
-        return np.repeat(np.arange(self.counts.size), self.counts).tolist()
+        counts = allotted(offered, known, self.shared, self._budgets)
+        self.made = np.repeat(np.arange(counts.size), counts).tolist()

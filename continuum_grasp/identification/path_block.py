@@ -57,7 +57,6 @@ class PathBlock(Block):
         driven.check(unknowns, data.name)
         self._driven, self._model = driven, driven.model
         self.kinked, self.free = bool(driven.model.friction_names), driven.signals.constant
-        self.begins_there = self.free and bool(self.own)
         self._motion = _Motion(driven, t, self._begins)
         self._read = driven.readings.map(t.size)
         self.entries = entries_of(data, t, np.full(t.size, data.fitted), scene.finger.rod.length)

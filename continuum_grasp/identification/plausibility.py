@@ -130,7 +130,7 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
 def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
     """Misfits of the fitted entries, by set and kind."""
     all_misfits = []
-    for block, part in zip(problem.blocks, problem.parts, strict=True):
+    for block, part, _ in problem.parts:
         missed = zip(block.entries, (predictions - problem.measured)[part], strict=True)
         rows = [(KIND_OF.get(entry.quantity, entry.quantity), entry, off) for entry, off in missed if entry.fitted]
         for kind in dict.fromkeys(kind for kind, _, _ in rows):
@@ -163,9 +163,9 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     message, farthest = "", 0.0
-    for block, part, numbers in zip(problem.blocks, problem.parts, problem.by_block(values), strict=True):
+    for block, part, columns in problem.parts:
         readings, finger = block.data.measured, block.scene.finger
-        sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, numbers, strict=False)}
+        sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, values[columns], strict=False)}
         base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
         length = finger.rod.length
         markers: dict[Any, list[int]] = {}
@@ -236,16 +236,9 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
     missed = [m for m in left if m.limit < math.inf and m.rms > min(m.limit, _UNEXPLAINED * m.scatter)]
     if missed or _total(left) * _BETTER >= before:
         return []
-    shifts = [
-        (unknown, value)
-        for unknown, value in zip(trial.unknowns, solution.values, strict=True)
-        if unknown.name in _BASE
-    ]
-    by = (
-        f" ({', '.join(f'{unknown.name} {value:.3g} {unknown.unit}' for unknown, value in shifts)} off)"
-        if shifts
-        else ""
-    )
+    values = zip(trial.unknowns, solution.values, strict=True)
+    shifts = ", ".join(f"{u.name} {value:.3g} {u.unit}" for u, value in values if u.name in _BASE)
+    by = f" ({shifts} off)" if shifts else ""
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
 

@@ -66,30 +66,35 @@ def with_sets(
     return unknowns, columns
 
 
+class Part(NamedTuple):
+    """A set of measurements, and where its entries and its unknowns are among those of all sets."""
+
+    block: Block
+    rows: slice
+    columns: NDArray[np.intp]
+
+
 class Problem:
     """Measurements of all sets and the model's predictions of them.
 
-    The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given. ``parts``
-    are the entries of each set among all.
+    The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given.
     """
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> None:
         self.blocks, self.sought = list(blocks), tuple(unknowns)
-        shared, sets = (
-            [unknown for unknown in unknowns if not unknown.per_set],
-            [(block.name, block.own) for block in blocks],
-        )
-        self.shared, (self.unknowns, self._columns) = len(shared), with_sets(shared, unknowns, sets)
+        shared = [unknown for unknown in unknowns if not unknown.per_set]
+        self.unknowns, columns = with_sets(shared, unknowns, [(block.name, block.own) for block in blocks])
+        self.shared, ends = len(shared), np.cumsum([len(block.entries) for block in blocks]).tolist()
+        rows = [slice(end - len(block.entries), end) for block, end in zip(blocks, ends, strict=True)]
+        self.parts = [Part(*part) for part in zip(blocks, rows, columns, strict=True)]
         self.entries = [entry for block in blocks for entry in block.entries]
         self.measured = np.array([entry.value for entry in self.entries])
         self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
         names = [entry.group for entry in self.entries]
-        ends = np.cumsum([len(block.entries) for block in self.blocks])
-        self.parts = [slice(end - len(block.entries), end) for block, end in zip(self.blocks, ends, strict=True)]
         self._sought = np.ones(len(self.unknowns), dtype=bool)
-        for own_columns, part in zip(self._columns, self.parts, strict=True):
+        for part in self.parts:
             # what only a set that is not fitted has would drift in a search that does not see it
-            self._sought[own_columns[own_columns >= self.shared]] = self.fitted[part].any()
+            self._sought[part.columns[part.columns >= self.shared]] = self.fitted[part.rows].any()
         self.groups = {name: np.array([other == name for other in names]) for name in dict.fromkeys(names)}
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
@@ -103,10 +108,8 @@ class Problem:
     @property
     def series(self) -> list[NDArray[np.intp]]:
         """Numbers (T, readings) among the fitted entries of each set whose entries follow one another."""
-        rows = np.cumsum(self.fitted) - 1
-        fitted_rows = [
-            (block, rows[part][self.fitted[part]]) for block, part in zip(self.blocks, self.parts, strict=True)
-        ]
+        numbers = np.cumsum(self.fitted) - 1
+        fitted_rows = [(block, numbers[rows][self.fitted[rows]]) for block, rows, _ in self.parts]
         return [
             indices.reshape(-1, len({entry.series for entry in block.entries}))
             for block, indices in fitted_rows
@@ -118,31 +121,26 @@ class Problem:
         unknowns = zip(self.unknowns, self._sought, strict=True)
         return prior([unknown if sought else unknown._replace(sigma=math.inf) for unknown, sought in unknowns], values)
 
-    def by_block(self, values: Array) -> list[Array]:
-        """Values that each block has."""
-        return [values[columns] for columns in self._columns]
-
     def predicted(self, values: Array, predictions: Array) -> dict[str, Any]:
         """Fields of `Predicted`, from a model at some values."""
-        pairs = zip(self.blocks, self.by_block(values), strict=True)
         return {
             "entries": tuple(self.entries),
             "predictions": predictions,
             "blocks": tuple((block.name, len(block.entries)) for block in self.blocks),
-            "drawn": tuple(block.drawn(each) for block, each in pairs),
+            "drawn": tuple(block.drawn(values[columns]) for block, _, columns in self.parts),
         }
 
     def warnings(self, values: Array) -> list[str]:
         """Warnings of all sets about shapes beyond a limit."""
-        pairs = zip(self.blocks, self.by_block(values), strict=True)
-        return [f"{block.name}: {warning}" for block, each in pairs for warning in block.warnings(each)]
+        parts = self.parts
+        return [f"{block.name}: {text}" for block, _, columns in parts for text in block.warnings(values[columns])]
 
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Predictions (m,) of all entries, and their Jacobian (m, n); zeros for sets of which no entry is chosen."""
         y, jacobian = np.zeros(len(self.entries)), np.zeros((len(self.entries), len(values)))
-        for block, part, columns in zip(self.blocks, self.parts, self._columns, strict=True):
-            if chosen is None or chosen[part].any():
-                y[part], jacobian[part, columns] = block.predict(values[columns])
+        for block, rows, columns in self.parts:
+            if chosen is None or chosen[rows].any():
+                y[rows], jacobian[rows, columns] = block.predict(values[columns])
         return y, jacobian
 
     def weighted(self, solution: Solution, further: Array | None = None) -> tuple[Array, Array]:
@@ -206,10 +204,10 @@ class Problem:
 
         What all sets have stays: a prediction is of the law, from a start that is estimated as that of any set.
         """
-        for part, columns in zip(self.parts, self._columns, strict=True):
+        for _, rows, columns in self.parts:
             chosen, sought = np.zeros(len(self.measured), dtype=bool), np.zeros(len(values), dtype=bool)
-            chosen[part], sought[columns[columns >= self.shared]] = True, True
-            if sought.any() and not self.fitted[part].any():
+            chosen[rows], sought[columns[columns >= self.shared]] = True, True
+            if sought.any() and not self.fitted[rows].any():
                 values = self._search(values, chosen, 1.0 / sigma, sought).values
         return values
 

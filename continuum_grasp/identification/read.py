@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -194,13 +195,9 @@ def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) ->
     groups = table.groups(heading if long else None)
     first = np.array([rows[0] for rows in groups])
     table.check_order(t[first], heading, first)
-    inside = (
-        np.ones(t.size, dtype=bool)
-        if data_set.window is None
-        else (t >= data_set.window[0]) & (t <= data_set.window[1])
-    )
-    if data_set.window is not None and not inside.any():
-        start, end = data_set.window
+    start, end = data_set.window or (-math.inf, math.inf)
+    inside = (t >= start) & (t <= end)
+    if not inside.any():
         message = f"no sample between {start:g} and {end:g} s; they go from {t.min():g} to {t.max():g} s"
         raise InputError(message, file=table.file)
     if isinstance(data_set, RingDown):

@@ -137,10 +137,8 @@ class Replay(Predicted):
 
     def details(self) -> dict[str, Any]:
         """Suspicions and numbers of the log, as plain data."""
-        suspicions, retuned = (
-            [suspicion._asdict() for suspicion in self.suspicions],
-            [parameter._asdict() for parameter in self.retuned],
-        )
+        suspicions = [suspicion._asdict() for suspicion in self.suspicions]
+        retuned = [parameter._asdict() for parameter in self.retuned]
         return {"suspects": list(self.suspects), "suspicions": suspicions, "retuned": retuned}
 
 

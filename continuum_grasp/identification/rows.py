@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification.unknowns import OF_DRIVE, START, Unknown
+from continuum_grasp.identification.unknowns import DELAY, START, Unknown
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import clipped
@@ -25,7 +25,7 @@ from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
     """Parameters that the model keeps as run-time arguments."""
-    targets = (unknown.target for unknown in unknowns if unknown.target not in (*OF_DRIVE, START))
+    targets = (unknown.target for unknown in unknowns if unknown.target not in (DELAY, START))
     # Of the place of the base both coordinates.
     names = (target[:-2] if target.startswith("base_position_") else target for target in targets)
     return tuple(dict.fromkeys((*scene.parameters, *names, *more)))
@@ -35,7 +35,7 @@ def set_by(unknowns: Sequence[Unknown], names: Sequence[str]) -> tuple[Array, Ar
     """Entries of a model by unknowns: share of their own values (entries,), and derivatives (entries, unknowns)."""
     shares, derivative = np.ones(len(names)), np.zeros((len(names), len(unknowns)))
     for k, unknown in enumerate(unknowns):
-        if unknown.target not in (*OF_DRIVE, START):
+        if unknown.target not in (DELAY, START):
             at = names.index(unknown.target)
             shares[at], derivative[at, k] = float(unknown.added), unknown.factor
     return shares, derivative

@@ -58,12 +58,6 @@ class Pattern(NamedTuple):
     most: float
 
 
-class _Part(NamedTuple):
-    name: str
-    form: str
-    pattern: int
-
-
 class Excited(NamedTuple):
     """Commands as they are designed: segments, the motion, derivatives (T, readings, n) of what is read, scale [1]."""
 
@@ -73,11 +67,10 @@ class Excited(NamedTuple):
     scale: float
 
     @property
-    def by_segment(self) -> list[Array]:
-        """Derivatives (readings, n) of what is read in each segment."""
-        t = self.rehearsal.t[1:]
-        masks = [(t > segment.start) & (t <= segment.end) for segment in self.segments]
-        return [self.rows[rows].reshape(-1, self.rows.shape[-1]) for rows in masks]
+    def by_segment(self) -> dict[str, Array]:
+        """Derivatives (readings, n) of what is read in each segment, by its name."""
+        t, width = self.rehearsal.t[1:], self.rows.shape[-1]
+        return {of.name: self.rows[(t > of.start) & (t <= of.end)].reshape(-1, width) for of in self.segments}
 
 
 _SHOWS = {
@@ -105,12 +98,8 @@ def base_of(scene: Scene) -> Array:
 def patterns_of(scene: Scene) -> list[Pattern]:
     """To one side, to the other, and both tendons together; chambers beside tendons stay as they are."""
     beside = len(scene.finger.chambers) if scene.finger.tendons else 0
-    patterns = _patterns_of_drives(scene)
-    return (
-        [pattern._replace(commands=np.append(pattern.commands, np.zeros(beside))) for pattern in patterns]
-        if beside
-        else patterns
-    )
+    still = np.zeros(beside)
+    return [of._replace(commands=np.append(of.commands, still)) for of in _patterns_of_drives(scene)]
 
 
 def _patterns_of_drives(scene: Scene) -> list[Pattern]:
@@ -155,7 +144,7 @@ def _of_sides(sides: Array, directions: Mapping[str, float], paid: float, greate
 
 
 class Design:
-    """Commands of a scene's drives, in segments.
+    """Commands of a scene's drives, in ``segments`` that are equally long.
 
     Each is as large as ``reach`` of the bending range, of the tensions and of what the drives take allows at rest.
     """
@@ -167,11 +156,14 @@ class Design:
         self._forces = Signals(tightened, self._model).w(0.0)[0]
         self._patterns = patterns
         self._greatest = [self._reach(pattern) for pattern in patterns]
-        self.parts = [_Part("hold", "hold", 0)]
+        parts = [("hold", "hold", 0)]
         for form in ("loop", "steps", "sweep"):
             for k, pattern in enumerate(patterns):
                 if not (pattern.name == "together" and form == "sweep"):
-                    self.parts.append(_Part(f"{form} {pattern.name}", form, k))
+                    parts.append((f"{form} {pattern.name}", form, k))
+        self._parts = [(form, k) for _, form, k in parts]
+        times = pairwise(np.linspace(0.0, options.duration, len(parts) + 1).tolist())
+        self.segments = tuple(Segment(name, _SHOWS[form], *next(times)) for name, form, _ in parts)
         self._frequency = self._first_frequency()
 
     def _reach(self, pattern: Pattern) -> float:
@@ -232,22 +224,13 @@ class Design:
         spectrum = modes(alone.model_copy(update={"initial": initial}))
         return float(spectrum.frequencies_hz[0])
 
-    @property
-    def segments(self) -> tuple[Segment, ...]:
-        """The segments with their times, which are equally long."""
-        ends = np.linspace(0.0, self.options.duration, len(self.parts) + 1).tolist()
-        times = zip(self.parts, pairwise(ends), strict=True)
-        return tuple(Segment(part.name, _SHOWS[part.form], *both) for part, both in times)
-
     def scene(self, scale: float) -> Scene:
         """The scene under the commands."""
         points: list[tuple[float, Array]] = []
-        for part, segment in zip(self.parts, self.segments, strict=True):
-            greatest = scale * self._greatest[part.pattern]
-            for at, level in self._form(part.form, segment.end - segment.start):
-                points.append(
-                    (segment.start + at, self._base + (greatest * level) * self._patterns[part.pattern].commands)
-                )
+        for (form, k), segment in zip(self._parts, self.segments, strict=True):
+            greatest, commands = scale * self._greatest[k], self._patterns[k].commands
+            for at, level in self._form(form, segment.end - segment.start):
+                points.append((segment.start + at, self._base + (greatest * level) * commands))
         return self._commanded(points)
 
     def _form(self, form: str, duration: float) -> list[tuple[float, float]]:

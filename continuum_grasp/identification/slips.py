@@ -68,13 +68,10 @@ def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
         for words, factor in _factors(group, *units[names[0]], names[0]) if names else ():
             yield Slip(f"{group} {words}", {name: (name, factor ** powers[name]) for name in names})
     names = [finger_input.name for finger_input in given[0][1].finger.inputs]
-    commands = _renumbered(names)
-    rows = [
-        _renumbered([f"{quantity} {k + 1}" for k in range(len(names))])
-        for quantity in UNIT_OF
-        if f"{quantity} 1" in units
-    ]
-    readings = {name: to for row in rows for name, to in row.items()}
+    commands, readings = _renumbered(names), dict[str, tuple[str, float]]()
+    for quantity in UNIT_OF:
+        if f"{quantity} 1" in units:
+            readings |= _renumbered([f"{quantity} {k + 1}" for k in range(len(names))])
     if len(names) > 1:
         yield Slip("tendons are numbered from the other side", {**commands, **readings})
         yield Slip("commands of the tendons are swapped", commands)
@@ -96,11 +93,8 @@ def undone(slip: Slip, data: Data, scene: Scene) -> Pair | None:
 
 def _columns(data: Data, scene: Scene) -> dict[str, str]:
     """Columns of the data, and commands of the scene, with SI units; those of conditions are left open."""
-    units = (
-        {finger_input.name: finger_input.unit for finger_input in scene.finger.inputs}
-        if scene.actuation is not None
-        else {}
-    )
+    inputs = () if scene.actuation is None else scene.finger.inputs
+    units = {finger_input.name: finger_input.unit for finger_input in inputs}
     if isinstance(data, TipPath):
         units["t"] = "s"
     else:
@@ -162,13 +156,9 @@ def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
     changed: list[Any] = list(commands)
     for name, command in zip(names, commands, strict=True):
         to, factor = slip.columns.get(name, (name, 1.0))
-        changed[names.index(to)] = (
-            factor * command
-            if isinstance(command, (int, float))
-            else {
-                **command.model_dump(),
-                "times": [later * t for t in command.times],
-                "values": [factor * value for value in command.values],
-            }
-        )
+        if isinstance(command, (int, float)):
+            changed[names.index(to)] = factor * command
+            continue
+        moved = {"times": [later * t for t in command.times], "values": [factor * value for value in command.values]}
+        changed[names.index(to)] = command.model_dump() | moved
     yield "actuation", by_key(scene.finger.input_keys, changed)

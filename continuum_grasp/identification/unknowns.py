@@ -25,8 +25,6 @@ LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
 ADDED = {"clamp_angle": "base_angle", "base_x": "base_position_x", "base_y": "base_position_y"}
 """Parameters of the model to whose values in the scene unknowns are added, by the names of these."""
-OF_DRIVE = (DELAY,)
-"""Unknowns of the drive that the model does not have."""
 START = "start"
 """Target of coordinates and rates of a start that is estimated with the parameters."""
 _OWN = {
@@ -42,12 +40,12 @@ _OWN = {
 _GRADED = "needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate bending_stiffness, a factor"
 _UNIFORM = "needs a rod that is given by its shape; or estimate bending_stiffness"
 _STATED = "state the rest_curvature of the finger, not that of its rod, to estimate it"
-_MODULUS, _OF_TENDONS = "name=youngs_modulus", " ".join(f"name={name}" for name in OF_DRIVE)
+_MODULUS = "name=youngs_modulus"
 
 
 _refused = partial(beside, at="estimate")
 _DRIVES = (
-    _refused("identify without tendons", lambda f: f.tendons is None, _OF_TENDONS, "needs finger.tendons"),
+    _refused("identify without tendons", lambda f: f.tendons is None, f"name={DELAY}", "needs finger.tendons"),
     _refused(
         "identify without drives", lambda f: not (f.tendons or f.chambers), f"name={LAG}", "needs tendons or pressure"
     ),
@@ -65,15 +63,15 @@ class Unknown(NamedTuple):
     name: str
     unit: str
     target: str
-    """Run-time parameter of the model that it sets, or one of ``OF_DRIVE``."""
-    factor: float
+    """Run-time parameter of the model that it sets; or ``DELAY``, or ``START``, which the model does not have."""
+    factor: float = 1.0
     """The run-time parameter is factor * value."""
-    added: bool
+    added: bool = False
     """Whether it is added to the scene's value rather than put in its place."""
-    start: float
-    lower: float
-    upper: float
-    typical: float
+    start: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    typical: float = 1.0
     """A typical size, against which it is judged whether the data see the parameter."""
     per_set: bool = False
     """Whether each set of data has a value of its own."""
@@ -86,12 +84,7 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
 
     InputError if there is none, one is unknown or given twice, or a start value is missing or out of bounds.
     """
-    if isinstance(estimates, str):
-        raise InputError(f"expected a list of names, got {estimates!r:.60}", key="estimate")
     chosen = [Estimate(name=estimate) if isinstance(estimate, str) else estimate for estimate in estimates]
-    for k, asked in enumerate(chosen):
-        if not isinstance(asked, Estimate):
-            raise InputError(f"expected a name or an Estimate, got {asked!r:.60}", key=f"estimate[{k}]")
     if not chosen:
         raise InputError("expected names of parameters to estimate; compare estimates nothing", key="estimate")
     unknowns = [_unknown(scene, estimate, f"estimate[{k}]") for k, estimate in enumerate(chosen)]
@@ -118,14 +111,10 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
         factor = (1.0 if rod.graded else rod.stiffness) / nominal
     elif name in ADDED:
         target = ADDED[name]
-    elif name in OF_DRIVE:
-        pass
     elif name == LAG and not finger.winches:
-        lags = [tendon.time_constant for tendon in finger.tendon_list] + [
-            chamber.time_constant for chamber in finger.chambers
-        ]
+        lags = [of.time_constant for of in finger.tendon_list] + [of.time_constant for of in finger.chambers]
         nominal, unit = max(lag or 0.0 for lag in lags), "s"
-    else:
+    elif name != DELAY:
         nominal, unit = _of_model(scene, name, key)
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
     lower, upper = asked.min, asked.max

@@ -83,20 +83,13 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
         return np.asarray(_basis(at, frequency, decay) @ weights)
 
     try:
-        parameters, covariance = curve_fit(
-            signal_of,
-            at,
-            values,
-            [*guess, *linear],
-            bounds=([*lower, *np.negative(free)], [*upper, *free]),
-            x_scale="jac",
-        )
+        bounds = [*lower, *np.negative(free)], [*upper, *free]
+        parameters, covariance = curve_fit(signal_of, at, values, [*guess, *linear], bounds=bounds, x_scale="jac")
     except RuntimeError:  # the search does not end
         parameters, covariance = np.array([*guess, *linear]), np.full((6, 6), np.inf)
     left = values - signal_of(at, *parameters)
-    noise, strength = (
-        float(np.sqrt(np.mean(v**2))) for v in (left, _basis(at, *parameters[:2])[:, :2] @ parameters[2:4])
-    )
+    sine = _basis(at, *parameters[:2])[:, :2] @ parameters[2:4]
+    noise, strength = (float(np.sqrt(np.mean(v**2))) for v in (left, sine))
     # a sine fitted to noise alone leaves most of it
     if not np.isfinite(covariance[0, 0]) or strength <= 0.5 * noise:
         raise SolverError(

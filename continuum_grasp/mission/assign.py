@@ -110,10 +110,8 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
     before, angles, _ = _about_to_touch(control, free, body, tensions, (least, greatest), edges)
     if mission.turn is not None:
         _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, greatest), edges)[2])
-    commands, ends = (
-        Commands(finger, edges),
-        np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
-    )
+    commands = Commands(finger, edges)
+    ends = np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))
     pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
     firm = commands.of(np.where(pulls, mission.controller.retained * tensions, least), ends)
     loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + _OPPOSED)), ends)
@@ -243,10 +241,8 @@ def _surroundings(mission: MissionScene, body: GraspObject) -> dict[str, Any]:
 
 def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
     """Greatest curvature of the free finger between two positions, under the greatest tensions of one side [1/m]."""
-    s, greatest_tensions = (
-        np.linspace(start, end, _DENSE),
-        np.array([tendon.max_tension for tendon in finger.tendon_list]),
-    )
+    s = np.linspace(start, end, _DENSE)
+    greatest_tensions = np.array([tendon.max_tension for tendon in finger.tendon_list])
     sides = [
         sum(
             np.maximum(side * np.array(channel.arms), 0.0) @ greatest_tensions * channel.shape(s)

@@ -279,10 +279,8 @@ class Timetable:
         each (M) [s], and by how much it moves them (M, nr).
         """
         of, turn, finger = self.of, self.of.mission.turn, self.of.control.finger
-        inputs, bends = (
-            [finger_input.label for finger_input in finger.inputs],
-            [f"bending_{k + 1} [rad]" for k in range(len(of.bends))],
-        )
+        inputs = [finger_input.label for finger_input in finger.inputs]
+        bends = [f"bending_{k + 1} [rad]" for k in range(len(of.bends))]
         forces = {f"contact_force_{name} [N]": force for name, force in of.forces.items()}
         first = dict(zip(inputs, of.rest, strict=True))
         by = {

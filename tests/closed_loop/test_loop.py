@@ -330,25 +330,15 @@ def constant(value):
 
 
 def test_phases_follow_one_another():
-    begun = []
-    phases = [
-        Phase("a", constant(1.0), 0.3),
-        Phase("b", lambda t: t[:, None], 0.2, begin=lambda controller, plant: begun.append(plant)),
-        Phase("c", constant(3.0), until=lambda moment: moment.t > 0.15),
-    ]
+    phases = [Phase("a", constant(1.0), 0.3), Phase("b", lambda t: t[:, None], 0.2), Phase("c", constant(3.0), 0.15)]
     plan = Schedule(phases)
-    plan.enter(0.0, None, "plant")
-    assert plan.duration == math.inf
-    assert plan.rows(np.array([0.0, 0.29, 0.31, 0.49, 0.6]))[:, 0] == pytest.approx([1.0, 1.0, 0.01, 0.19, 3.0])
-    reached = [plan.advance(t, None, "plant", None) and plan.phase.name for t in (0.1, 0.3, 0.4, 0.5, 0.6, 0.7)]
-    assert reached == ["a", "b", "b", "c", "c", False]
-    assert (plan.events, begun) == ([(0.0, "a"), (0.3, "b"), (0.5, "c")], ["plant"])
-
-
-def test_what_ends_at_an_event_is_foreseen_to_go_on():
-    plan = Schedule([Phase("a", constant(1.0), 0.3, until=lambda moment: False), Phase("b", constant(2.0), 1.0)])
     plan.enter(0.0, None, None)
-    assert plan.rows(np.array([0.2, 0.5]))[:, 0].tolist() == [1.0, 1.0]
+    assert plan.duration == pytest.approx(0.65)
+    assert plan.rows(np.array([0.0, 0.29, 0.31, 0.49, 0.6]))[:, 0] == pytest.approx([1.0, 1.0, 0.01, 0.19, 3.0])
+    reached = [plan.advance(t, None, None, None) and plan.phase.name for t in (0.1, 0.3, 0.4, 0.5, 0.6, 0.7)]
+    assert reached == ["a", "b", "b", "c", "c", False]
+    assert plan.events == [(0.0, "a"), (0.3, "b"), (0.5, "c")]
+    assert Schedule([Phase("a", constant(1.0))]).duration == math.inf
     with pytest.raises(InputError, match="one phase"):
         Schedule([])
 
@@ -439,7 +429,7 @@ def test_phases_have_their_own_setpoints():
     away = [*ON_CURVE, *home[2:]]
     phases = [
         Phase("go", lambda t: np.tile(away, (len(t), 1)), 0.2),
-        Phase("return", lambda t: np.tile(home, (len(t), 1)), 1.0, until=lambda moment: moment.t > 0.295),
+        Phase("return", lambda t: np.tile(home, (len(t), 1)), 0.3),
     ]
     found = run_closed_loop(scene, schedule=phases)
     assert [name for _, name in found.events] == ["go", "return"]

@@ -11,7 +11,7 @@ from continuum_grasp.identification import Estimate, Poses, Reading, TipPath
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
-from continuum_grasp.identification.restarts import may_be_local, restarted
+from continuum_grasp.identification.searches import may_be_local, restarted
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.scene import Scene
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene, rung, slope_error

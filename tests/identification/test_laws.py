@@ -9,7 +9,7 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, TipPath
 from continuum_grasp.identification.fitting import posed
-from continuum_grasp.identification.laws import choose_law
+from continuum_grasp.identification.searches import choose_law
 from tests.identification_cases import at_tip
 
 LENGTH, STIFFNESS, SIGMA = 0.2, 0.005, 0.01

@@ -8,7 +8,7 @@ differences.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -24,7 +24,7 @@ from continuum_grasp.core.rollouts import Signal
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.identification.blocks import Block, Entry
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
-from continuum_grasp.labels import split_unit, unit_of
+from continuum_grasp.labels import name_of, split_unit, unit_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Plant
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS
@@ -45,11 +45,14 @@ _FRICTION = 0.01
 
 
 class Connected(NamedTuple):
-    """Connections of commands and readings to tendons: the number of each one's tendon from 0, and its sign."""
+    """Connections of commands and readings to tendons: the number of each one's tendon from 0, and its sign; and where
+    the search for the camera starts, as `CAMERA` has it.
+    """
 
     order: tuple[int, ...]
     signs: tuple[int, ...]
     mirrored: bool = False
+    camera: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
 
 
 class Log(NamedTuple):
@@ -89,20 +92,18 @@ class Bench:
         names = ["bending_stiffness", "tip_mass"] + ["material_damping"] * damped
         self.unknowns = read_unknowns(around, names)
         if lag is not None:
-            self.unknowns.append(Unknown(LAG, "s", LAG, 1.0, False, lag, 0.02 * lag, 50.0 * lag, lag))
+            self.unknowns.append(Unknown(LAG, "s", LAG, start=lag, lower=0.02 * lag, upper=50.0 * lag, typical=lag))
         self.model = PlantModel(plain, parameters=[unknown.target for unknown in self.unknowns] + [FRICTION] * friction)
         self.nominal = self.model.p.copy()
         period, delay = scene.controller.step, 0.0 if scene.estimator is None else scene.estimator.delay
-        self.unknowns.append(Unknown(DELAY, "s", DELAY, 1.0, False, delay, 0.0, 1.0, max(delay, period)))
-        arms = (
-            np.array([tendon.arm(finger.rod.length) for tendon in finger.tendon_list]) if finger.tendons else np.ones(1)
-        )
-        sides = np.sign(arms)
-        opposed = len(arms) == 2 and sides.sum() == 0.0
-        self.zeros = [0.5 * sides] if opposed else list(np.eye(len(arms)))
+        size = max(delay, period)
+        self.unknowns.append(Unknown(DELAY, "s", DELAY, start=delay, lower=0.0, upper=1.0, typical=size))
+        sides = np.sign([tendon.arm(finger.rod.length) for tendon in finger.tendon_list] or [1.0])
+        opposed = len(sides) == 2 and sides.sum() == 0.0
+        self.zeros = [0.5 * sides] if opposed else list(np.eye(len(sides)))
         unit, greatest = unit_of(self.model.u_names[0]), float(max(scene.input_limits[1]))
         self.unknowns += [
-            Unknown(f"{ZERO}_{k + 1}", unit, ZERO, 1.0, False, 0.0, -greatest, greatest, 0.05 * greatest)
+            Unknown(f"{ZERO}_{k + 1}", unit, ZERO, lower=-greatest, upper=greatest, typical=0.05 * greatest)
             for k in range(len(self.zeros))
         ]
         method = choose_method(self.model, period)
@@ -199,13 +200,14 @@ class BenchBlock(Block):
         self.name, self.finger, self.entries = "bench", bench.scene.finger, []
         self.bench, self._log, self.connected = bench, log, connected
         self._cells = [(k, *paired[name]) for k, name in enumerate(log.names) if name not in TIP]
-        self.unknowns = [*bench.unknowns, *_of_camera(bench.scene.finger.rod.length)]
         self._delay = [unknown.name for unknown in bench.unknowns].index(DELAY)
         greatest, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
-        for k, _, _ in self._cells:
-            label, unit = split_unit(log.names[k])
-            name = f"{BIAS}_{label.rpartition('_')[2]}" if label[-1].isdigit() else BIAS
-            self.unknowns.append(Unknown(name, unit, BIAS, 1.0, False, 0.0, -math.inf, math.inf, 0.05 * greatest))
+        rows = zip(CAMERA, ("m", "m", "rad", "1"), connected.camera, (0.05 * length,) * 2 + (0.1,) * 2, strict=True)
+        camera = [Unknown(name, unit, name, start=start, typical=size) for name, unit, start, size in rows]
+        camera[-1] = camera[-1]._replace(lower=1e-6)
+        cells = [log.names[k] for k, _, _ in self._cells]
+        biases = [Unknown(bias_of(name), unit_of(name), BIAS, typical=0.05 * greatest) for name in cells]
+        self.unknowns = [*bench.unknowns, *camera, *biases]
         words = [(*split_unit(name), "tip" if name in TIP else "tension") for name in log.names]
         for at, row in zip(log.at.tolist(), log.readings.tolist(), strict=True):
             for (what, unit, group), value in zip(words, row, strict=True):
@@ -238,13 +240,10 @@ class BenchBlock(Block):
         return readings.ravel()
 
 
-def _of_camera(length: float) -> list[Unknown]:
-    free = -math.inf, math.inf
-    rows = [("m", 0.0, *free, 0.05 * length)] * 2 + [("rad", 0.0, *free, 0.1), ("1", 1.0, 1e-6, math.inf, 0.1)]
-    return [
-        Unknown(name, unit, name, 1.0, False, start, low, high, size)
-        for name, (unit, start, low, high, size) in zip(CAMERA, rows, strict=True)
-    ]
+def bias_of(name: str) -> str:
+    """Unknown that is the zero of a load cell, by the name of its reading."""
+    number = name_of(name).rpartition("_")[2]
+    return f"{BIAS}_{number}" if number.isdigit() else BIAS
 
 
 def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Array, float]:

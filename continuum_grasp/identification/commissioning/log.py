@@ -19,14 +19,13 @@ from continuum_grasp.closed_loop.wiring import TIP
 from continuum_grasp.control.log import COMMANDED, ControlLog
 from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.commissioning.bench import (
-    BIAS,
-    CAMERA,
     FRICTION,
     ZERO,
     Bench,
     BenchBlock,
     Connected,
     Log,
+    bias_of,
     camera_through,
 )
 from continuum_grasp.identification.commissioning.plan import checked, design_commissioning, names_of
@@ -40,6 +39,9 @@ from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.labels import name_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.mounting import Camera, Connection, Mounting
+
+Fitted = tuple[float, BenchBlock, Problem, Solution]
+"""A fit of one way in which the bench may be connected, and how far it misses the tip (r.m.s.) [m]."""
 
 _FOLLOWS = 0.5
 """Correlation from which a reading follows a command [1]: of noise alone, over 500 samples, it is below 0.2."""
@@ -174,25 +176,24 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     sides = [scene.mounting.camera.mirrored] if stated and scene.mounting is not None else [False, True]
     rough = sorted(_rough(bench, log, ways, sides, start), key=lambda trial: trial[0])
     chosen = [trial for trial in rough if trial[0] <= _NEAR * rough[0][0]]
-    fits = list[tuple[float, Connected, BenchBlock, Problem, Solution]]()
-    for k, (_, way, camera) in enumerate(chosen):
+    fits = list[Fitted]()
+    for k, (_, way) in enumerate(chosen):
         # By the command, whose drive may turn the other way.
         paired = {name: (way.order[c], sign * way.signs[c]) for name, (c, sign) in cells.items()}
         block = BenchBlock(bench, log, way, paired)
-        problem = Problem([block], _started(block, camera))
+        problem = Problem([block], block.unknowns)
         try:
             solution = problem.solve(lambda share: None)
         except (SolverError, NumericalError):
             continue
         tip = problem.groups["tip"]
         missed = (solution.predictions - problem.measured)[tip] / solution.values[len(start) + 3]
-        fits.append((float(np.sqrt(2.0 * np.mean(missed**2))), way, block, problem, solution))
+        fits.append((float(np.sqrt(2.0 * np.mean(missed**2))), block, problem, solution))
         progress((k + 1.0) / len(chosen))
     if not fits:
         raise SolverError("no connection of the drives fits the log", status="no fit", advice="check log and finger")
     fits.sort(key=lambda fit: fit[0])
-    best = fits[0]
-    alike = [fit for fit in fits if fit[0] <= _ALIKE * best[0]]
+    alike = [fit for fit in fits if fit[0] <= _ALIKE * fits[0][0]]
     return _result(scene, bench, log, cells, alike, [*missing, *map(name_of, mute)])
 
 
@@ -217,8 +218,10 @@ def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]
 
 def _rough(
     bench: Bench, log: Log, ways: Sequence[Connected], sides: Sequence[bool], start: Array
-) -> Iterator[tuple[float, Connected, Array]]:
-    """Distance [m] that the nearest camera leaves of the nominal finger, for each connection and handedness."""
+) -> Iterator[tuple[float, Connected]]:
+    """Distance [m] that the nearest camera leaves of the nominal finger, for each connection and handedness, and both
+    with that camera.
+    """
     seen = log.readings[:, [log.names.index(name) for name in TIP]]
     then = log.at - start[[unknown.name for unknown in bench.unknowns].index(DELAY)]
     for way in ways:
@@ -226,14 +229,7 @@ def _rough(
         tip = np.column_stack([np.interp(then, t, base[:, c]) for c in (0, 1)])
         for mirrored in sides if np.ptp(tip, axis=0).max() > 1e-6 else ():
             camera, left = camera_through(tip, seen, mirrored)
-            yield left / camera[3], way._replace(mirrored=mirrored), camera
-
-
-def _started(block: BenchBlock, camera: Array) -> list[Any]:
-    at = [unknown.name for unknown in block.unknowns].index(CAMERA[0])
-    for k, value in enumerate(camera.tolist()):
-        block.unknowns[at + k] = block.unknowns[at + k]._replace(start=value)
-    return block.unknowns
+            yield left / camera[3], way._replace(mirrored=mirrored, camera=camera.tolist())
 
 
 def _result(
@@ -241,10 +237,11 @@ def _result(
     bench: Bench,
     log: Log,
     cells: dict[str, tuple[int, int]],
-    alike: Sequence[tuple[float, Connected, BenchBlock, Problem, Solution]],
+    alike: Sequence[Fitted],
     missing: Sequence[str],
 ) -> Commissioning:
-    missed, way, block, problem, solution = alike[0]
+    missed, block, problem, solution = alike[0]
+    way = block.connected
     unknowns, values, predictions, weighted = _with_friction(block, problem, solution)
     numbers = {unknown.name: value for unknown, value in zip(unknowns, values.tolist(), strict=True)}
     inference = infer(unknowns, values, *weighted, None, problem.series)
@@ -255,7 +252,7 @@ def _result(
         for tendon, sign in zip(way.order, way.signs, strict=True)
     )
     lines = {
-        name: Connection(of=way.order[c] + 1, sign=s * way.signs[c], zero=_bias(numbers, name))  # type: ignore[arg-type]
+        name: Connection(of=way.order[c] + 1, sign=s * way.signs[c], zero=numbers[bias_of(name)])  # type: ignore[arg-type]
         for name, (c, s) in cells.items()
     }
     whole = len(lines) == bench.model.nu
@@ -278,7 +275,7 @@ def _result(
         for c in idle
     ]
     if len(alike) > 1:
-        undetermined.append("; or ".join(_words(fit[1]) for fit in alike))
+        undetermined.append("; or ".join(_words(of.connected) for _, of, *_ in alike))
     if len(bench.zeros) < bench.model.nu and cells:
         undetermined.append(
             "a zero that both drives share cannot be distinguished from one that both load cells share: taken as the "
@@ -295,7 +292,7 @@ def _result(
         warnings=inference.warnings,
         statistics={"ways": len(alike), "evaluations": solution.evaluations},
         mounting=Mounting(camera=camera, drives=drives, tensions=cells_of),
-        alternatives=tuple(Alternative(_words(fit[1]), fit[0]) for fit in alike),
+        alternatives=tuple(Alternative(_words(of.connected), missed) for missed, of, *_ in alike),
         undetermined=tuple(undetermined),
     )
 
@@ -312,15 +309,10 @@ def _with_friction(
     slope = block.by_friction(solution.values)[:, None]
     jacobian, residuals = problem.weighted(solution, slope)
     step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
-    friction = Unknown(FRICTION, "1", FRICTION, 1.0, False, 0.0, -math.inf, math.inf, 0.01)
+    friction = Unknown(FRICTION, "1", FRICTION, typical=0.01)
     predictions = solution.predictions + np.hstack([solution.jacobian, slope]) @ step
     values = np.append(solution.values + step[:-1], step[-1])
     return [*problem.unknowns, friction], values, predictions, (jacobian, residuals + jacobian @ step)
-
-
-def _bias(numbers: dict[str, float], name: str) -> float:
-    number = name_of(name).rpartition("_")[2]
-    return numbers[f"{BIAS}_{number}" if number.isdigit() else BIAS]
 
 
 def _words(way: Connected) -> str:

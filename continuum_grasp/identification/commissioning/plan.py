@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from itertools import permutations, product
 from os import PathLike
 from types import SimpleNamespace
@@ -119,8 +118,8 @@ def design_commissioning(
         raise InputError(f"no excitation is possible: it goes beyond the limit of {exceeded}", key="controller.bounds")
     to_bench = wiring_of(known.mounting, (), bench.model.u_names, "mounting").commands
     sent = np.array([to_bench(row) for row in commands(motion.rehearsal)])
-    plan = plan_of(choice, motion, around)
-    return replace(plan, commands=sent, command_names=tuple(COMMANDED + name for name in bench.model.u_names))
+    sent_names = tuple(COMMANDED + name for name in bench.model.u_names)
+    return plan_of(choice, motion, around, commands=sent, command_names=sent_names)
 
 
 def checked(scene: ControlScene | str | PathLike[str]) -> ControlScene:

@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.commissioning.bench import BIAS, CAMERA, FRICTION, ZERO
-from continuum_grasp.identification.fit import Fit, applied
+from continuum_grasp.identification.fit import Fit, applied, estimate_texts
 from continuum_grasp.results.declared import File, Picture
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.control import ControlScene
@@ -86,22 +86,20 @@ class Commissioning(Fit):
             f"way {k + 1}": f"{alternative.what}; {1e3 * alternative.missed:.2g} mm"
             for k, alternative in enumerate(self.alternatives)
         }
-        numbers = zip(self.names, self.values, self.deviations, self.units, strict=True)
         return {
             **(ways if len(ways) > 1 else {"connected": ways["way 1"]}),
-            **{name: f"{value:.4g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in numbers},
+            **estimate_texts(self, 4),
             **({"undetermined": "; ".join(self.undetermined)} if self.undetermined else {}),
         }
 
     def details(self) -> dict[str, Any]:
         """Mounting, alternatives and the summary as plain data."""
-        ways = [alternative._asdict() for alternative in self.alternatives]
-        details = {
+        return {
             "mounting": self.mounting.model_dump(mode="json"),
-            "alternatives": ways,
+            "alternatives": [alternative._asdict() for alternative in self.alternatives],
             "undetermined": list(self.undetermined),
+            **self.summary(),
         }
-        return {**details, **self.summary()}
 
 
 def configuration_text(result: Commissioning) -> str:

@@ -1,0 +1,170 @@
+"""Searches of which the best is taken: from other starts, before a misfit says that the data are wrong, and under other
+laws, by what they predict of data that they were not fitted to.
+
+A start ten times off can end at a local minimum, in another period of a vibration or where a load bends nothing. Its
+residuals look like a mistake in the data. So starts are scanned over three decades, one parameter after the other, and
+the best of them are searched from.
+
+A law with more numbers always fits better. What counts is the error of rows and motions that are held out. Of laws
+whose errors differ by less than their scatter the one with the fewest numbers is taken, and the others are named (rule
+of one standard error; L. Breiman et al., 1984).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.arrays import Array
+from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.identification.inference import middle
+from continuum_grasp.identification.plausibility import misfits
+from continuum_grasp.identification.problem import Problem, Solution
+
+_FACTORS = tuple(10.0 ** (k / 2) for k in range(-3, 4) if k)
+"""Factors on a start value [1], 0.03 to 30: half decades, from which searches over stiffness, mass and damping of rods
+converge."""
+_TOGETHER = 5
+"""Power of two of starts with all parameters off at once [1]: where friction and slack are both too large, nothing
+moves, and no change of one of them is seen."""
+_PASSES = 2
+"""Passes over all parameters [1]: the first finds those that the data see most, the second the others beside them."""
+_STARTS = 3
+"""Starts that are searched from [1]: the best of the scan, and those before that were best for a time."""
+_LESS = 0.99
+"""Sum of squares per that of the first fit [1] below which another minimum is lower, not the same one less exactly."""
+_MISSED = 0.1
+"""Misfit per scatter of the measurements about their means [1] up to which a minimum is taken for the least: what small
+errors of the model leave, such as a hundredth of the motion, has no better start, and the search would take minutes."""
+_SURE = 0.975
+"""Probability, to one side, from which a difference of errors tells two laws apart [1]."""
+
+
+def may_be_local(problem: Problem, solution: Solution) -> bool:
+    """Whether a fit misses so much of the measurements that it may be another minimum than the least."""
+    return any(misfit.rms > _MISSED * misfit.scatter for misfit in misfits(problem, solution.predictions))
+
+
+def restarted(problem: Problem, first: Solution | None) -> Solution | None:
+    """The fit with the least sum of squares from other starts, where it is below that of the ``first``; else that."""
+    best, least = first, math.inf if first is None else _LESS * problem.misfit(first.values)
+    scaled = np.array([unknown.start > 0.0 and unknown.lower >= 0.0 for unknown in problem.unknowns])
+    for start in _scanned(problem, scaled)[-_STARTS:][::-1]:
+        if best is not None and _near(start[scaled], best.values[scaled]):
+            continue
+        with suppress(SolverError, NumericalError):
+            solution = problem.solve(lambda share: None, start)
+            total = problem.misfit(solution.values)
+            if total < least:
+                best, least = solution, _LESS * total
+    return best
+
+
+def _near(start: Array, values: Array) -> bool:
+    """Whether a start is one step of the scan from values, from which a search only comes back."""
+    apart = np.abs(np.log10(start.clip(1e-300) / values.clip(1e-300)))
+    return bool((apart <= 0.5).all())
+
+
+def _scanned(problem: Problem, scaled: NDArray[np.bool_]) -> list[Array]:
+    """Starts (n,), each of a lower sum of squares than that before, of parameters that are ``scaled``: angles and
+    offsets have no decades.
+    """
+    from scipy.stats import qmc
+
+    about = np.array([unknown.start for unknown in problem.unknowns])
+    lower, upper = (np.array([getattr(unknown, key) for unknown in problem.unknowns]) for key in ("lower", "upper"))
+    starts, least, chosen = list[Array](), problem.misfit(about, early=True), np.flatnonzero(scaled)
+
+    def take_best(factors: Array, columns: NDArray[np.intp]) -> None:
+        nonlocal about, least
+        trials = np.tile(about, (len(factors), 1))
+        trials[:, columns] *= factors
+        trials = trials.clip(lower, upper)
+        totals = [problem.misfit(trial, early=True) for trial in trials]
+        if min(totals) < least:
+            about, least = trials[int(np.argmin(totals))], min(totals)
+            starts.append(about)
+
+    if chosen.size > 1:
+        spread = 2.0 * qmc.Sobol(chosen.size, scramble=False).random_base2(_TOGETHER) - 1.0
+        take_best(max(_FACTORS) ** spread, chosen)
+    for k in np.tile(chosen, _PASSES):
+        take_best(np.array(_FACTORS)[:, None], np.array([k]))
+    return starts
+
+
+class LawTrial(NamedTuple):
+    """A law and its errors, r.m.s. per standard deviation: of what it was fitted to, and of what was held out."""
+
+    name: str
+    numbers: int
+    """Numbers that all sets share and that were estimated."""
+    fitted: float
+    held_out: float
+    verdict: str
+    """``chosen``, ``alike`` (the data cannot tell it from the chosen one), ``worse``, or why it could not be fitted."""
+
+
+def choose_law(
+    candidates: Mapping[str, Problem], report: Callable[[float], None]
+) -> tuple[str, Solution, tuple[LawTrial, ...]]:
+    """Name and fit of the law that is chosen, of problems by the names of laws, and how all of them did.
+
+    InputError if there is nothing to hold out, SolverError if no law can be fitted.
+    """
+    names, problems = list(candidates), list(candidates.values())
+    if problems[0].fitted.all():
+        raise InputError("laws are chosen by what they predict: hold rows or a set out", key="laws")
+    fits, failed, fitted = list[Solution | None](), list[str](), problems[0].fitted
+    for k, problem in enumerate(problems):
+        solution, why = None, ""
+        try:
+            solution = problem.solve(lambda share: None)
+        except (SolverError, NumericalError) as error:
+            why = f"not fitted: {error}"
+        fits.append(solution)
+        failed.append(why)
+        report((k + 1) / len(problems))
+    sigma = np.min([fit.sigma for fit in fits if fit is not None], axis=0, initial=math.inf)
+    missed = [None if fit is None else (fit.predictions - problems[0].measured) / sigma for fit in fits]
+    squares = [np.full(len(fitted), math.inf) if off is None else off**2 for off in missed]
+    within, errors = ([float(np.sqrt(np.mean(of[rows]))) for of in squares] for rows in (fitted, ~fitted))
+    best = int(np.argmin(errors))
+    if not math.isfinite(errors[best]):
+        raise SolverError("no law could be fitted", status="no fit", violated=failed, advice="fit them one by one")
+    numbers = [problem.shared for problem in problems]
+    alike = [
+        k
+        for k, squared in enumerate(squares)
+        if k == best or (fits[k] is not None and not _differ(problems[best], squared - squares[best]))
+    ]
+    chosen = min(alike, key=lambda k: (numbers[k], errors[k]))
+    verdicts = [
+        failed[k] or ("chosen" if k == chosen else "alike" if k in alike else "worse") for k in range(len(fits))
+    ]
+    trials = tuple(map(LawTrial._make, zip(names, numbers, within, errors, verdicts, strict=True)))
+    return names[chosen], cast(Solution, fits[chosen]), trials
+
+
+def _differ(problem: Problem, more: Array) -> bool:
+    """Whether squared errors of one law are surely greater, by ``more`` (m,), than those of another, of hold-outs."""
+    from scipy.special import stdtrit
+
+    total, variance, freedom = 0.0, 0.0, 0.0
+    for block, part, _ in problem.parts:
+        differences, at = more[part], np.array([entry.at for entry in block.entries])
+        there = ~problem.fitted[part]
+        # readings of one row or instant depend on one another
+        rows = np.array([differences[there & (at == instant)].sum() for instant in np.unique(at[there])])
+        if rows.size:
+            total += float(rows.sum())
+            about = (rows - rows.mean())[:, None]
+            spread, worth = middle(np.ones((rows.size, 1, 1)), about) if rows.size > 1 else (np.zeros((1, 1)), 1.0)
+            variance, freedom = variance + float(spread[0, 0]), freedom + worth
+    return freedom > 2.0 and total > float(stdtrit(freedom - 1.0, _SURE)) * math.sqrt(variance)
