@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -120,6 +120,17 @@ class Block:
         """The set with other unknowns, measured otherwise, or in another scene; errors as of a new one."""
         return type(self)(scene or self.scene, data or self.data, unknowns)
 
+    @property
+    def followed(self) -> Any:
+        """What the next prediction is followed from: shapes and steps of the last one. Set anew, it goes on from there,
+        wherever searches have been meanwhile.
+        """
+        return None
+
+    @followed.setter
+    def followed(self, followed: Any) -> None:
+        pass
+
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.
 
@@ -177,6 +188,14 @@ class PosesBlock(Block):
         self._places = np.argsort(np.argsort([reading.of_mode for reading in data.measured], kind="stable"))
         numbers = np.arange(1.0, data.rows + 1.0)
         self.entries = entries_of(data, numbers, self._fitted, scene.finger.rod.length)
+
+    @property
+    def followed(self) -> Any:
+        return list(self._shapes.last)
+
+    @followed.setter
+    def followed(self, followed: Any) -> None:
+        self._shapes.last = list(followed)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         predictions = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]

@@ -302,7 +302,9 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     if finer is not None:
         coarse, fine = ((part / sigma)[problem.fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, inference.deviations, rows[0][: len(coarse)], coarse, fine)
+    followed = problem.followed
     verdict = judge(problem, solution)
+    problem.followed = followed  # slips are tried elsewhere
     return Fit(
         **estimates(unknowns[:shared], solution.values, inference),
         set_names=tuple(f"{unknown.name} [{unknown.unit}]" for unknown in unknowns[shared:]),

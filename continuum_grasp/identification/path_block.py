@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -60,6 +61,16 @@ class PathBlock(Block):
         self._motion = _Motion(driven, t, self._begins)
         self._read = driven.readings.map(t.size)
         self.entries = entries_of(data, t, np.full(t.size, data.fitted), scene.finger.rod.length)
+
+    @property
+    def followed(self) -> Any:
+        return None if self._shape is None else list(self._shape.last), self._motion.settled
+
+    @followed.setter
+    def followed(self, followed: Any) -> None:
+        shapes, self._motion.settled = followed
+        if self._shape is not None:
+            self._shape.last = list(shapes)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         states, p, delay = self._moved(values)
@@ -131,7 +142,7 @@ class _Motion:
         self._driven, self._t, self._start = driven, t, start
         self._core = Core(driven.model, compiled=False)
         self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=driven.variational), "rk4"))
-        self._settled: tuple[Array, float] | None = None
+        self.settled: tuple[Array, float, _Grid] | None = None  # parameters, steps per second, and these steps
 
     def at(self, start: Array, slope: Array, p: Array, acting: Array, delay: float) -> Array:
         """States with their derivatives (T, ...), from a start (nx,) with its derivative.
@@ -139,8 +150,7 @@ class _Motion:
         ``p`` are the parameters, ``acting`` these with their derivatives. NumericalError if the motion does not stay
         finite, or is too stiff.
         """
-        self._settle(start, p)
-        grid, driven = self._grid, self._driven
+        grid, driven = self._settle(start, p), self._driven
         whole = np.concatenate([start, slope.ravel(order="F")])[None]
         # a Runge-Kutta step takes inputs and forces at its start, middle and end
         halves: Array = np.linspace(0.0, grid.steps * grid.spacing, 2 * grid.steps * grid.substeps + 1) + self._start
@@ -154,22 +164,22 @@ class _Motion:
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
         return grid.pick(states[0])
 
-    def _settle(self, start: Array, p: Array) -> None:
+    def _settle(self, start: Array, p: Array) -> _Grid:
         """Steps that are short enough for parameters p; they stay while these change little.
 
         Other steps have another error, which a search would take for a change of the parameters.
         """
-        if self._settled is not None and np.allclose(p, self._settled[0], rtol=_CHANGE, atol=0.0):
-            return
+        if self.settled is not None and np.allclose(p, self.settled[0], rtol=_CHANGE, atol=0.0):
+            return self.settled[2]
         signals, model = self._driven.signals, self._driven.model
         shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
         radius = spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p)
         rate = _FINER * radius / TARGET_RADIUS
         if not np.isfinite(rate):
             raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
-        if self._settled is not None and 0.5 * self._settled[1] < rate <= self._settled[1]:
-            self._settled = (p, self._settled[1])
-            return
+        if self.settled is not None and 0.5 * self.settled[1] < rate <= self.settled[1]:
+            self.settled = (p, *self.settled[1:])
+            return self.settled[2]
         grid = _Grid(self._t - self._start, rate)
         count = grid.steps * grid.substeps
         if count > _MOST_STEPS:
@@ -179,7 +189,8 @@ class _Motion:
                 "bounds on stiffness and damping, or instants that count from the start of the motion (zero of t)",
                 time=0.0,
             )
-        self._grid, self._settled = grid, (p, rate)
+        self.settled = (p, rate, grid)
+        return grid
 
 
 class _Grid:

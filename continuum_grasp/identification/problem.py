@@ -116,6 +116,16 @@ class Problem:
             if block.ordered and indices.size
         ]
 
+    @property
+    def followed(self) -> list[Any]:
+        """What the next predictions of each set are followed from."""
+        return [block.followed for block in self.blocks]
+
+    @followed.setter
+    def followed(self, followed: list[Any]) -> None:
+        for block, its in zip(self.blocks, followed, strict=True):
+            block.followed = its
+
     def prior(self, values: Array) -> tuple[Array, Array]:
         """Prior of the values, but for those of sets that are not fitted."""
         unknowns = zip(self.unknowns, self._sought, strict=True)

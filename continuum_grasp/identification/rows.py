@@ -108,7 +108,7 @@ class Shapes:
         # Measured shapes were pulled, unless the scene says otherwise.
         start = equilibrium_under(model, *acting, **friction_of(scene.initial, model, needed=False))
         flat = [np.zeros((size, len(unknowns))) for size in (nominal.size, model.n, start.history.size)]
-        self._last = [Resting(nominal, start.q, start.history, *flat)] * rows
+        self.last = [Resting(nominal, start.q, start.history, *flat)] * rows
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         q, u, w, p = symbols(model)
         z, history = ca.vertcat(u, w, p), ca.SX.sym("history", start.history.size)
@@ -126,7 +126,7 @@ class Shapes:
     def all(self, values: Array) -> Iterator[Resting]:
         """The rows, one by one; SolverError if one cannot be followed there."""
         before = None
-        for row in range(len(self._last)):
+        for row in range(len(self.last)):
             # Of a sequence the first row has the scene's own history, each of the others that of the one before.
             before = self.row(row, values, before if self._sequence else None)
             yield before
@@ -136,8 +136,8 @@ class Shapes:
         z, by_values = self._own * self._table[row] + self._derivative @ values, self._derivative
         if before is not None:
             return self._follow(before, z, by_values, carried=True)
-        self._last[row] = self._follow(self._last[row], z, by_values, carried=False)
-        return self._last[row]
+        self.last[row] = self._follow(self.last[row], z, by_values, carried=False)
+        return self.last[row]
 
     def _follow(self, before: Resting, z: Array, by_values: Array, carried: bool) -> Resting:
         """The equilibrium at z from another one, in steps; under its history, or with its friction carried on."""

@@ -51,8 +51,13 @@ def may_be_local(problem: Problem, solution: Solution) -> bool:
 
 
 def restarted(problem: Problem, first: Solution | None) -> Solution | None:
-    """The fit with the least sum of squares from other starts, where it is below that of the ``first``; else that."""
-    best, least = first, math.inf if first is None else _LESS * problem.misfit(first.values)
+    """The fit with the least sum of squares from other starts, where it is below that of the ``first``; else that.
+
+    Predictions are followed from there afterwards.
+    """
+    best, least, followed = first, math.inf, problem.followed
+    if first is not None:
+        least = _LESS * problem.misfit(first.values)
     scaled = np.array([unknown.start > 0.0 and unknown.lower >= 0.0 for unknown in problem.unknowns])
     for start in _scanned(problem, scaled)[-_STARTS:][::-1]:
         if best is not None and _near(start[scaled], best.values[scaled]):
@@ -61,7 +66,8 @@ def restarted(problem: Problem, first: Solution | None) -> Solution | None:
             solution = problem.solve(lambda share: None, start)
             total = problem.misfit(solution.values)
             if total < least:
-                best, least = solution, _LESS * total
+                best, least, followed = solution, _LESS * total, problem.followed
+    problem.followed = followed  # shapes that buckled elsewhere do not lead back to these
     return best
 
 
