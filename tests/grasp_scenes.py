@@ -62,3 +62,40 @@ def make_scene(family="matched_clothoid", gravity=UPRIGHT, base_y=-0.055, elemen
         **changes,
     }
     return GraspScene(**values)
+
+
+HEXAGON = {
+    "finger": {
+        "rod": {
+            "length": 0.11932284160351045,
+            "linear_density": 0.0031543944730146214,
+            "bending_stiffness": 0.0023766751810183093,
+        },
+        "half_thickness": 0.004418572044625068,
+        "tendons": {"offset": 0.004190820878198073, "max_tension": 104.38260150679578, "min_tension": 0.0},
+        "tendons_used": "left",
+        "base": {"position": [0.0045493821945984565, -0.023385844245115743], "angle": -1.219522387064357},
+    },
+    "object": {
+        "shape": "polygon",
+        "vertices": [
+            [0.016655450579472084, -0.004052498029296169],
+            [0.007072427331219942, 0.015614337831855035],
+            [-0.00976008071797336, 0.014091401586120909],
+            [-0.016722145957028717, -0.0037678387537837046],
+            [-0.004636384595865063, -0.016502445641840828],
+            [0.011885701859888114, -0.012351391240687765],
+        ],
+        "position": [0.01650510614061406, 0.0],
+        "angle": -1.5702219090772405,
+        "mass": 0.041669230108076896,
+    },
+    "supports": {"palm": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}},
+    "contacts": {"friction": 1.1265019631337605, "normal_force_max": 460.0180088633679, "middle": "on", "tip": "on"},
+    "gravity": {"mode": "planar", "vector": [4.243009249191035, -8.84494050354661]},
+    "fidelity": {"family": "matched_clothoid", "elements": 4, "bending_range": 3.4},
+    "stability": "ignore",
+}
+"""A short first segment: the tip sweeps over the object within a thousandth of its outline, so that all digits count,
+and the finger bends less than the curves of the scan, which exceed the bending range.
+"""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 import pytest
-from grasp_scenes import CONFIGS, PALM, UPRIGHT, WEIGHTLESS, make_scene
+from grasp_scenes import CONFIGS, UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
@@ -20,16 +19,13 @@ from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.quadrature import collocation, running_weights
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.superellipse import smooth_support
 from continuum_grasp.model.surfaces.surface import NEAR, distance_from
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
     Circle,
     Disturbances,
     Finger,
-    FingerContacts,
     GraspContacts,
     MomentLoad,
     ObjectiveWeights,
@@ -58,38 +54,6 @@ PARTS = {
 
 
 @pytest.mark.parametrize("name", PARTS)
-def test_distances_against_dense_outlines(name):
-    part = PARTS[name]
-    points = np.random.default_rng(3).uniform(-0.12, 0.12, (200, 2))
-    directions, distances, _ = surface_of(part).nearest_places(part, points)
-    outside = distances > 0.0
-    outline = _dense_outline(part)
-    true = np.array([np.linalg.norm(outline - p, axis=1).min() for p in points[outside]])
-    assert_allclose(distances[outside], true, atol=2e-6)
-    # stepping back along the normal ends on the surface
-    normal = np.stack([np.cos(directions), np.sin(directions)], axis=1)
-    back = points[outside] - distances[outside, None] * normal[outside]
-    assert_allclose(surface_of(part).nearest_places(part, back)[1], 0.0, atol=2e-6)
-
-
-def _dense_outline(part):
-    """Points on the boundary, at most some 1e-5 m apart."""
-    if isinstance(part, SuperellipsePart):
-        return np.array(part.outline(40_000))
-    outline = np.array(part.outline(2_000))
-    share = np.linspace(0.0, 1.0, 40, endpoint=False)[:, None]
-    if part.radius == 0.0:
-        share = np.linspace(0.0, 1.0, 5_000, endpoint=False)[:, None]
-    ring = np.concatenate([outline, outline[:1]])
-    gaps = np.linalg.norm(np.diff(ring, axis=0), axis=1)
-    parts = [
-        a + (share if gap < 1e-3 else np.linspace(0.0, 1.0, 9_000)[:, None]) * (b - a)
-        for (a, b), gap in zip(pairwise(ring), gaps, strict=True)
-    ]
-    return np.concatenate(parts)[:: 1 if part.radius == 0.0 else 2]
-
-
-@pytest.mark.parametrize("name", PARTS)
 def test_circles_stand_for_the_surface_near_a_place_to_the_third_order(name):
     part, surface = PARTS[name], surface_of(PARTS[name])
     rng = np.random.default_rng(5)
@@ -111,18 +75,6 @@ def test_circles_stand_for_the_surface_near_a_place_to_the_third_order(name):
     else:
         # Exact, but where the nearest feature is another one.
         assert np.quantile(errors[0], 0.85) < 1e-9
-
-
-@pytest.mark.parametrize("name", ["ellipse", "superellipse"])
-def test_support_function_against_the_outline(name):
-    part = PARTS[name]
-    shape = ca.SX([*part.semi_axes, part.exponent, *part.center, part.angle])
-    beta = ca.SX.sym("beta")
-    function = ca.Function("H", [beta], [smooth_support(beta, shape)])
-    outline = np.array(part.outline(40_000))
-    for angle in np.linspace(-3.0, 3.0, 25):
-        extent = (outline @ [math.cos(angle), math.sin(angle)]).max()
-        assert float(function(angle)) == pytest.approx(extent, abs=2e-7)
 
 
 @pytest.mark.parametrize("name", PARTS)
@@ -227,38 +179,7 @@ def test_sections_of_a_finger_that_bends_to_its_limit():
         assert_allclose(point, way, atol=1e-8)
 
 
-@pytest.mark.parametrize("count", [4, 9])
-def test_running_weights_integrate_polynomials_exactly(count):
-    nodes = collocation(count).nodes
-    powers = np.arange(count)
-    for end in (0.0, 0.21, 0.5, 1.0):
-        weights = running_weights(count, end).ravel()
-        assert_allclose(weights @ nodes[:, None] ** powers, end ** (powers + 1) / (powers + 1), atol=1e-14)
-        s = ca.SX.sym("s")
-        written = np.array(ca.Function("w", [s], [running_weights(count, s)])(end)).ravel()
-        assert_allclose(written, weights, atol=1e-15)
-
-
 # -- what follows from a solution --------------------------------------------------------------------------------
-
-
-def test_sensitivities_against_solving_again():
-    scene = make_scene(elements=2)
-    result = optimize_grasp(scene)
-    found = {s.name: s.derivative for s in result.sensitivity}
-    step = 1e-4
-    for name, low, high in (
-        ("friction between fingers and object", _finger_friction(scene, -step), _finger_friction(scene, step)),
-        ("mass of the object", make_scene(mass=0.3 - step), make_scene(mass=0.3 + step)),
-        ("object along y", make_scene(base_y=-0.055 + step), make_scene(base_y=-0.055 - step)),
-    ):
-        numeric = (optimize_grasp(high).tension - optimize_grasp(low).tension) / (2 * step)
-        assert found[name] == pytest.approx(numeric, rel=5e-3), name
-
-
-def _finger_friction(scene, change):
-    contacts = FingerContacts(friction=scene.contacts.friction + change)
-    return scene.model_copy(update={"finger": scene.finger.model_copy(update={"contacts": contacts})})
 
 
 @pytest.mark.parametrize("tendons", ["retensioned", "locked"])
@@ -294,16 +215,6 @@ def test_elements_by_tolerance_are_the_fewest_that_keep_it():
     assert fine.tension == pytest.approx(reference, rel=0.03)
 
 
-def test_a_grasp_is_its_own_start():
-    """A start that is made from a grasp leads back to it at once."""
-    scene = make_scene(elements=4)
-    result = optimize_grasp(scene)
-    search = Search(scene, Budget.of(scene.solver))
-    again = search.attempt(start_from(scene, dict(result.arrays)))
-    assert again.certificate.passed
-    assert again.arrays["finger.tensions"].sum() == pytest.approx(result.tension, rel=2e-4)
-
-
 # -- contacts that are tried ----------------------------------------------------------------------------------------
 
 
@@ -322,21 +233,6 @@ def test_modes_are_what_the_switches_leave():
     assert [("palm" in mode) for mode in contact_modes(free)] == [True, False]
 
 
-@pytest.mark.deep
-def test_the_best_of_the_modes_is_the_answer():
-    """What `auto` finds is no worse than each choice made by hand."""
-
-    def tension(middle, tip):
-        contacts = GraspContacts(friction=0.5, normal_force_max=30.0, middle=middle, tip=tip)
-        gravity = UPRIGHT.model_copy(update={"tilt": "ignore"})
-        result = optimize_grasp(make_scene(contacts=contacts, gravity=gravity), raise_on_failure=False)
-        return result.tension if result.solved else math.inf
-
-    chosen = tension("auto", "auto")
-    assert chosen <= min(tension("on", "on"), tension("on", "off"), tension("off", "on")) * (1 + 1e-6)
-    assert math.isfinite(chosen)
-
-
 def test_more_starts_lead_to_the_same_grasp_of_a_box():
     """Contacts on faces and corners: three times as many starts, and nothing better."""
     scene = load(CONFIGS / "box_edge.yaml", {"objective": "least_tension"})
@@ -344,12 +240,6 @@ def test_more_starts_lead_to_the_same_grasp_of_a_box():
     more = scene.solver.model_copy(update={"effort": "thorough"})
     two = optimize_grasp(scene.model_copy(update={"solver": more}))
     assert two.tension == pytest.approx(one.tension, rel=1e-4)
-
-
-def test_no_gravity_needs_no_more_than_the_bend():
-    result = optimize_grasp(make_scene(gravity=WEIGHTLESS, supports=PALM))
-    assert result.certificate.passed
-    assert result.tension < optimize_grasp(make_scene()).tension
 
 
 # -- solver runs ---------------------------------------------------------------------------------------------------
