@@ -82,22 +82,6 @@ def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(
     assert least(scene_of(data, 4)) <= (1.0 + 1e-6) * fixed + NONE * data["finger"]["tendons"]["max_tension"]
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("kind", "seed", "tension", "most"),
-    [("one", 3, 8.0221747, 150), ("one", 4, 6.5668732, 135), ("one", 69, 22.118219, 125), ("two", 5, 35.371361, 218)],
-)
-def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
-    """The tensions are those without it, which takes 182, 153, 132 and 222 iterations. `one` 69 takes 33.5 N where all
-    starts of the branch of a grasp count as in vain.
-    """
-    scene = scene_of(drawn(kind, seed), 4)
-    search = Search(scene, budget := Budget.of(scene.solver))
-    search.run()
-    assert tension_of(scene, search.best.arrays) == pytest.approx(tension, rel=1e-6)
-    assert scene.solver.max_total_iterations - budget.left < most
-
-
 @pytest.mark.parametrize(("kind", "seed"), [*few([("two", 8), ("wrap", 8), ("three", 0)], 2)])
 def test_starts_of_several_fingers_are_those_of_the_image(kind, seed):
     """Their doubts, tensions and curvatures, of fingers in another order, too."""

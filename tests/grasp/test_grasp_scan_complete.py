@@ -13,7 +13,6 @@ from continuum_grasp.grasp.starts.candidates import first_joint
 from continuum_grasp.grasp.starts.scan import touching
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
-from continuum_grasp.scene.load import load
 from continuum_grasp.scene.objects import Circle
 from tests.grasp.test_grasp_starts import finger_at, scene_of
 
@@ -69,16 +68,6 @@ def test_every_end_curvature_whose_tip_touches_is_found(diameter, base_y):
     # What is found touches, by the same sums with more places.
     there, _ = ends_of(found.point, found.turn, 1.0 - found.joint, found.ends[:, 1], found.ends[:, 3:], 2000)
     assert np.abs(np.abs(there[:, 0] - center) - reach).max() < 1e-6
-
-
-def test_postures_of_fingers_that_taper_are_as_thick_as_between_their_contacts():
-    scene = load("configs/grasp/spirob_cup.yaml")
-    setup = scene.setups[0]
-    on = {setup.tip_name, *setup.middle_names}
-    task = make_task(scene, setup, (0.0, 0.0, 0.0), scene.object.pose, 1, on)
-    thick = setup.finger.profile.half_thickness
-    length = setup.finger.rod.length
-    assert thick(0.9 * length) < task.half * length < thick(0.6 * length) < thick(0.0)
 
 
 def test_every_pair_of_arcs_whose_tip_touches_is_found():
