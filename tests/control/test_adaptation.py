@@ -18,7 +18,6 @@ from continuum_grasp.control.estimation import excitation
 from continuum_grasp.control.estimation.adaptation import Observability
 from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.parts import ControlParts
-from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
 from tests.control_cases import hand_scene, rod_scene
@@ -296,14 +295,6 @@ def test_the_step_and_its_derivatives_are_those_of_the_changed_parameters(laggin
         away = size * np.eye(len(z))[k]
         expected = (moved(z + away, u, h) - moved(z - away, u, h)) / (2.0 * size)
         assert slope[:nx, k] * scale[k] == pytest.approx(expected * scale[k], rel=1e-5, abs=1e-7)
-
-
-def test_a_lag_that_is_a_parameter_is_the_same_motion():
-    x = np.array([0.3, -0.2, 1.0, 0.5, 0.04, 0.3])
-    runtime, constant = Prediction(moment_scene(parameters=("drive_time_constant",))), Prediction(moment_scene())
-    assert runtime.p_nominal[-1] == 0.03
-    found = np.array(runtime.dynamics(x, [0.1], runtime.p_nominal))
-    assert found == pytest.approx(np.array(constant.dynamics(x, [0.1], constant.p_nominal)), rel=1e-14)
 
 
 def test_values_stay_within_their_bounds_and_clipping_is_reported():
