@@ -101,12 +101,6 @@ def test_least_time_of_a_damped_mode_is_that_of_two_arcs_by_matrix_exponential()
     assert plan(scene).objective == pytest.approx(first + last_of(first), rel=1e-3)
 
 
-def test_least_input_rate_without_a_need_to_move_is_none():
-    found = plan(small(goal={"bending": (0.0,), "end": "held"}, objective="least_input_rate"))
-    assert found.objective == pytest.approx(0.0, abs=1e-9)
-    assert np.abs(found.x).max() < 1e-6
-
-
 def test_held_posture_is_that_of_the_moment_over_stiffness():
     """A weightless rod under a tip moment bends by M L / (E I)."""
     scene = small(goal={"bending": (0.8,), "end": "held"})
