@@ -23,7 +23,6 @@ from continuum_grasp.control.ocp.setpoints import missed_setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.plotting import control as plotting
-from continuum_grasp.plotting.control import control_frames
 from continuum_grasp.scene import (
     ControlScene,
     Damping,
@@ -582,13 +581,3 @@ def test_pictures_show_the_arrays():
     assert np.array_equal(disturbances["missing tip moment"][:, 1], found.disturbance[:, 0])
     bounds = lines(plotting.plot_bounds(found))
     assert bounds["input rate"][:, 1] == pytest.approx(found.bounds[1].excess / 600.0)
-
-
-def test_frames_show_finger_and_prediction():
-    found = run()
-    pictures = list(control_frames(found, np.array([0, 20, 40, 40]), 200))
-    assert len({picture.shape for picture in pictures}) == 1
-    assert np.array_equal(pictures[2], pictures[3])
-    green = [np.count_nonzero((p[..., 1] > 120) & (p[..., 0] < 60)) for p in pictures]
-    assert min(green) > 5
-    assert not np.array_equal(pictures[0], pictures[1])

@@ -295,24 +295,6 @@ def test_an_old_image_trips_by_a_reading_and_by_all_of_a_device(kind, start, tri
     assert (watch.state.silent[0], watch.state.together[0]) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("caused", "more"), [(2.999, False), (3.001, True)])
-def test_what_friction_may_hold_is_no_evidence(caused, more):
-    watch = Watch()
-    watch.settings.hidden = TWO(9.0, 0.0)
-    moving(watch, caused, 0.0, 20)
-    assert (watch.state.silent[0] > 0.0) == more
-
-
-def test_a_reading_that_moves_does_not_hide_one_that_is_old():
-    watch = Watch()
-    watch.settings.sensor, watch.settings.cause = INTS(0, 0), INTS(-1, -1)
-    for _ in range(60):
-        watch.put(usual=(0.0, -10.0 * NOISE[1] / (1.0 - 2.0 / W)))
-        report = watch.judge(y=(0.0, 0.0), expected=(10.0 * NOISE[0], 10.0 * NOISE[1]))
-    assert report.reason == Trip.UNANSWERED
-    assert (watch.state.silent[1], watch.state.together[0]) == (0.0, 0.0)
-
-
 @pytest.mark.parametrize(
     ("off", "expected"), [(0.2, 1.0), (-0.2, 1.0), (0.999 * 0.2 * 30**0.5, 30 * 0.999**2), (2.0, 30.0), (-1.0, 25.0)]
 )
@@ -323,26 +305,6 @@ def test_the_time_between_calls_is_a_sensor(off, expected):
     assert report.sensor == 2
 
 
-@pytest.mark.parametrize(
-    ("state", "since", "below", "above"),
-    [
-        # Half a window since the last raise; five windows for an echo, but for the first raise.
-        ({"mismatch": (20.0, 0.0, 0.0), "activity": 1.0, **RAISED}, W // 2 - 1, 1, 2),
-        ({"echo": (0.0, 1.0), "late": LONG, **RAISED}, 5 * W - 1, 1, 2),
-        ({"echo": (0.0, 1.0), "late": LONG, **RAISED}, 5 * W - 2, 1, 1),
-        ({"echo": (0.0, 1.0), "late": LONG}, W // 2 - 1, 0, 1),
-        ({"echo": (0.0, 1.0), "late": LONG}, W // 2 - 2, 0, 0),
-    ],
-)
-def test_a_raise_waits_for_the_last_one(state, since, below, above):
-    watch = Watch(**state)
-    watch.put(since=since - 1 if below != above else since)
-    assert watch.judge().rung == below
-    watch.put(since=since, **{key: state[key] for key in ("mismatch", "echo") if key in state})
-    assert watch.judge().rung == above
-    assert watch.state.raises == above
-
-
 @pytest.mark.parametrize(("raises", "windows"), [(0, 5), (1, 5), (2, 10), (3, 20), (8, 640), (9, 640), (12, 640)])
 def test_calm_takes_twice_as_long_after_each_raise(raises, windows):
     watch = Watch(rung=2, raises=raises)
@@ -350,12 +312,6 @@ def test_calm_takes_twice_as_long_after_each_raise(raises, windows):
     assert watch.state.raises == raises
     assert (watch.state.calm, watch.state.since) == (0, 0)
     assert Watch(raises=raises).when(lambda r: r.rung, most=windows * W) == windows * W + 1
-
-
-@pytest.mark.parametrize(("since", "expected"), [(LONG - 2, LONG + 1), (LONG - 1, LONG)])
-def test_a_loop_has_time_to_become_calm(since, expected):
-    watch = Watch(mismatch=(5.0, 0.0, 0.0), activity=1.0, rung=2, raises=2, since=since)
-    assert watch.when(tripped(Trip.SWINGING)) == expected
 
 
 TRIPPED = {"tripped": Trip.AWAY, "trips": 1}

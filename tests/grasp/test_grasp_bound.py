@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.optimize import linprog
 
 from continuum_grasp.grasp import least_normal_force_bound
-from continuum_grasp.grasp.bound import _contacts, cannot_balance
+from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.scene.grasp import GraspScene
 
 G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
@@ -192,65 +191,6 @@ def test_linear_programming_over_sampled_places(seed):
 
 
 # -- places of a contact ----------------------------------------------------------------------------------------------
-
-
-def most_work(y, points, angles, com, size, friction):
-    """The most y . s of forces with N = 1 in the cones at points with normals: its parts are those of a circle."""
-    normal, arm = np.exp(1j * angles), (points - com) / size
-
-    def of(force):
-        return y[0] * force.real + y[1] * force.imag + y[2] * (arm.real * force.imag - arm.imag * force.real)
-
-    lifts = y[3] + y[4] * arm.real + y[5] * arm.imag
-    return of(normal) + friction * np.sqrt(of(1j * normal) ** 2 + lifts**2)
-
-
-def ellipse_places(width, height, count):
-    t = np.linspace(0.0, math.tau, count, endpoint=False)
-    points = 0.5 * width * np.cos(t) + 0.5j * height * np.sin(t)
-    return points, np.angle(height * np.cos(t) + 1j * width * np.sin(t))
-
-
-def rounded_box_places(width, height, radius, count):
-    points, normals = [], []
-    for k, corner in enumerate((1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j)):
-        center = (0.5 * width - radius) * corner.real + 1j * (0.5 * height - radius) * corner.imag
-        turn = np.linspace(0.5 * math.pi * k, 0.5 * math.pi * (k + 1), count)
-        points.append(center + radius * np.exp(1j * turn))
-        normals.append(turn)
-    points.append(np.concatenate([np.linspace(a[-1], b[0], count) for a, b in pairwise([*points, points[0]])]))
-    normals.append(np.repeat(0.5 * math.pi * np.arange(1, 5), count))
-    return np.concatenate(points), np.concatenate(normals)
-
-
-SHAPES = [
-    ({"shape": "ellipse", "width": 0.09, "height": 0.04}, ellipse_places(0.09, 0.04, 100_000)),
-    (
-        {"shape": "box", "width": 0.08, "height": 0.05, "corner_radius": 0.01},
-        rounded_box_places(0.08, 0.05, 0.01, 9000),
-    ),
-]
-
-
-@pytest.mark.parametrize(("body", "places"), SHAPES, ids=["ellipse", "box"])
-@pytest.mark.parametrize("seed", range(4))
-def test_the_work_of_a_contact_is_bounded_closely_from_above(body, places, seed):
-    """At any multipliers, over places within reach of a finger; the bound is rigorous only if it is never below."""
-    random = np.random.default_rng(seed)
-    com = complex(*random.uniform(-0.01, 0.01, 2))
-    away, ahead = random.uniform(0.19, 0.215), random.uniform(-math.pi, math.pi)
-    fingers = {"finger": tip_at(0.0, 0.0, 0.0, base={"position": (away * math.cos(ahead), away * math.sin(ahead))})}
-    friction = random.uniform(0.1, 1.0)
-    scene = scene_of(fingers, out(), {**body, "center_of_mass": (com.real, com.imag)}, friction)
-    (contact,) = _contacts(scene)
-    points, normals = places
-    base = away * np.exp(1j * ahead)
-    near = np.abs(points + HALF * np.exp(1j * normals) - base) <= LENGTH
-    assert 0.05 < near.mean() < 0.95
-    for used in ("110000", "001000", "000011", "000111", "111111"):
-        y = random.normal(size=6) * [float(digit) for digit in used]
-        exact = most_work(y, points[near], normals[near], com, scene.object.size, friction).max()
-        assert max(exact, 0.0) <= contact.most(y)[0] <= max(exact, 0.0) + 5e-4 * np.abs(y).sum()
 
 
 @pytest.mark.parametrize(
