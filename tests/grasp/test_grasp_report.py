@@ -382,43 +382,6 @@ def test_command_begins_with_the_verdict(tmp_path, monkeypatch):
 # -- shipped scenes against closed forms -------------------------------------------------------------------------
 
 
-def run_grasp(name, folder):
-    config = str(ROOT / "configs" / "grasp" / f"{name}.yaml")
-    done = CliRunner().invoke(app, ["grasp", config, "--out", str(folder), "--no-pictures"])
-    return done, yaml.safe_load((folder / "result.yaml").read_text(encoding="utf-8"))
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("name", "normal"),
-    few(
-        [
-            ("pinch_above", 0.20 * 9.81 / (2 * 0.5)),  # friction alone carries the weight, at its limit
-            ("pinch", 0.15 * 9.81 / (2 * 0.6)),  # likewise in the plane
-            ("mug_hanging", 0.20 * 9.81),  # far from slipping: no friction at all
-        ],
-        1,
-    ),
-)
-def test_shipped_scene_presses_as_it_must(tmp_path, name, normal):
-    done, data = run_grasp(name, tmp_path)
-    assert done.exit_code == 0, done.output
-    assert data["status"] in ("optimal", "feasible")  # several fingers are sampled
-    assert data["certificate"]["passed"] is True
-    assert data["quality"]["disturbance_margin"] > 0.1
-    forces = [contact["normal_force"] for contact in data["grasp"]["contacts"]]
-    assert forces == pytest.approx([normal] * len(forces), rel=2e-4)
-
-
-def test_slippery_bottle_names_friction_and_mass_that_would_do(tmp_path):
-    done, data = run_grasp("slippery_bottle", tmp_path)
-    assert done.exit_code == 1
-    assert data["status"] == "infeasible"
-    needed = {reason["name"]: reason["needed"] for reason in data["reasons"]}
-    assert needed["friction"] == pytest.approx(0.2 * 9.81 / (2 * 3.0), rel=1e-3)
-    assert needed["mass"] == pytest.approx(2 * 0.15 * 3.0 / 9.81, rel=1e-3)
-
-
 def test_names_that_left_say_what_is_in_their_place():
     for package, name in ((continuum_grasp.grasp, "closing_path"), (continuum_grasp.plotting, "plot_closing")):
         with pytest.raises(AttributeError, match=f"no attribute '{name}': .*simulate"):

@@ -139,16 +139,6 @@ def test_the_object_obeys_newton_and_each_finger_its_own_plant(request, around, 
     assert rates == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-def test_a_common_state_is_taken_apart_and_put_together(models):
-    shared, x = random_state(models, 3)
-    assert np.array_equal(shared.joined(shared.parts(x)), x)
-    n = models[0].system.n
-    assert np.array_equal(x[: 2 * n], np.concatenate([part[:n] for part in shared.parts(x)]))
-    assert shared.nx == sum(model.nx for model in models) - 8 - sum(
-        not name.startswith("finger.") for name in models[0].system.x_names[models[0].system.friction_states]
-    )
-
-
 def test_implicit_rates_are_those_of_each_finger_alone_and_of_the_motion_in_the_limit(models):
     shared, x = random_state(models, 4)
     u, w = np.ones(shared.nu), shared.forces(0.0)[0]
