@@ -64,6 +64,40 @@ def make_scene(family="matched_clothoid", gravity=UPRIGHT, base_y=-0.055, elemen
     return GraspScene(**values)
 
 
+def finger_to(tip, towards, length=0.2, half=0.006, stiffness=0.4, **more):
+    """A straight finger of next to no weight: the center of its round tip is at a place [m], where it points at an
+    angle [rad].
+    """
+    x, y = (float(at) - length * way for at, way in zip(tip, (math.cos(towards), math.sin(towards)), strict=True))
+    return {
+        "rod": {"length": length, "linear_density": 1e-9, "bending_stiffness": stiffness},
+        "half_thickness": half,
+        "tendons": {"offset": 0.005, "max_tension": 200.0},
+        "base": {"position": (x, y), "angle": math.remainder(towards - 0.5 * math.pi, math.tau)},
+        **more,
+    }
+
+
+def loose(finger, by):
+    """A finger whose base may move by so much [m]."""
+    x, y = finger["base"]["position"]
+    return finger | {"base_free": {"x": (x - by, x + by), "y": (y - by, y + by)}}
+
+
+def held_by_tips(fingers, gravity, body=None, contacts=None, **more):
+    """Fingers, by their names or in order, that hold a disc of 80 mm about the origin with their tips alone."""
+    return GraspScene.model_validate(
+        {
+            "fingers": fingers if isinstance(fingers, dict) else {f"finger_{k}": one for k, one in enumerate(fingers)},
+            "object": {"mass": 0.3, "position": (0.0, 0.0), **(body or {"shape": "circle", "diameter": 0.08})},
+            "contacts": {"friction": 0.5, "normal_force_max": 100.0, "middle": "off", "tip": "on", **(contacts or {})},
+            "gravity": gravity,
+            "fidelity": {"family": "matched_clothoid", "elements": 2},
+            **more,
+        }
+    )
+
+
 HEXAGON = {
     "finger": {
         "rod": {

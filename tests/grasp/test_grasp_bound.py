@@ -6,49 +6,26 @@ import math
 
 import numpy as np
 import pytest
+from grasp_scenes import finger_to, held_by_tips
 from scipy.optimize import linprog
 
 from continuum_grasp.grasp import least_normal_force_bound
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.scene.grasp import GraspScene
 
 G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
-
-
-def tip_at(x, y, towards, **more):
-    """A straight finger whose tip touches with its center at a point, and that points at an angle."""
-    base = (x - LENGTH * math.cos(towards), y - LENGTH * math.sin(towards))
-    return {
-        "rod": {"length": LENGTH, "linear_density": 1e-9, "bending_stiffness": 0.4},
-        "half_thickness": HALF,
-        "tendons": {"offset": 0.005, "max_tension": 200.0},
-        "base": {"position": base, "angle": math.remainder(towards - 0.5 * math.pi, math.tau)},
-        **more,
-    }
 
 
 def star(angles, **more):
     """Fingers that point at the origin and touch a disc around it."""
     reach = RADIUS + HALF
     return {
-        f"finger_{k}": tip_at(reach * math.cos(a), reach * math.sin(a), a + math.pi, **more)
+        f"finger_{k}": finger_to((reach * math.cos(a), reach * math.sin(a)), a + math.pi, **more)
         for k, a in enumerate(angles)
     }
 
 
 def scene_of(fingers, gravity, body=None, friction=0.5, **more):
-    body = {"shape": "circle", "diameter": 2 * RADIUS} if body is None else body
-    return GraspScene.model_validate(
-        {
-            "fingers": fingers,
-            "object": {"mass": 0.3, "position": (0.0, 0.0), **body},
-            "contacts": {"friction": friction, "normal_force_max": 100.0, "middle": "off", "tip": "on"},
-            "gravity": gravity,
-            "fidelity": {"family": "matched_clothoid", "elements": 2},
-            "objective": "least_normal_force",
-            **more,
-        }
-    )
+    return held_by_tips(fingers, gravity, body, {"friction": friction}, objective="least_normal_force", **more)
 
 
 def out(tilt="balance"):
@@ -75,7 +52,7 @@ def test_the_greatest_of_the_limits_counts(own, proven):
 def test_the_limit_of_a_support_counts_too(part, proven):
     """A palm that bears m g, by the limit of all contacts, beside a finger whose own limit is far below."""
     palm = {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}
-    fingers = {"finger": tip_at(0.5, 0.5, 0.0, contacts={"normal_force_max": 1.0})}
+    fingers = {"finger": finger_to((0.5, 0.5), 0.0, contacts={"normal_force_max": 1.0})}
     gravity = {"mode": "planar", "vector": (0.0, -G)}
     scene = scene_of(fingers, gravity, supports={"palm": palm}).changed({"contacts.normal_force_max": part * 0.3 * G})
     assert cannot_balance(scene) is proven
@@ -149,7 +126,7 @@ def test_linear_programming_over_sampled_places(seed):
     angles = random.uniform(-1.0, 1.0, 2) + np.array([down, down + 2.0])
     reach = 0.05
     fingers = {
-        f"finger_{k}": tip_at(reach * math.cos(a), reach * math.sin(a), a + math.pi) for k, a in enumerate(angles)
+        f"finger_{k}": finger_to((reach * math.cos(a), reach * math.sin(a)), a + math.pi) for k, a in enumerate(angles)
     }
     gravity = {"mode": "planar", "vector": (G * math.cos(down), G * math.sin(down))}
     scene = scene_of(fingers, gravity, body, friction)
@@ -200,7 +177,7 @@ def test_linear_programming_over_sampled_places(seed):
 def test_an_object_that_may_turn_bears_on_one_point_of_a_wall_or_on_both_ends_of_a_face(body, count):
     """And on a finger, which then may touch it with any normal."""
     palm = {"type": "palm", "point": (0.0, -0.02), "normal_angle": 0.5 * math.pi}
-    fingers, down = {"finger": tip_at(0.9, 0.9, 0.0)}, {"mode": "planar", "vector": (0.0, -G)}
+    fingers, down = {"finger": finger_to((0.9, 0.9), 0.0)}, {"mode": "planar", "vector": (0.0, -G)}
     scene = scene_of(fingers, down, {**body, "free": {"angle": (-0.5, 0.5)}}, friction=0.0, supports={"palm": palm})
     assert least_normal_force_bound(scene) == pytest.approx(0.3 * G / (count + 1), rel=3e-4)
 
@@ -224,7 +201,7 @@ def test_fingers_count_up_to_where_they_reach(finger, body, reach):
         own = {**finger, "base": {"position": (x, y), "angle": 0.0}}
         if "base_free" in own:
             own["base_free"] = {"x": (x, x + own["base_free"]["x"])}
-        fingers = star([2.0 - math.pi]) | {"other": tip_at(0.0, 0.0, 0.0, **own)}
+        fingers = star([2.0 - math.pi]) | {"other": finger_to((0.0, 0.0), 0.0, **own)}
         scene = scene_of(fingers, out("ignore"), {"shape": "circle", "diameter": 2 * RADIUS, **body})
         bound = least_normal_force_bound(scene)
         assert bound == pytest.approx(0.3 * G / (2 * 0.5), rel=3e-4) if holds else bound > 10 * 0.3 * G
