@@ -299,28 +299,6 @@ def test_what_cannot_be_reached_has_no_starts():
     assert starts_of(fixed) == []
 
 
-def test_pinching_fingers_start_in_balance():
-    scene = scene_of(
-        SHAPES["superellipse"],
-        {
-            "a": finger_at(-0.15, -0.06, -0.5 * math.pi, contacts={"middle": "off"}),
-            "b": finger_at(-0.15, 0.06, -0.5 * math.pi, contacts={"middle": "off"}),
-        },
-        gravity={"mode": "planar", "vector": (0.0, -9.81)},
-    )
-    start = starts_of(scene)[0]
-    check_touching(scene, start)
-    force, moment = 0.1 * -9.81j, 0.0
-    for name, contact in start.contacts.items():
-        n, f, _ = start.forces[name]
-        normal = np.exp(1j * contact.normal_angle)
-        force -= (n + 1j * f) * normal
-        moment -= (np.conj(complex(*contact.point)) * (n + 1j * f) * normal).imag
-        assert abs(f) <= 0.5 * n + 1e-9
-    assert abs(force) < 0.02 * 0.981
-    assert abs(moment) < 0.02 * 0.981 * 0.05
-
-
 def pushing(sideways, force):
     """A finger of two tendons whose postures push with one force up and ``sideways`` (P, 2), as force and moment."""
     count = len(sideways)

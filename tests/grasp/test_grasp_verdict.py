@@ -19,7 +19,6 @@ from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
 from continuum_grasp.grasp.search import Search as GraspSearch
-from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.steady import _slope
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.finger import Rod
@@ -150,33 +149,6 @@ def test_two_limits_at_once_are_named_with_their_numbers():
     assert needed["strain"] == pytest.approx(strain, rel=1e-2)
     assert needed["tension"] == pytest.approx(tension, rel=1e-2)
     assert "together with" in result.advice
-
-
-def gap(scene, start):
-    """Least distance of the bodies of two fingers of a start [m], by the trapezoidal rule."""
-
-    def line(setup):
-        finger = start.fingers[setup.name]
-        s = np.linspace(0.0, setup.finger.rod.length, 400)
-        bent = np.interp(s, finger.knots, finger.curvatures)
-        turn = finger.base[2] + np.append(0.0, np.cumsum(0.5 * (bent[1:] + bent[:-1]) * np.diff(s)))
-        along = np.stack([-np.sin(turn), np.cos(turn)], axis=1)
-        moved = np.cumsum(0.5 * (along[1:] + along[:-1]) * np.diff(s)[:, None], axis=0)
-        return np.array(finger.base[:2]) + np.concatenate([[[0.0, 0.0]], moved])
-
-    one, other = (line(setup) for setup in scene.setups)
-    half = sum(setup.finger.thickness_radius for setup in scene.setups)
-    return float(np.hypot(*(one[:, None] - other).transpose(2, 0, 1)).min()) - half
-
-
-@pytest.mark.parametrize("seed", [7, 44, 51])
-def test_starts_keep_fingers_apart_unless_they_may_cross(seed):
-    scene, on = two_fingers(seed), frozenset({"upper.tip", "lower.tip"})
-    for overlap in ("allow", "forbid"):
-        changed = scene.changed({"overlap": overlap})
-        starts = make_starts(changed, on, 8)
-        least = min(gap(changed, start) for start in starts if start.label == "scan")
-        assert (least > -1e-3) is (overlap == "forbid")
 
 
 @pytest.mark.parametrize(("seed", "held"), [(50, True), (31, False)])
