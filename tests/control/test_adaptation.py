@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
 from functools import lru_cache
 from types import SimpleNamespace
 
@@ -11,12 +10,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from continuum_grasp.control.compiled import estimator_source
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation import excitation
 from continuum_grasp.control.estimation.adaptation import Observability
 from continuum_grasp.control.estimation.estimator import Estimator
-from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
 from tests.control_cases import hand_scene, rod_scene
@@ -333,17 +330,6 @@ def test_single_precision_and_a_restored_state_find_the_same():
 def controller(adapts=True) -> Controller:
     changes = {} if adapts else NOT_ADAPTED
     return Controller(load(ROOT / "configs/mpc/unknown_payload.yaml", changes), deadline=math.inf)
-
-
-@pytest.mark.parametrize("precision", ["double", "float"])
-def test_compilers_have_nothing_to_say(precision, tmp_path):
-    estimator = hand()
-    file = tmp_path / "estimator.c"
-    file.write_text(estimator_source(ControlParts.of_scene(estimator.scene, estimator.prediction), precision))
-    flags = "-std=c99 -fsyntax-only -Werror -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow"
-    generated = "-Wno-unused-parameter -Wno-unused-function -Wno-unused-variable"  # what CasADi writes needs these
-    done = subprocess.run(["cc", *flags.split(), *generated.split(), str(file)], capture_output=True, text=True)
-    assert not done.stderr
 
 
 @pytest.mark.deep

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
 from dataclasses import replace
 from functools import lru_cache
 
@@ -13,7 +12,6 @@ from scipy.linalg import block_diag
 
 import continuum_grasp as cg
 from benchmarks.real_time_iteration import RealTimeIteration
-from continuum_grasp.control.compiled import controller_source
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Scenarios, Stages
 from continuum_grasp.core.compiler import find_compiler
@@ -226,16 +224,3 @@ def test_what_a_finger_lacks_no_scenario_changes():
     undamped = HAND.replaced(damping={})
     with pytest.raises(InputError, match=r"finger\.damping\.material above 0"):
         hand([{}, {"damping": 2.0}], finger=undamped)
-
-
-STRICT = "-fsyntax-only -std=gnu11 -Wall -Wextra -Wshadow -Wstrict-prototypes -Werror=implicit"
-
-
-@pytest.mark.parametrize("precision", ["double", "float"])
-def test_compilers_have_nothing_to_say(precision, tmp_path):
-    control = cg.Controller(hand([{}, {"stiffness": 2.0}]), deadline=math.inf)
-    file = tmp_path / "controller.c"
-    file.write_text(controller_source(control.parts, precision))
-    quiet = "-Wno-unused-parameter -Wno-unused-function -Wno-unused-variable"
-    done = subprocess.run(["cc", *STRICT.split(), *quiet.split(), str(file)], capture_output=True, text=True)
-    assert not done.stderr

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.grasp.certificate.drives import WoundTendons, _softened, _unsoftened
+from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.friction import TendonFriction
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
@@ -160,14 +160,6 @@ def test_the_path_of_a_tendon_follows_stiffness_that_changes():
     first = moments[0] * L / EI * math.log(1.0 / (1.0 - slope * 0.5)) / slope
     second = moments[1] * L / EI * (math.log((1.0 - slope * 0.5) / 0.1) / slope + 0.4 / 0.4)
     assert found == pytest.approx(OFFSET * (first + second), rel=1e-10)
-
-
-def test_a_tendon_goes_slack_as_that_of_the_simulated_winch():
-    length = np.linspace(-2.0, 2.0, 41) * 20e-6
-    exact = np.array([float(soft(x)) for x in length])
-    np.testing.assert_allclose(_softened(length), exact, atol=1e-15)
-    some = exact > 1e-12
-    np.testing.assert_allclose(_unsoftened(exact, some), np.where(some, length, 0.0), atol=1e-12)
 
 
 # -- stability: a locked tendon is a spring on the angle of the tip ---------------------------------------------------
