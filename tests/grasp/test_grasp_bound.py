@@ -10,7 +10,7 @@ from grasp_scenes import finger_to, held_by_tips
 from scipy.optimize import linprog
 
 from continuum_grasp.grasp import least_normal_force_bound
-from continuum_grasp.grasp.bound import cannot_balance
+from continuum_grasp.grasp.bound import _contacts, cannot_balance
 
 G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
 
@@ -168,6 +168,35 @@ def test_linear_programming_over_sampled_places(seed):
 
 
 # -- places of a contact ----------------------------------------------------------------------------------------------
+
+
+def most_work(y, points, angles, com, size, friction):
+    """The most y . s of forces with N = 1 in the cones at points with normals: its parts are those of a circle."""
+    normal, arm = np.exp(1j * angles), (points - com) / size
+
+    def of(force):
+        return y[0] * force.real + y[1] * force.imag + y[2] * (arm.real * force.imag - arm.imag * force.real)
+
+    lifts = y[3] + y[4] * arm.real + y[5] * arm.imag
+    return of(normal) + friction * np.sqrt(of(1j * normal) ** 2 + lifts**2)
+
+
+def test_the_work_of_a_contact_with_any_normal_is_exact():
+    body = {"shape": "box", "width": 0.08, "height": 0.06, "free": {"angle": [-0.5, 0.5]}}
+    contact = _contacts(scene_of(star([0.0]), out(), body, 0.7))[0]
+    random, normals = np.random.default_rng(0), np.linspace(0.0, math.tau, 20_000)
+    for y in random.normal(size=(20, 6)) * [1, 1, 0, 1, 0, 0] * random.choice([0.1, 1.0, 10.0], (20, 6)):
+        exact = most_work(y, np.zeros(normals.size), normals, 0.0, 1.0, 0.7).max()
+        assert contact.most(y)[0] == pytest.approx(exact, rel=1e-6)
+
+
+def test_the_work_of_a_support_is_exact_and_never_negative():
+    palm = {"palm": {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}}
+    contact = _contacts(scene_of(star([0.0]), out(), friction=0.7, supports=palm))[-1]
+    place, normal, random = np.array([-1j * RADIUS]), np.array([-0.5 * math.pi]), np.random.default_rng(0)
+    for y in random.normal(size=(20, 6)):
+        exact = most_work(y, place, normal, 0.0, RADIUS, 0.7).item()
+        assert contact.most(y)[0] == pytest.approx(max(exact, 0.0), rel=1e-12)
 
 
 @pytest.mark.parametrize(
