@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from grasp_hand_made import hats
 from scipy.integrate import solve_bvp, solve_ivp
+
+from tests import certificate_cases as cases
 
 
 @dataclass(frozen=True)
@@ -152,17 +153,15 @@ def disturbed(hand, start, wrench=(0.0, 0.0, 0.0), *, differences=None, tips=Non
 
 def stored(hand, state, names, nodes=61):
     """The arrays in which such a grasp is stored; the wall is called ``floor``."""
-    arrays = {"object.pose": state.pose}
-    contacts = []
+    arrays, contacts, lengths = {"object.pose": state.pose}, [], np.full(nodes - 1, hand.length / (nodes - 1))
     s = np.linspace(0.0, hand.length, nodes)
     for k, name in enumerate(names):
-        curvature = np.interp(s, state.s, state.shapes[k, 3])
-        difference = state.differences[k]
+        curvature, difference = np.interp(s, state.s, state.shapes[k, 3]), state.differences[k]
         arrays |= {
             f"{name}.family": "clothoid",
             f"{name}.q": curvature,
-            f"{name}.curvature_shapes": hats(nodes - 1),
-            f"{name}.lengths": np.full(nodes - 1, hand.length / (nodes - 1)),
+            f"{name}.curvature_shapes": cases.shapes_of("clothoid", lengths),
+            f"{name}.lengths": lengths,
             f"{name}.tip_curvature": curvature[-1],
             f"{name}.tensions": np.array([max(difference, 0.0), max(-difference, 0.0)]),
             f"{name}.base": state.bases[k],
@@ -171,13 +170,5 @@ def stored(hand, state, names, nodes=61):
         contacts.append((f"{name}.tip", frame(state.normals[k])[0], [*state.forces[k], 0.0], hand.length))
     if hand.wall:
         contacts.append(("floor", np.array([0.0, -1.0]), [*state.wall, 0.0], np.nan))
-    names, normals, forces, stations = zip(*contacts, strict=True)
-    normals = np.array(normals)
-    return arrays | {
-        "contact_names": np.array(names),
-        "contact_positions": state.pose[:2] + hand.radius * normals,
-        "contact_normals": normals,
-        "contact_forces": np.array(forces),
-        "contact_stations": np.array(stations),
-        "contact_parts": np.zeros(len(names), dtype=int),
-    }
+    at = [state.pose[:2] + hand.radius * normal for _, normal, *_ in contacts]
+    return arrays | cases.contact_arrays([(c[0], place, *c[1:], 0) for c, place in zip(contacts, at, strict=True)])

@@ -10,6 +10,7 @@ from continuum_grasp.scene.finger import BasePose, Rod, Tendons
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGravity
 from continuum_grasp.scene.objects import Circle
+from tests import certificate_cases as cases
 
 LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
 
@@ -39,21 +40,15 @@ def make_scene(**changes):
     return GraspScene(**values)
 
 
-def hats(count):
-    """Curvature at both ends of each element per nodal curvature."""
-    nodes = np.eye(count + 1)
-    return np.stack([nodes[:-1], nodes[1:]], axis=1)
-
-
 def straight_finger(base, tensions=(0.0, 0.0), curvatures=(0.0, 0.0, 0.0), lengths=None):
     """Arrays of one finger with curvatures at its nodes."""
     curvatures = np.asarray(curvatures, dtype=float)
-    count = curvatures.size - 1
+    lengths = np.full(curvatures.size - 1, LENGTH / (curvatures.size - 1)) if lengths is None else np.asarray(lengths)
     return {
         "family": "clothoid",
         "q": curvatures,
-        "curvature_shapes": hats(count),
-        "lengths": np.full(count, LENGTH / count) if lengths is None else np.asarray(lengths),
+        "curvature_shapes": cases.shapes_of("clothoid", lengths),
+        "lengths": lengths,
         "tip_curvature": curvatures[-1],
         "tensions": np.asarray(tensions, dtype=float),
         "base": np.asarray(base, dtype=float),
@@ -63,15 +58,8 @@ def straight_finger(base, tensions=(0.0, 0.0), curvatures=(0.0, 0.0, 0.0), lengt
 
 def arrays_of(contacts, pose=(0.0, 0.0, 0.0), fingers=None):
     """Stored arrays: contacts are (name, position, normal, forces, station)."""
-    arrays = {
-        "object.pose": np.asarray(pose, dtype=float),
-        "contact_names": np.array([c[0] for c in contacts]),
-        "contact_positions": np.array([c[1] for c in contacts], dtype=float).reshape(-1, 2),
-        "contact_normals": np.array([c[2] for c in contacts], dtype=float).reshape(-1, 2),
-        "contact_forces": np.array([c[3] for c in contacts], dtype=float).reshape(-1, 3),
-        "contact_stations": np.array([c[4] for c in contacts], dtype=float),
-        "contact_parts": np.zeros(len(contacts), dtype=int),
-    }
+    arrays = {"object.pose": np.asarray(pose, dtype=float)}
+    arrays |= cases.contact_arrays([(*contact, 0) for contact in contacts])
     for name, finger in (fingers or {}).items():
         arrays |= {f"{name}.{key}": value for key, value in finger.items()}
     return arrays

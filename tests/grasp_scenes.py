@@ -62,3 +62,74 @@ def make_scene(family="matched_clothoid", gravity=UPRIGHT, base_y=-0.055, elemen
         **changes,
     }
     return GraspScene(**values)
+
+
+def finger_to(tip, towards, length=0.2, half=0.006, stiffness=0.4, **more):
+    """A straight finger of next to no weight: the center of its round tip is at a place [m], where it points at an
+    angle [rad].
+    """
+    x, y = (float(at) - length * way for at, way in zip(tip, (math.cos(towards), math.sin(towards)), strict=True))
+    return {
+        "rod": {"length": length, "linear_density": 1e-9, "bending_stiffness": stiffness},
+        "half_thickness": half,
+        "tendons": {"offset": 0.005, "max_tension": 200.0},
+        "base": {"position": (x, y), "angle": math.remainder(towards - 0.5 * math.pi, math.tau)},
+        **more,
+    }
+
+
+def loose(finger, by):
+    """A finger whose base may move by so much [m]."""
+    x, y = finger["base"]["position"]
+    return finger | {"base_free": {"x": (x - by, x + by), "y": (y - by, y + by)}}
+
+
+def held_by_tips(fingers, gravity, body=None, contacts=None, **more):
+    """Fingers, by their names or in order, that hold a disc of 80 mm about the origin with their tips alone."""
+    return GraspScene.model_validate(
+        {
+            "fingers": fingers if isinstance(fingers, dict) else {f"finger_{k}": one for k, one in enumerate(fingers)},
+            "object": {"mass": 0.3, "position": (0.0, 0.0), **(body or {"shape": "circle", "diameter": 0.08})},
+            "contacts": {"friction": 0.5, "normal_force_max": 100.0, "middle": "off", "tip": "on", **(contacts or {})},
+            "gravity": gravity,
+            "fidelity": {"family": "matched_clothoid", "elements": 2},
+            **more,
+        }
+    )
+
+
+HEXAGON = {
+    "finger": {
+        "rod": {
+            "length": 0.11932284160351045,
+            "linear_density": 0.0031543944730146214,
+            "bending_stiffness": 0.0023766751810183093,
+        },
+        "half_thickness": 0.004418572044625068,
+        "tendons": {"offset": 0.004190820878198073, "max_tension": 104.38260150679578, "min_tension": 0.0},
+        "tendons_used": "left",
+        "base": {"position": [0.0045493821945984565, -0.023385844245115743], "angle": -1.219522387064357},
+    },
+    "object": {
+        "shape": "polygon",
+        "vertices": [
+            [0.016655450579472084, -0.004052498029296169],
+            [0.007072427331219942, 0.015614337831855035],
+            [-0.00976008071797336, 0.014091401586120909],
+            [-0.016722145957028717, -0.0037678387537837046],
+            [-0.004636384595865063, -0.016502445641840828],
+            [0.011885701859888114, -0.012351391240687765],
+        ],
+        "position": [0.01650510614061406, 0.0],
+        "angle": -1.5702219090772405,
+        "mass": 0.041669230108076896,
+    },
+    "supports": {"palm": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}},
+    "contacts": {"friction": 1.1265019631337605, "normal_force_max": 460.0180088633679, "middle": "on", "tip": "on"},
+    "gravity": {"mode": "planar", "vector": [4.243009249191035, -8.84494050354661]},
+    "fidelity": {"family": "matched_clothoid", "elements": 4, "bending_range": 3.4},
+    "stability": "ignore",
+}
+"""A short first segment: the tip sweeps over the object within a thousandth of its outline, so that all digits count,
+and the finger bends less than the curves of the scan, which exceed the bending range.
+"""

@@ -198,3 +198,46 @@ def change_of_plan(rti: RealTimeIteration | PlanOf) -> np.ndarray:
     q, (x, u) = rti.qp(), rti.plan
     nodes = np.hstack([x[:-1] - q["x"][:-1], u - q["u"]])
     return np.r_[nodes.ravel(), x[-1] - q["x"][-1]]
+
+
+def by_ipopt(s: Stages, x0: np.ndarray, reference: np.ndarray, guess=None, tolerance: float = 1e-12):
+    """States and inputs, those of all scenarios one after the other, of the nonlinear problem, written anew: multiple
+    shooting, with slacks as variables and the first inputs in common.
+    """
+    opti, objective, states, inputs = ca.Opti(), 0, [], []
+    first = opti.variable(s.nu)
+    of = s.scenarios
+    plants = [(s.p_nominal, 1.0)] if of is None else zip(of.scale * s.p_nominal + of.shift, of.weights, strict=True)
+    for p, weight in plants:
+        x, path, own = ca.MX(x0), [ca.MX(x0)], []
+        for k in range(s.stages):
+            u = first if k == 0 else opti.variable(s.nu)
+            own.append(u)
+            opti.subject_to(opti.bounded(s.u_min, u, s.u_max))
+            opti.set_initial(u, x0[-s.nu :] if guess is None else guess[1][k])
+            error = s.outputs(x, u, p) - reference
+            objective += weight / s.plants * 0.5 * s.stage * ca.dot(s.weights * error, error)
+            here, end = s.rows(x, u, p), x
+            for _ in range(s.substeps):
+                end = s.step(end, u, p, s.stage / s.substeps)[0]
+            x = opti.variable(s.nx)
+            opti.set_initial(x, x0 if guess is None else guess[0][k + 1])
+            opti.subject_to(x == end)
+            path.append(x)
+            after = s.rows(x, ca.MX.zeros(s.nu), p)
+            for i in range(s.nc):
+                c, slack = (after if i < s.ns else here)[i], opti.variable()
+                opti.subject_to(slack >= 0.0)
+                if s.c_min[i] > -ABSENT:
+                    opti.subject_to(c >= s.c_min[i] - slack)
+                if s.c_max[i] < ABSENT:
+                    opti.subject_to(c <= s.c_max[i] + slack)
+                objective += (s.linear[i] * slack + 0.5 * s.quadratic[i] * slack**2) / s.plants
+        error = (s.outputs(x, ca.MX.zeros(s.nu), p) - reference)[: s.nt]
+        objective += weight / s.plants * 0.5 * ca.dot(s.terminal_weights[: s.nt] * error, error)
+        states.append(ca.hcat(path).T)
+        inputs.append(ca.hcat(own).T)
+    opti.minimize(objective)
+    opti.solver("ipopt", {"ipopt.print_level": 0, "print_time": 0, "ipopt.tol": tolerance, "ipopt.sb": "yes"})
+    solution = opti.solve()
+    return tuple(solution.value(ca.vcat(parts)).reshape(-1, n) for parts, n in ((states, s.nx), (inputs, s.nu)))

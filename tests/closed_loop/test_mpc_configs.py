@@ -72,13 +72,6 @@ def test_loops_without_margin_for_dead_time_are_doubted():
 
 
 @pytest.mark.deep
-def test_the_tip_settles_at_setpoints():
-    found = checked(run("tip_steps", 0.5))
-    error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
-    assert error[30:].max() < 4e-3
-
-
-@pytest.mark.deep
 @pytest.mark.parametrize("stiffness", few([0.9, 1.1], 1))
 def test_no_offset_stays(stiffness):
     found = checked(run("steady_tip", 1.5, f"plant.stiffness={stiffness}", "plant.noise=0.0"))
@@ -97,12 +90,6 @@ def test_few_factorizations_give_the_commands_of_many():
     assert np.linalg.norm(short.tip - short.tip_reference, axis=1)[-30:].max() < 3e-3
 
 
-def test_the_tip_follows_its_arc():
-    found = checked(run("tip_arc", 0.5, ARCS))
-    assert found.metrics().tracking[0].max < 6e-3
-    assert np.linalg.norm(found.tip[-1] - found.tip[0]) > 0.1
-
-
 def test_the_tip_runs_round_its_circle():
     """From half a second on, when it has come there, within a fifth of the radius, on all sides of the center."""
     found = checked(run("tip_circle", 2.5))
@@ -112,6 +99,39 @@ def test_the_tip_runs_round_its_circle():
     assert np.linalg.norm(found.tip - found.tip_reference, axis=1)[found.t > 0.5].max() < 0.004
 
 
+def off(found, last=None, first=None):
+    """Greatest distance of the tip from its setpoint [m], over some of the periods."""
+    return np.linalg.norm(found.tip - found.tip_reference, axis=1)[first:last].max()
+
+
+def of(found, name):
+    """Column of a tracked quantity."""
+    return [each.startswith(name) for each in found.r_names].index(True)
+
+
+FOLLOWED = [
+    # Configuration, time [s], changes, what is followed and how well.
+    (
+        "tip_arc",
+        0.5,
+        (ARCS,),
+        lambda f: f.metrics().tracking[0].max < 6e-3 and np.linalg.norm(f.tip[-1] - f.tip[0]) > 0.1,
+    ),
+    ("saturation", 0.8, (), lambda f: np.mean(f.u[30:, 0] > 14.0 - 1e-6) > 0.9 and off(f, first=-1) < 0.02),
+    ("tip_steps", 0.5, (), lambda f: off(f, first=30) < 4e-3),
+    ("three_tendons", 0.8, ("plant.noise=0.0",), lambda f: np.abs((f.tracked - f.r)[60:, :4]).max() < 4e-3),
+    ("nitinol_moment", 1.2, (), lambda f: abs(f.tip[0, 1] + 0.28) < 0.02 and off(f, first=-10) < 0.015),
+    # Friction of the plant's tendons is half as much again.
+    ("winches", 1.0, (), lambda f: off(f) < 0.012 and "tripped" not in f.health),
+    ("motor_servo", 1.0, (), lambda f: np.abs((f.tracked - f.r)[60:, of(f, "tip_angle")]).max() < 0.03),
+]
+
+
+@pytest.mark.parametrize(("name", "seconds", "changes", "followed"), few(FOLLOWED, 2))
+def test_setpoints_are_followed(name, seconds, changes, followed):
+    assert followed(checked(run(name, seconds, *changes)))
+
+
 def test_a_knock_is_recovered_from():
     found = checked(run("pulse", 1.3, ARCS))
     error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
@@ -119,12 +139,6 @@ def test_a_knock_is_recovered_from():
     assert error[found.t < 0.8].max() < 3e-3
     assert error[struck].max() > 0.02
     assert error[-5:].max() < 4e-3
-
-
-def test_tensions_stay_at_their_limit():
-    found = checked(run("saturation", 0.8))
-    assert np.mean(found.u[30:, 0] > 14.0 - 1e-6) > 0.9
-    assert np.linalg.norm(found.tip[-1] - found.tip_reference[-1]) < 0.02
 
 
 @pytest.mark.deep
@@ -156,44 +170,12 @@ def test_the_load_on_a_taper_is_found():
 
 
 @pytest.mark.deep
-def test_three_tendons_take_middle_and_tip_to_setpoints():
-    found = checked(run("three_tendons", 0.8, "plant.noise=0.0"))
-    error = (found.tracked - found.r)[60:, :4]
-    assert np.abs(error).max() < 4e-3
-    assert found.u.shape[1] == 3
-
-
-@pytest.mark.deep
 def test_zones_are_avoided():
     found = checked(run("keep_out", 1.5, ARCS, "controller.bounds.keep_out.wall.clearance=0.005"))  # arcs err by more
     assert found.tip[:, 0].min() > -0.10 + 0.006
     beside = found.u[(found.t[:-1] > 0.5) & (found.t[:-1] < 0.88)]  # the wall; before it foresees the next setpoint
     assert np.sqrt(np.mean(np.diff(beside, axis=0) ** 2)) < 0.6  # [N]; 2.1 with weights of 100
     assert np.linalg.norm(found.tip[100] - found.tip_reference[100]) > 0.03
-
-
-@pytest.mark.deep
-def test_a_moment_lifts_the_rod():
-    found = checked(run("nitinol_moment", 1.2))
-    assert found.tip[0, 1] == pytest.approx(-0.28, abs=0.02)
-    assert np.linalg.norm(found.tip[-10:] - found.tip_reference[-10:], axis=1).max() < 0.015
-
-
-@pytest.mark.deep
-def test_winches_follow_although_friction_is_half_as_much_again():
-    found = checked(run("winches", 1.0))
-    assert found.scene.plant.tendon_friction == pytest.approx(1.5 * found.scene.finger.tendon_list[0].friction)
-    error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
-    assert error.max() < 0.012
-    assert "tripped" not in found.health
-
-
-@pytest.mark.deep
-def test_a_servo_turns_the_tip_to_its_angle_and_holds_it():
-    found = checked(run("motor_servo", 1.0))
-    angle = [name.startswith("tip_angle") for name in found.r_names].index(True)
-    error = found.tracked[:, angle] - found.r[:, angle]
-    assert np.abs(error[60:]).max() < 0.03
 
 
 def late_camera(*changes):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
 from functools import lru_cache
 from types import SimpleNamespace
 
@@ -11,14 +10,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.control.compiled import estimator_source
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation import excitation
 from continuum_grasp.control.estimation.adaptation import Observability
 from continuum_grasp.control.estimation.estimator import Estimator
-from continuum_grasp.control.parts import ControlParts
-from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
 from tests.control_cases import hand_scene, rod_scene
@@ -298,14 +293,6 @@ def test_the_step_and_its_derivatives_are_those_of_the_changed_parameters(laggin
         assert slope[:nx, k] * scale[k] == pytest.approx(expected * scale[k], rel=1e-5, abs=1e-7)
 
 
-def test_a_lag_that_is_a_parameter_is_the_same_motion():
-    x = np.array([0.3, -0.2, 1.0, 0.5, 0.04, 0.3])
-    runtime, constant = Prediction(moment_scene(parameters=("drive_time_constant",))), Prediction(moment_scene())
-    assert runtime.p_nominal[-1] == 0.03
-    found = np.array(runtime.dynamics(x, [0.1], runtime.p_nominal))
-    assert found == pytest.approx(np.array(constant.dynamics(x, [0.1], constant.p_nominal)), rel=1e-14)
-
-
 def test_values_stay_within_their_bounds_and_clipping_is_reported():
     estimator = hand()
     plant = Finger(estimator, with_values(estimator, drive_time_constant=0.05))
@@ -339,51 +326,10 @@ def test_single_precision_and_a_restored_state_find_the_same():
         assert rounded.adapted[name].std == pytest.approx(one.std, rel=0.02)
 
 
-CLOSED = [
-    {"plant.stiffness": 1.5},
-    {"plant.stiffness": 0.7},
-    {"plant.tip_mass": 0.004},
-    {"plant.time_constant": 0.01},
-    {"plant.time_constant": 0.04},
-    {"plant.guides": 40, "plant.axial_stiffness": 1e4, "plant.stiffness": 1.3, "plant.time_constant": 0.03},
-]
-AS_KNOWN = {"plant": {"fidelity": {"family": "clothoid", "elements": 4}}}
-
-
 @lru_cache
 def controller(adapts=True) -> Controller:
     changes = {} if adapts else NOT_ADAPTED
     return Controller(load(ROOT / "configs/mpc/unknown_payload.yaml", changes), deadline=math.inf)
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("changes", CLOSED)
-def test_in_closed_loop_fine_plants_are_found_and_followed(changes):
-    """Four clothoids and a chain of 40 guides; the tip's error is at most 60 % of that without adaptation."""
-    fine = {"plant": {}} if "plant.guides" in changes else AS_KNOWN
-    scene = load(ROOT / "configs/mpc/unknown_payload.yaml", {**fine, **changes})
-    run = run_closed_loop(scene, controller=controller())
-    plain = run_closed_loop(scene.changed(NOT_ADAPTED), controller=controller(adapts=False))
-    truth = {
-        "bending_stiffness": changes.get("plant.stiffness", 1.0) * 6.11e-3,
-        "tip_mass": 0.002 + changes.get("plant.tip_mass", 0.0),
-        "drive_time_constant": changes.get("plant.time_constant", 0.02),
-    }
-    for name, value in truth.items():
-        assert abs(run.adapted[name].value - value) < 3.0 * run.adapted[name].std, (name, run.adapted[name])
-    errors = [np.mean((one.tracked[200:, :2] - one.r[200:, :2]) ** 2) for one in (run, plain)]
-    assert errors[0] < 0.6**2 * errors[1]
-
-
-@pytest.mark.parametrize("precision", ["double", "float"])
-def test_compilers_have_nothing_to_say(precision, tmp_path):
-    estimator = hand()
-    file = tmp_path / "estimator.c"
-    file.write_text(estimator_source(ControlParts.of_scene(estimator.scene, estimator.prediction), precision))
-    flags = "-std=c99 -fsyntax-only -Werror -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow"
-    generated = "-Wno-unused-parameter -Wno-unused-function -Wno-unused-variable"  # what CasADi writes needs these
-    done = subprocess.run(["cc", *flags.split(), *generated.split(), str(file)], capture_output=True, text=True)
-    assert not done.stderr
 
 
 @pytest.mark.deep

@@ -10,7 +10,7 @@ import pytest
 
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.control.ocp.cost_terms import TERMS, tracked_groups
+from continuum_grasp.control.ocp.cost_terms import tracked_groups
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
@@ -26,13 +26,6 @@ TRACKED = {
     "input": {"moment_max": 0.3, "rate_max": 3.0},
 }
 TURNED = {"controller": TRACKED, "reference": {"tip_angle": ANGLE}}
-
-
-def test_state_terms_come_first_and_the_rate_of_the_input_last():
-    """The last node has the first outputs, and the supervisor raises the last weights."""
-    of_state = [term.of_state for term in TERMS]
-    assert of_state == sorted(of_state, reverse=True)
-    assert TERMS[-1].key == "input_rate"
 
 
 def test_names_find_their_terms():
@@ -56,15 +49,6 @@ def test_the_orientation_is_that_of_the_backbones_end():
     tangent = (end - short) / 1e-6
     (angle,) = np.array(stages.outputs(x, [10.0, 2.0], stages.p_nominal))[:1, 0]
     assert (-math.sin(angle), math.cos(angle)) == pytest.approx(tuple(tangent), abs=1e-5)
-
-
-def test_its_gradient_is_that_of_finite_differences():
-    stages = stages_of(swing_scene(**TURNED))
-    x, u, r = np.array([0.4, 0.3, 0.5, -0.2, 0.05]), np.array([0.1]), np.zeros(stages.nr)
-    cost = lambda z: float(stages.cost(z[:-1], z[-1:], stages.p_nominal, r, stages.weights)[0])  # noqa: E731
-    z, gradient = np.append(x, u), stages.cost(x, u, stages.p_nominal, r, stages.weights)[1]
-    difference = [(cost(z + d) - cost(z - d)) / 2e-6 for d in 1e-6 * np.eye(z.size)]
-    assert np.array(gradient).ravel() == pytest.approx(difference, rel=1e-6, abs=1e-7)
 
 
 def test_the_rate_of_the_input_is_its_change_over_a_stage():

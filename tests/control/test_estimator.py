@@ -16,7 +16,6 @@ from continuum_grasp.control.status import Anomaly, Verdict
 from continuum_grasp.errors import InputError
 from tests.control_cases import Reality, hand_scene, rod_scene, sensed_rod_scene
 from tests.marks import few
-from tests.moving_horizon import moving_horizon
 
 
 @lru_cache
@@ -202,21 +201,6 @@ def test_its_errors_are_as_large_as_it_says():
     assert chi2.ppf(0.001, 7 * 6) < sum(errors[9::10]) < chi2.ppf(0.999, 7 * 6)
 
 
-def test_moving_horizon_estimation_agrees():
-    _, measured, inputs = motion()
-    smoothed = moving_horizon(rod(), measured[:40], inputs[:39])
-    found = run(rod(), measured[:40], inputs)[-1]
-    assert (smoothed.z[-1] - found.z) / found.std == pytest.approx(0.0, abs=0.2)
-
-
-def test_moving_horizon_estimation_smooths():
-    states, measured, inputs = motion()
-    smoothed = moving_horizon(rod(), measured[:40], inputs[:39]).z
-    filtered = np.array([f.z for f in run(rod(), measured[:40], inputs)])
-    truth = states[:40]
-    assert np.sum((smoothed - truth)[:, 2:4] ** 2) < 0.9 * np.sum((filtered - truth)[:, 2:4] ** 2)
-
-
 def test_a_known_delay_is_made_up_for():
     late, prompt = rod(delay=0.02, substeps=8), rod(substeps=8)
     plant = Reality(prompt.scene, prompt.first)
@@ -388,13 +372,10 @@ def test_a_saved_state_goes_on_bit_for_bit_and_two_estimators_do_not_mix():
         lambda e: e.step(None, [0.0], p=np.full(5, np.inf)),
         lambda e: e.step(np.zeros(4) + 1j, [0.0]),
         lambda e: e.step(None, np.zeros(1, complex)),
-        lambda e: moving_horizon(e, np.zeros((5, 4), complex), np.zeros((4, 1))),
         lambda e: e.reset(state=[0.0]),
         lambda e: e.restore(b"something else"),
         lambda e: e.restore(e.save_state()[:-1]),
         lambda e: e.restore(rod("float").save_state()),
-        lambda e: moving_horizon(e, np.zeros((5, 3)), np.zeros((4, 1))),
-        lambda e: moving_horizon(rod(delay=0.02), np.zeros((5, 4)), np.zeros((4, 1))),
     ],
 )
 def test_what_does_not_fit_is_refused(wrong):

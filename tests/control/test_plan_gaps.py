@@ -111,19 +111,6 @@ def test_a_controller_integrates_its_inputs():
     assert force(stages, x, command.u) == pytest.approx(FORCE, abs=0.02)
 
 
-@pytest.mark.deep
-def test_gaps_of_a_plan_that_converges_are_none():
-    """From a plan that stays, which full steps settle, down to rounding."""
-    control = controller()
-    control.reset(u=HELD)
-    x = np.array([*STATE, *HELD])
-    for _ in range(120):
-        command = control.step(x[:10], SETPOINTS, p=KNOWN)
-        assert not command.anomalies
-        x = driven(control.stages, x, command.u)
-    assert force(control.stages, x, command.u) == pytest.approx(FORCE, abs=0.02)
-
-
 def test_motion_is_no_gap():
     """A force that rises and falls moves the finger within every plan."""
     control = controller()

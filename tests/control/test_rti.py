@@ -26,7 +26,7 @@ from continuum_grasp.scene import Fidelity
 from tests.control_cases import driven_scene, hand_scene, rod_scene
 from tests.export_cases import loop_scene
 from tests.marks import few
-from tests.rti_cases import LOOSE, SIZES, disturb, random_stages
+from tests.rti_cases import LOOSE, SIZES, by_ipopt, disturb, random_stages
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
@@ -86,41 +86,6 @@ def shared(precision: str = "double", lanes: bool = True) -> RealTimeIteration:
     return RealTimeIteration(pendulum(), precision=precision, lanes=lanes)
 
 
-def by_ipopt(s: Stages, x0: np.ndarray, refs: np.ndarray, guess: tuple[np.ndarray, np.ndarray]):
-    """The optimal control problem with slacks as variables: states, inputs."""
-    x, u = ca.MX.sym("x", s.nx, s.stages + 1), ca.MX.sym("u", s.nu, s.stages)
-    slack = ca.MX.sym("s", s.nc, s.stages)
-    p, cost, equal, rows = ca.DM(s.p_nominal), 0, [x[:, 0] - x0], []
-    for k in range(s.stages):
-        end = x[:, k]
-        for _ in range(s.substeps):
-            end = s.step(end, u[:, k], p, s.stage / s.substeps)[0]
-        equal.append(x[:, k + 1] - end)
-        error = s.outputs(x[:, k], u[:, k], p) - refs[k]
-        cost += 0.5 * s.stage * ca.dot(ca.DM(s.weights), error**2)
-        here, after = s.rows(x[:, k], u[:, k], p), s.rows(x[:, k + 1], u[:, k], p)
-        c = ca.vertcat(after[: s.ns], here[s.ns :])
-        rows += [c - slack[:, k] - s.c_max, s.c_min - c - slack[:, k]]
-        cost += ca.dot(ca.DM(s.linear), slack[:, k]) + 0.5 * ca.dot(ca.DM(s.quadratic), slack[:, k] ** 2)
-    error = (s.outputs(x[:, -1], u[:, -1], p) - refs[-1])[: s.nt]
-    cost += 0.5 * ca.dot(ca.DM(s.terminal_weights[: s.nt]), error**2)
-    z, g = ca.veccat(x, u, slack), ca.vertcat(*equal, *rows)
-    count = sum(e.numel() for e in equal)
-    options = {"ipopt.print_level": 0, "print_time": False, "ipopt.tol": 1e-12, "ipopt.sb": "yes"}
-    solve = ca.nlpsol("oracle", "ipopt", {"x": z, "f": cost, "g": g}, options)
-    free = np.full(x.numel(), np.inf)
-    found = solve(
-        x0=np.r_[guess[0].ravel(), guess[1].ravel(), np.zeros(slack.numel())],
-        lbx=np.r_[-free, np.tile(s.u_min, s.stages), np.zeros(slack.numel())],
-        ubx=np.r_[free, np.tile(s.u_max, s.stages), np.full(slack.numel(), np.inf)],
-        lbg=np.r_[np.zeros(count), np.full(g.numel() - count, -np.inf)],
-        ubg=np.zeros(g.numel()),
-    )
-    assert solve.stats()["success"]
-    values = np.array(found["x"]).ravel()
-    return values[: x.numel()].reshape(s.stages + 1, s.nx), values[x.numel() :][: u.numel()].reshape(s.stages, s.nu)
-
-
 def converged(rti: RealTimeIteration, x0: np.ndarray, refs: np.ndarray, steps: int = 60):
     rti.reset(x0, rollout=True)
     for _ in range(steps):
@@ -134,7 +99,7 @@ def test_iterations_from_one_state_end_at_the_optimum(lanes):
     s, rti = pendulum(), shared(lanes=lanes)
     report = converged(rti, START, REFS)
     x, u = rti.plan
-    found = by_ipopt(s, START, np.tile(REFS, (s.stages + 1, 1)), (x, u))
+    found = by_ipopt(s, START, REFS, (x, u))
     np.testing.assert_allclose(x, found[0], atol=1e-6)
     np.testing.assert_allclose(u, found[1], atol=1e-6)
     c = np.array([s.rows(x[k + 1], u[k], 1.0) for k in range(s.stages)]).squeeze()
@@ -157,7 +122,7 @@ def test_iterations_of_a_finger_end_at_the_optimum(method, close):
     refs[:2] = 0.45, 0.2
     converged(rti, x0, refs, 40)
     x, u = rti.plan
-    found = by_ipopt(s, x0, np.tile(refs, (s.stages + 1, 1)), (x, u))
+    found = by_ipopt(s, x0, refs, (x, u))
     np.testing.assert_allclose(u, found[1], atol=close * np.abs(found[1]).max())
     np.testing.assert_allclose(x, found[0], atol=close * np.abs(found[0]).max())
 
@@ -227,7 +192,7 @@ def test_a_search_settles_where_full_steps_cycle(k):
     rti.reset(x0, x0[4:], rollout=True)
     assert rti.iterate(x0, refs).status in (0, 2)
     x, u = (part.copy() for part in rti.plan)
-    found = by_ipopt(s, x0, np.tile(refs, (s.stages + 1, 1)), (x, u))
+    found = by_ipopt(s, x0, refs, (x, u))
     np.testing.assert_allclose(u, found[1], atol=1e-5 * 0.3)
 
 
@@ -327,16 +292,6 @@ def test_a_search_returns_from_where_the_model_is_not_finite():
     assert max(gaps[:2]) < 1e-12
     assert gaps[2] > 1e-10
     assert rti.iterate(START).status in (0, 2)
-
-
-def test_lanes_change_nothing_but_rounding():
-    plans = []
-    for lanes in (False, True):
-        rti = shared(lanes=lanes)
-        rti.reset(START, rollout=True)
-        rti.step(START, REFS)
-        plans.append(np.r_[rti.plan[0].ravel(), rti.plan[1].ravel()])
-    np.testing.assert_allclose(*plans, atol=1e-9)
 
 
 @pytest.mark.parametrize("substeps", [1, 3])

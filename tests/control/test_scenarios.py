@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import math
-import subprocess
 from dataclasses import replace
 from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
 import continuum_grasp as cg
 from benchmarks.real_time_iteration import RealTimeIteration
-from continuum_grasp.control.compiled import controller_source
-from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Scenarios, Stages
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
 from tests.control_cases import HAND, Reality, hand_scene, swing_scene
 from tests.marks import few
-from tests.rti_cases import QP, SIZES, PlanOf, change_of_plan, disturb, qp_of, random_stages
+from tests.rti_cases import QP, SIZES, PlanOf, by_ipopt, change_of_plan, disturb, qp_of, random_stages
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
@@ -119,59 +115,13 @@ def begin(s: Stages) -> tuple[np.ndarray, np.ndarray]:
     return x0, reference
 
 
-def by_ipopt(s: Stages, x0: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Inputs (plants, N, nu) of the nonlinear problem, written anew: states of each plant, first inputs in common."""
-    opti, plants, objective = ca.Opti(), s.scenarios, 0
-    first = opti.variable(s.nu)
-    inputs = []
-    for b in range(s.plants):
-        p = plants.scale[b] * s.p_nominal + plants.shift[b]
-        x, own, weight = ca.MX(x0), [], plants.weights[b] / s.plants
-        for k in range(s.stages):
-            u = first if k == 0 else opti.variable(s.nu)
-            own.append(u)
-            opti.subject_to(opti.bounded(s.u_min, u, s.u_max))
-            opti.set_initial(u, x0[-s.nu :])
-            error = s.outputs(x, u, p) - reference
-            objective += weight * 0.5 * s.stage * ca.dot(s.weights * error, error)
-            objective += penalties(opti, s, s.rows(x, u, p), slice(s.ns, None))
-            for _ in range(s.substeps):
-                x = s.step(x, u, p, s.stage / s.substeps)[0]
-            free = opti.variable(s.nx)  # multiple shooting
-            opti.set_initial(free, x0)
-            opti.subject_to(free == x)
-            x = free
-            objective += penalties(opti, s, s.rows(x, ca.MX.zeros(s.nu), p), slice(0, s.ns))
-        error = s.outputs(x, ca.MX.zeros(s.nu), p)[: s.nt] - reference[: s.nt]
-        objective += weight * 0.5 * ca.dot(s.terminal_weights[: s.nt] * error, error)
-        inputs.append(ca.hcat(own).T)
-    opti.minimize(objective)
-    opti.solver("ipopt", {"ipopt.print_level": 0, "print_time": 0, "ipopt.tol": 1e-10, "ipopt.sb": "yes"})
-    solution = opti.solve()
-    return np.array([np.reshape(solution.value(one), (s.stages, s.nu)) for one in inputs])
-
-
-def penalties(opti: ca.Opti, s: Stages, c: ca.MX, part: slice) -> ca.MX:
-    """Cost of violations, as a mean over the plants, with a slack per bounded row."""
-    total = ca.MX(0)
-    for i in range(s.nc)[part]:
-        slack = opti.variable()
-        opti.subject_to(slack >= 0.0)
-        if s.c_min[i] > -ABSENT:
-            opti.subject_to(c[i] >= s.c_min[i] - slack)
-        if s.c_max[i] < ABSENT:
-            opti.subject_to(c[i] <= s.c_max[i] + slack)
-        total += s.linear[i] * slack + 0.5 * s.quadratic[i] * slack**2
-    return total / s.plants
-
-
 @pytest.mark.deep
 @pytest.mark.parametrize("plants", few([2, 3], 1))
 def test_iterations_converge_to_what_ipopt_finds(plants):
     s = stages(plants)
     x0, reference = begin(s)
     inputs = converged(s, x0, reference).plan[1].reshape(s.plants, s.stages, s.nu)
-    expected = by_ipopt(s, x0, reference)
+    expected = by_ipopt(s, x0, reference, tolerance=1e-10)[1].reshape(inputs.shape)
     assert np.abs(inputs - expected).max() <= 1e-4 * np.abs(expected).max()
     assert np.ptp(inputs[:, 0], axis=0).max() == 0.0
     assert s.u_min.min() + 0.1 < inputs[0, 0].max() < s.u_max.max() - 0.1
@@ -274,16 +224,3 @@ def test_what_a_finger_lacks_no_scenario_changes():
     undamped = HAND.replaced(damping={})
     with pytest.raises(InputError, match=r"finger\.damping\.material above 0"):
         hand([{}, {"damping": 2.0}], finger=undamped)
-
-
-STRICT = "-fsyntax-only -std=gnu11 -Wall -Wextra -Wshadow -Wstrict-prototypes -Werror=implicit"
-
-
-@pytest.mark.parametrize("precision", ["double", "float"])
-def test_compilers_have_nothing_to_say(precision, tmp_path):
-    control = cg.Controller(hand([{}, {"stiffness": 2.0}]), deadline=math.inf)
-    file = tmp_path / "controller.c"
-    file.write_text(controller_source(control.parts, precision))
-    quiet = "-Wno-unused-parameter -Wno-unused-function -Wno-unused-variable"
-    done = subprocess.run(["cc", *STRICT.split(), *quiet.split(), str(file)], capture_output=True, text=True)
-    assert not done.stderr

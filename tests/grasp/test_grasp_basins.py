@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import product
 
 import numpy as np
 import pytest
@@ -14,28 +13,15 @@ from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.curves import bends_to, chords, exact_bends
-from continuum_grasp.grasp.starts.scan.touching import bracketed_root, folds
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.tried import Basin
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.parts import SuperellipsePart
 
 
 def ends(bend, turn, steps=4000):
     """End of a clothoid of length one by the midpoint rule."""
     s = (np.arange(steps) + 0.5) / steps
     return (1j * np.exp(1j * (bend * s + (turn - bend) * s**2))).mean()
-
-
-def test_chords_are_those_of_clothoids():
-    rng = np.random.default_rng(0)
-    bend, turn = rng.uniform(-9.0, 9.0, 40), rng.uniform(-6.0, 6.0, 40)
-    chord, slope = chords(bend, turn)
-    assert chord == pytest.approx([ends(b, t) for b, t in zip(bend, turn, strict=True)], abs=1e-6)
-    step = 1e-5
-    assert slope == pytest.approx((chords(bend + step, turn)[0] - chords(bend - step, turn)[0]) / (2 * step), abs=1e-7)
 
 
 def test_all_curves_in_a_direction_are_found():
@@ -57,43 +43,6 @@ def test_all_curves_in_a_direction_are_found():
             assert mine.any() or (np.abs(at - k) < 60).sum() > 1
             if mine.any():
                 assert length[mine][0] == pytest.approx(1.0 / abs(ends(root, turn)), rel=1e-5)
-
-
-def test_bracketed_roots_stay_in_their_brackets():
-    low, high = np.array([0.0, 2.0, -3.0]), np.array([2.0, 4.0, -0.5])
-
-    def gap(x):
-        return np.sin(1.7 * x) + 0.1
-
-    found = bracketed_root(gap, low, high, gap(low), gap(high))
-    for a, b, x in zip(low, high, found, strict=True):
-        if gap(a) * gap(b) < 0.0:
-            assert x == pytest.approx(brentq(gap, a, b), abs=1e-6)
-
-
-def test_two_roots_between_two_lines_of_a_grid_are_not_missed():
-    """Parabolas with roots 0.1 and 0.2 apart, and one without, on a grid of spacing 0.5; with a cube of three tenths of
-    the square, a parabola through three places would have no root.
-    """
-    grid = np.tile(np.linspace(-2.0, 2.0, 9), (4, 1))
-    off = grid - 0.2
-    square = off**2
-    gap = np.stack([square[0] - 0.05**2, 0.1**2 - square[1], square[2] + 0.2, (square + 0.3 * off**3)[3] - 0.03**2])
-    rows, columns, at = folds(grid, gap)
-    assert rows.tolist() == [0, 1, 3]
-    assert columns.tolist() == [4, 4, 4]
-    assert at[:2] == pytest.approx([0.2, 0.2])
-    assert at[2] == pytest.approx(0.2, abs=0.05)
-
-
-@pytest.mark.parametrize(("exponent", "axes"), [*product([2.0, 2.3, 4.0, 8.0], [(0.2, 0.2), (0.2, 0.05)])])
-def test_rough_distances_are_nearly_those(exponent, axes):
-    part = SuperellipsePart(axes, exponent)
-    shape = surface_of(part).outline(part, Frame(), 0.02)
-    rng = np.random.default_rng(2)
-    at = shape.walk(rng.uniform(0.0, math.tau, 400))
-    points = at.point + rng.uniform(-0.03, 0.2, 400) * np.exp(1j * at.angle)
-    assert shape.rough_distance(points) == pytest.approx(shape.distance(points), abs=3e-3 * axes[0])
 
 
 def test_forces_are_those_of_linear_programming():

@@ -10,13 +10,11 @@ import math
 
 import numpy as np
 import pytest
+from grasp_scenes import finger_to, held_by_tips, loose
 
 from continuum_grasp.grasp import Status, optimize_grasp
-from continuum_grasp.scene.finger import BasePose, Rod, Tendons
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGravity, OutOfPlaneGravity, PlanarGravity
-from continuum_grasp.scene.objects import Box, Circle, Freedom, Polygon
-from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.grasp_options import NoGravity, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.objects import Box, Circle, Polygon
 from continuum_grasp.scene.supports import Palm, VGroove
 from tests.marks import few
 
@@ -33,36 +31,18 @@ def planar(x, y):
     return PlanarGravity(mode="planar", vector=(G * x, G * y))
 
 
-def finger(tip, towards, half=HALF, stiffness=0.05, loose=LOOSE):
+def finger(tip, towards, half=HALF, stiffness=0.05, free=LOOSE):
     """A finger that, straight, ends with the center of its round tip at ``tip``, pointing at the angle ``towards``."""
-    direction = np.array([math.cos(towards), math.sin(towards)])
-    x, y = (float(v) for v in np.asarray(tip, dtype=float) - LENGTH * direction)
-    angle = math.remainder(towards - 0.5 * math.pi, 2.0 * math.pi)
-    free = Freedom(x=(x - loose, x + loose), y=(y - loose, y + loose)) if loose else None
-    return GraspFinger(
-        rod=Rod(length=LENGTH, linear_density=1e-9, bending_stiffness=stiffness),
-        half_thickness=half,
-        tendons=Tendons(offset=0.005, max_tension=200.0),
-        base=BasePose(position=(x, y), angle=angle),
-        base_free=free,
-    )
+    made = finger_to(tip, towards, LENGTH, half, stiffness)
+    return loose(made, free) if free else made
 
 
-def solve(
-    fingers, body, gravity, supports=None, friction=FRICTION, objective="least_normal_force", reserve=0.0, **more
-):
+def solve(fingers, body, gravity, supports=None, friction=FRICTION, reserve=0.0, **more):
     """The grasp by the tips of these fingers."""
-    scene = GraspScene(
-        fingers=dict(zip(("one", "two", "three"), fingers, strict=False)),
-        object=body,
-        supports=supports or {},
-        contacts=GraspContacts(friction=friction, normal_force_max=100.0, middle="off", tip="on", reserve=reserve),
-        gravity=gravity,
-        fidelity=Fidelity(family="matched_clothoid", elements=2),
-        objective=objective,
-        **more,
-    )
-    return optimize_grasp(scene, raise_on_failure=False)
+    named = dict(zip(("one", "two", "three"), fingers, strict=False))
+    contacts = {"friction": friction, "reserve": reserve}
+    more = {"objective": "least_normal_force", "supports": supports or {}, **more}
+    return optimize_grasp(held_by_tips(named, gravity, body.model_dump(), contacts, **more), raise_on_failure=False)
 
 
 def normal_forces(result):
@@ -251,7 +231,7 @@ def test_two_straight_fingers_under_a_disc(share):
     euler = stiffness * (0.5 * math.pi / LENGTH) ** 2
     mass = 2.0 * share * euler / G
     y = -math.sqrt(radius**2 - x**2)
-    tips = [finger((side * x, y), 0.5 * math.pi, 0.0, stiffness, loose=0.0) for side in (-1.0, 1.0)]
+    tips = [finger((side * x, y), 0.5 * math.pi, 0.0, stiffness, free=0.0) for side in (-1.0, 1.0)]
     result = solve(tips, disc(radius, mass), planar(0.0, -1.0), friction=1.0, objective="least_tension")
     assert result.solved, result.message
     assert result.tension == pytest.approx(0.0, abs=1e-6 * stiffness / (LENGTH * 0.005))
@@ -271,8 +251,8 @@ def test_a_weightless_touch_takes_the_bend_alone():
     from the base, a circle of that curvature meets the grown disc from outside.
     """
     stiffness, radius = 0.01, 0.03
-    one = finger((0.0, 0.0), 0.5 * math.pi, HALF, stiffness, loose=0.0)
-    one = one.model_copy(update={"base": BasePose(position=(0.0, 0.0), angle=0.0)})
+    one = finger((0.0, 0.0), 0.5 * math.pi, HALF, stiffness, free=0.0)
+    one["base"] = {"position": (0.0, 0.0), "angle": 0.0}
     body = Circle(shape="circle", diameter=2 * radius, mass=MASS, position=(-0.06, 0.215))
     result = solve([one], body, WEIGHTLESS, objective="least_tension")
     assert result.solved, result.message

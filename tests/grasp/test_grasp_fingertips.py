@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 import pytest
+from grasp_scenes import finger_to, held_by_tips, loose
 
 from benchmarks.grasp_oracle import scenes
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.starts.starts import make_starts
-from continuum_grasp.scene.grasp import GraspScene
 from tests.marks import few
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
@@ -23,32 +23,13 @@ def finger(place, lean, stiffness=0.4, length=LENGTH, radius=RADIUS, **more):
     """A straight finger whose tip touches the disc where its normal has the angle ``place``; at a ``lean`` of zero it
     points at the disc's center, at a quarter of a turn it lies beside the disc.
     """
-    tip = (radius + HALF) * np.exp(1j * place)
-    along = np.exp(1j * (place + math.pi - lean))
-    base = tip - length * along
-    return {
-        "rod": {"length": length, "linear_density": 1e-9, "bending_stiffness": stiffness},
-        "half_thickness": HALF,
-        "tendons": {"offset": OFFSET, "max_tension": 200.0},
-        "base": {"position": (base.real, base.imag), "angle": float(np.angle(along / 1j))},
-        **more,
-    }
+    tip = (radius + HALF) * math.cos(place), (radius + HALF) * math.sin(place)
+    return finger_to(tip, place + math.pi - lean, length, stiffness=stiffness, **more)
 
 
 def scene_of(fingers, gravity, **more):
-    return GraspScene.model_validate(
-        {
-            "fingers": {f"finger_{k}": one for k, one in enumerate(fingers)},
-            "object": {"shape": "circle", "diameter": 2 * RADIUS, "mass": MASS, "position": (0.0, 0.0)},
-            "contacts": {"friction": FRICTION, "normal_force_max": 100.0, "middle": "off", "tip": "on"},
-            "gravity": gravity,
-            "fidelity": {"family": "matched_clothoid", "elements": 2},
-            # The forces alone decide here.
-            "stability": "ignore",
-            "overlap": "allow",
-            **more,
-        }
-    )
+    """Of which the forces alone decide."""
+    return held_by_tips(fingers, gravity, **{"stability": "ignore", "overlap": "allow", **more})
 
 
 OUT = {"mode": "out_of_plane", "magnitude": G}
@@ -97,13 +78,15 @@ def test_straight_fingers_of_all_sizes_and_a_palm(stiffness, length, radius, deg
     30 degrees, where it is m g / (3 mu).
     """
     fingers = [finger(math.radians(a), 0.0, stiffness, length, radius) for a in (degrees, 180.0 - degrees)]
-    for one in fingers if free else ():
-        x, y = one["base"]["position"]
-        one["base_free"] = {"x": (x - free, x + free), "y": (y - free, y + free)}
-    body = {"shape": "circle", "diameter": 2 * radius, "mass": MASS, "position": (0.0, 0.0)}
+    fingers = [loose(one, free) for one in fingers] if free else fingers
     palm = {"palm": {"type": "palm", "point": (0.0, -radius), "normal_angle": 0.5 * math.pi}}
     model = {"family": family, "elements": elements}
-    more = {"object": body, "supports": palm, "fidelity": model, "objective": "least_normal_force"}
+    more = {
+        "body": {"shape": "circle", "diameter": 2 * radius},
+        "supports": palm,
+        "fidelity": model,
+        "objective": "least_normal_force",
+    }
     result = optimize_grasp(scene_of(fingers, OUT, **more))
     rise = math.sin(math.radians(30.0 if free else degrees))
     assert result.status is Status.OPTIMAL
@@ -155,9 +138,9 @@ def test_free_bases_are_tried_where_they_balance():
     """Straight fingers that end 8 mm short of the disc, and that may come nearer: the first start touches it."""
     fingers = [finger(place, 0.0) for place in (0.0, math.pi)]
     for one in fingers:
+        one |= loose(one, 0.02)
         x, y = one["base"]["position"]
         one["base"]["position"] = (x + math.copysign(0.008, x), y)
-        one["base_free"] = {"x": (x - 0.02, x + 0.02), "y": (y - 0.02, y + 0.02)}
     scene = scene_of(fingers, OUT)
     on = frozenset(["finger_0.tip", "finger_1.tip"])
     start = make_starts(scene, on, 1)[0]

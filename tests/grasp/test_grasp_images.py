@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from grasp_scenes import HEXAGON
 
 import continuum_grasp as cg
 from benchmarks.grasp_images import LONGER, STRONGER, drawn, mirrored, moved, rolled, scaled, scene_of
@@ -28,42 +29,6 @@ MORE = [
 ]
 NONE = 1e-6
 """Tension that is none, per the greatest."""
-
-HEXAGON = {
-    "finger": {
-        "rod": {
-            "length": 0.11932284160351045,
-            "linear_density": 0.0031543944730146214,
-            "bending_stiffness": 0.0023766751810183093,
-        },
-        "half_thickness": 0.004418572044625068,
-        "tendons": {"offset": 0.004190820878198073, "max_tension": 104.38260150679578, "min_tension": 0.0},
-        "tendons_used": "left",
-        "base": {"position": [0.0045493821945984565, -0.023385844245115743], "angle": -1.219522387064357},
-    },
-    "object": {
-        "shape": "polygon",
-        "vertices": [
-            [0.016655450579472084, -0.004052498029296169],
-            [0.007072427331219942, 0.015614337831855035],
-            [-0.00976008071797336, 0.014091401586120909],
-            [-0.016722145957028717, -0.0037678387537837046],
-            [-0.004636384595865063, -0.016502445641840828],
-            [0.011885701859888114, -0.012351391240687765],
-        ],
-        "position": [0.01650510614061406, 0.0],
-        "angle": -1.5702219090772405,
-        "mass": 0.041669230108076896,
-    },
-    "supports": {"palm": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}},
-    "contacts": {"friction": 1.1265019631337605, "normal_force_max": 460.0180088633679, "middle": "on", "tip": "on"},
-    "gravity": {"mode": "planar", "vector": [4.243009249191035, -8.84494050354661]},
-    "fidelity": {"family": "matched_clothoid", "elements": 4, "bending_range": 3.4},
-    "stability": "ignore",
-}
-"""A short first segment: the tip sweeps over the object within a thousandth of its outline, so that all digits count,
-and the finger bends less than the curves of the scan, which exceed the bending range.
-"""
 
 
 def image_of(data):
@@ -115,22 +80,6 @@ def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(
         at, most = (data["object"]["position"][1], span) if where == "y" else (data["object"].get("angle", 0.0), 0.1)
         data["object"] |= {"free": {where: (at - most, at + most)}}
     assert least(scene_of(data, 4)) <= (1.0 + 1e-6) * fixed + NONE * data["finger"]["tendons"]["max_tension"]
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("kind", "seed", "tension", "most"),
-    [("one", 3, 8.0221747, 150), ("one", 4, 6.5668732, 135), ("one", 69, 22.118219, 125), ("two", 5, 35.371361, 218)],
-)
-def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
-    """The tensions are those without it, which takes 182, 153, 132 and 222 iterations. `one` 69 takes 33.5 N where all
-    starts of the branch of a grasp count as in vain.
-    """
-    scene = scene_of(drawn(kind, seed), 4)
-    search = Search(scene, budget := Budget.of(scene.solver))
-    search.run()
-    assert tension_of(scene, search.best.arrays) == pytest.approx(tension, rel=1e-6)
-    assert scene.solver.max_total_iterations - budget.left < most
 
 
 @pytest.mark.parametrize(("kind", "seed"), [*few([("two", 8), ("wrap", 8), ("three", 0)], 2)])

@@ -3,33 +3,38 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from functools import cache
+from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 import pytest
-from grasp_scenes import CONFIGS, PALM, UPRIGHT, WEIGHTLESS, make_scene
+from grasp_scenes import CONFIGS, UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
+from continuum_grasp import nlp
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
+from continuum_grasp.grasp.problem import points, surroundings, values
+from continuum_grasp.grasp.problem.equations import equations, expressions
+from continuum_grasp.grasp.problem.limits import friction_cone
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solve_clear
+from continuum_grasp.grasp.problem.structure import FingerSpec, ProblemSpec
 from continuum_grasp.grasp.quality.resistance import resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.quadrature import collocation, running_weights
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.superellipse import smooth_support
 from continuum_grasp.model.surfaces.surface import NEAR, distance_from
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
     Circle,
     Disturbances,
     Finger,
-    FingerContacts,
     GraspContacts,
     MomentLoad,
     ObjectiveWeights,
@@ -41,6 +46,7 @@ from continuum_grasp.scene import (
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.parts import OffsetPolygon, SuperellipsePart
+from continuum_grasp.scene.profile import Profile
 from continuum_grasp.scene.simulate import Fidelity
 
 SHARP = OffsetPolygon(((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03)))
@@ -55,38 +61,6 @@ PARTS = {
 
 
 # -- surfaces and distances ------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", PARTS)
-def test_distances_against_dense_outlines(name):
-    part = PARTS[name]
-    points = np.random.default_rng(3).uniform(-0.12, 0.12, (200, 2))
-    directions, distances, _ = surface_of(part).nearest_places(part, points)
-    outside = distances > 0.0
-    outline = _dense_outline(part)
-    true = np.array([np.linalg.norm(outline - p, axis=1).min() for p in points[outside]])
-    assert_allclose(distances[outside], true, atol=2e-6)
-    # stepping back along the normal ends on the surface
-    normal = np.stack([np.cos(directions), np.sin(directions)], axis=1)
-    back = points[outside] - distances[outside, None] * normal[outside]
-    assert_allclose(surface_of(part).nearest_places(part, back)[1], 0.0, atol=2e-6)
-
-
-def _dense_outline(part):
-    """Points on the boundary, at most some 1e-5 m apart."""
-    if isinstance(part, SuperellipsePart):
-        return np.array(part.outline(40_000))
-    outline = np.array(part.outline(2_000))
-    share = np.linspace(0.0, 1.0, 40, endpoint=False)[:, None]
-    if part.radius == 0.0:
-        share = np.linspace(0.0, 1.0, 5_000, endpoint=False)[:, None]
-    ring = np.concatenate([outline, outline[:1]])
-    gaps = np.linalg.norm(np.diff(ring, axis=0), axis=1)
-    parts = [
-        a + (share if gap < 1e-3 else np.linspace(0.0, 1.0, 9_000)[:, None]) * (b - a)
-        for (a, b), gap in zip(pairwise(ring), gaps, strict=True)
-    ]
-    return np.concatenate(parts)[:: 1 if part.radius == 0.0 else 2]
 
 
 @pytest.mark.parametrize("name", PARTS)
@@ -111,18 +85,6 @@ def test_circles_stand_for_the_surface_near_a_place_to_the_third_order(name):
     else:
         # Exact, but where the nearest feature is another one.
         assert np.quantile(errors[0], 0.85) < 1e-9
-
-
-@pytest.mark.parametrize("name", ["ellipse", "superellipse"])
-def test_support_function_against_the_outline(name):
-    part = PARTS[name]
-    shape = ca.SX([*part.semi_axes, part.exponent, *part.center, part.angle])
-    beta = ca.SX.sym("beta")
-    function = ca.Function("H", [beta], [smooth_support(beta, shape)])
-    outline = np.array(part.outline(40_000))
-    for angle in np.linspace(-3.0, 3.0, 25):
-        extent = (outline @ [math.cos(angle), math.sin(angle)]).max()
-        assert float(function(angle)) == pytest.approx(extent, abs=2e-7)
 
 
 @pytest.mark.parametrize("name", PARTS)
@@ -227,38 +189,7 @@ def test_sections_of_a_finger_that_bends_to_its_limit():
         assert_allclose(point, way, atol=1e-8)
 
 
-@pytest.mark.parametrize("count", [4, 9])
-def test_running_weights_integrate_polynomials_exactly(count):
-    nodes = collocation(count).nodes
-    powers = np.arange(count)
-    for end in (0.0, 0.21, 0.5, 1.0):
-        weights = running_weights(count, end).ravel()
-        assert_allclose(weights @ nodes[:, None] ** powers, end ** (powers + 1) / (powers + 1), atol=1e-14)
-        s = ca.SX.sym("s")
-        written = np.array(ca.Function("w", [s], [running_weights(count, s)])(end)).ravel()
-        assert_allclose(written, weights, atol=1e-15)
-
-
 # -- what follows from a solution --------------------------------------------------------------------------------
-
-
-def test_sensitivities_against_solving_again():
-    scene = make_scene(elements=2)
-    result = optimize_grasp(scene)
-    found = {s.name: s.derivative for s in result.sensitivity}
-    step = 1e-4
-    for name, low, high in (
-        ("friction between fingers and object", _finger_friction(scene, -step), _finger_friction(scene, step)),
-        ("mass of the object", make_scene(mass=0.3 - step), make_scene(mass=0.3 + step)),
-        ("object along y", make_scene(base_y=-0.055 + step), make_scene(base_y=-0.055 - step)),
-    ):
-        numeric = (optimize_grasp(high).tension - optimize_grasp(low).tension) / (2 * step)
-        assert found[name] == pytest.approx(numeric, rel=5e-3), name
-
-
-def _finger_friction(scene, change):
-    contacts = FingerContacts(friction=scene.contacts.friction + change)
-    return scene.model_copy(update={"finger": scene.finger.model_copy(update={"contacts": contacts})})
 
 
 @pytest.mark.parametrize("tendons", ["retensioned", "locked"])
@@ -294,16 +225,6 @@ def test_elements_by_tolerance_are_the_fewest_that_keep_it():
     assert fine.tension == pytest.approx(reference, rel=0.03)
 
 
-def test_a_grasp_is_its_own_start():
-    """A start that is made from a grasp leads back to it at once."""
-    scene = make_scene(elements=4)
-    result = optimize_grasp(scene)
-    search = Search(scene, Budget.of(scene.solver))
-    again = search.attempt(start_from(scene, dict(result.arrays)))
-    assert again.certificate.passed
-    assert again.arrays["finger.tensions"].sum() == pytest.approx(result.tension, rel=2e-4)
-
-
 # -- contacts that are tried ----------------------------------------------------------------------------------------
 
 
@@ -322,21 +243,6 @@ def test_modes_are_what_the_switches_leave():
     assert [("palm" in mode) for mode in contact_modes(free)] == [True, False]
 
 
-@pytest.mark.deep
-def test_the_best_of_the_modes_is_the_answer():
-    """What `auto` finds is no worse than each choice made by hand."""
-
-    def tension(middle, tip):
-        contacts = GraspContacts(friction=0.5, normal_force_max=30.0, middle=middle, tip=tip)
-        gravity = UPRIGHT.model_copy(update={"tilt": "ignore"})
-        result = optimize_grasp(make_scene(contacts=contacts, gravity=gravity), raise_on_failure=False)
-        return result.tension if result.solved else math.inf
-
-    chosen = tension("auto", "auto")
-    assert chosen <= min(tension("on", "on"), tension("on", "off"), tension("off", "on")) * (1 + 1e-6)
-    assert math.isfinite(chosen)
-
-
 def test_more_starts_lead_to_the_same_grasp_of_a_box():
     """Contacts on faces and corners: three times as many starts, and nothing better."""
     scene = load(CONFIGS / "box_edge.yaml", {"objective": "least_tension"})
@@ -344,12 +250,6 @@ def test_more_starts_lead_to_the_same_grasp_of_a_box():
     more = scene.solver.model_copy(update={"effort": "thorough"})
     two = optimize_grasp(scene.model_copy(update={"solver": more}))
     assert two.tension == pytest.approx(one.tension, rel=1e-4)
-
-
-def test_no_gravity_needs_no_more_than_the_bend():
-    result = optimize_grasp(make_scene(gravity=WEIGHTLESS, supports=PALM))
-    assert result.certificate.passed
-    assert result.tension < optimize_grasp(make_scene()).tension
 
 
 # -- solver runs ---------------------------------------------------------------------------------------------------
@@ -386,3 +286,146 @@ def test_the_tip_does_not_come_from_within():
     assert along @ np.asarray(tip.normal) <= 2e-3
     depth = next(check for check in result.certificate.checks if check.name.startswith("penetration into the object"))
     assert depth.value < 3e-6
+
+
+# -- guarded places, cones, unique forces, elements of a taper -------------------------------------------------------
+
+
+NONE = np.zeros(1)
+
+
+def runs(deepest=0.0, moved=0.0, settles_after=math.inf):
+    """How often a problem is solved whose fingers are so deep, per what is allowed, and whose new guarded places change
+    what is sought; from some round on neither.
+    """
+    solved = []
+
+    def solve(start, budget):
+        solved.append(start)
+        forces = nlp.Multipliers(NONE, np.ones(1))
+        return nlp.Attempt(nlp.Status.SOLVED, "", NONE, NONE, 1.0, forces, 1, 0.0, 0.0, 0.0)
+
+    def now(value):
+        return value if len(solved) < settles_after else 0.0
+
+    problem = SimpleNamespace(functions={"jac_g": lambda x, p: (np.array([now(moved)]), None)})
+    start = nlp.Start(NONE, NONE, NONE, NONE, NONE, NONE)
+    solve_clear(solve, problem, start, lambda x, p: (now(deepest), p), 1.0, nlp.Budget(), 9)
+    return len(solved)
+
+
+def places_seen(base):
+    """Gap that is needed beside the first element of a finger whose base is so far from a palm, per half thickness."""
+    setup = make_scene().setups[0]
+    half, unit = float(setup.finger.profile.half_thickness(0.0)), SimpleNamespace(length=1.0)
+    palm, *_ = surroundings._obstacles(make_scene(), setup, 1, np.array([base * half, 0.0, 0.0]), unit)
+    _, needed = palm.gaps(np.array([[1.0, 0.0]]), np.zeros(1, int), np.array([half]), unit)
+    return needed[0] / half
+
+
+@cache
+def posed():
+    """The problem of a mug, its numbers and unknowns at a start."""
+    scene = make_scene()
+    start = make_starts(scene, contact_modes(scene)[0], 1)[0]
+    problem = expressions(ProblemSpec.of(scene, start.contacts))
+    layout = equations(problem.spec).layout
+    features = values.contact_features(scene, start.contacts)
+    numbers = values.problem_values(layout, scene, start, features)
+    x = points.starting_point(layout, scene, start, features)
+    return problem, numbers, x
+
+
+def test_amounts_of_several_components_have_a_derivative_at_zero():
+    problem, numbers, x = posed()
+    packed = problem.numbers.pack({**numbers, "effort weight": 0.0, "relaxation weights": np.ones(len(RELAXATIONS))}, 0)
+    slope = ca.gradient(problem.objective, problem.x.symbol)
+    value, slope = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope])(x, packed)
+    assert np.isfinite(np.array(slope)).all()
+    assert float(value) < 3e-6  # of a unit of the problem
+
+
+def test_contact_forces_are_unique_and_cost_next_to_nothing():
+    problem, numbers, x = posed()
+    forces = np.concatenate([np.r_[at] for name, at in problem.x.at.items() if name.startswith("force, ")])
+    bend, slope = ca.hessian(problem.objective, problem.x.symbol)
+    function = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope, bend])
+    value, slope, bend = (np.array(v) for v in function(x, problem.numbers.pack(numbers, 0)))
+    assert np.linalg.eigvalsh(bend[np.ix_(forces, forces)]).min() > 0.0
+    assert 0.5 * slope[forces, 0] @ x[forces] < 1e-6 * value.item()
+
+
+def test_places_that_settle_late_are_waited_for_and_those_that_never_do_are_not():
+    for sign, again in ((-1.0, False), (1.0, True)):
+        assert (runs(deepest=1.0 + sign * 1e-6) > 1) is again
+        assert (runs(moved=1e-5 * (1.0 + sign * 1e-6)) > 1) is again
+    assert runs(deepest=2.0, settles_after=6) == 6
+    assert runs(deepest=2.0) < 12
+
+
+def test_a_base_that_touches_a_support_to_rounding_is_outside():
+    assert places_seen(1.0 - 1e-10) == 1.0
+    assert places_seen(1.0 - 1e-8) == 0.0
+
+
+def test_scenes_whose_bending_ranges_are_alike_share_a_solver():
+    def spec(turn):
+        scene = make_scene().changed({"fidelity.bending_range": turn})
+        return FingerSpec.of(scene.setups[0], frozenset({"finger.tip"}), False)
+
+    for turn in np.linspace(0.5, 6.28, 30):
+        assert turn <= spec(turn).bending_range <= max(1.0, 2.1 * turn)
+    assert len({spec(turn) for turn in np.linspace(0.5, 6.28, 30)}) <= 5
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0])
+def test_a_rounded_cone_costs_nothing_and_has_derivatives_where_nothing_presses(share):
+    numbers, friction = {"cone rounding": values.APEX, "cone share": 1.0}, 0.5
+    problem = SimpleNamespace(spec=SimpleNamespace(gravity="out_of_plane"), numbers=numbers.__getitem__)
+    force = ca.SX.sym("force", 3)
+    cone = friction_cone(problem, friction, *ca.vertsplit(force))
+    at = ca.Function("cone", [force], [cone, ca.gradient(cone, force), ca.hessian(cone, force)[0]])
+    exact = share / friction
+    assert float(at([exact, 0.0, share])[0]) < 0.0  # all inside the true cone
+    assert float(at([exact * (1.0 + 1e-6), 0.0, share])[0]) > 0.0
+    assert all(np.isfinite(np.array(part)).all() for part in at([0.0, 0.0, 0.0]))
+    # Contacts without force start inside, by little.
+    assert 0.0 < float(at([points.PRESSED, 0.0, 0.0])[0]) < 0.02
+    # The kink is rounded where steps of a thousandth of the weight see it.
+    assert np.abs(np.array(at([0.0, 0.0, 0.0])[2])).max() < 2e4
+
+
+def test_places_of_greatest_depth_are_found_between_those_of_a_grid():
+    """Also where the depth is far from a parabola: it falls by different powers on both sides."""
+    rng = np.random.default_rng(0)
+    peaks = np.sort(rng.uniform(0.05, 0.95, (40, 1)))
+
+    def depth(fractions):
+        off = fractions - peaks
+        return np.where(off > 0.0, -(np.abs(off) ** 1.5), -40.0 * off**2)
+
+    even = np.tile(np.arange(surroundings.FINE + 1) / surroundings.FINE, (40, 1))
+    found = surroundings._refined(depth, surroundings._deepest(depth(even), 1), np.zeros((40, 1)))
+    assert np.abs(found - peaks).max() < 1e-4
+    aside = peaks + rng.uniform(-0.95, 0.95, peaks.shape) / surroundings.FINE
+    assert np.abs(surroundings._refined(depth, aside, np.zeros((40, 1))) - peaks).max() < 1e-4
+
+
+def test_elements_of_a_taper_are_equal_parts_of_bending_waves():
+    """Of a stiffness that falls exponentially, in closed form."""
+    setup = make_scene(elements=6).setups[0]
+    rate, length = math.log(30.0), setup.finger.rod.length
+    profile = SimpleNamespace(
+        length=length,
+        linear_density=lambda s: np.ones_like(s),
+        bending_stiffness=lambda s: np.exp(-rate * s / length),
+    )
+    profile.waves = lambda s: Profile.waves(profile, s)
+    tapered = SimpleNamespace(finger=SimpleNamespace(profile=profile), before=(3,), elements=6, graded=True)
+    places = values.node_places(tapered, [0.4 * length]) / length
+
+    def waves(s):
+        return np.exp(0.25 * rate * s)
+
+    for part in (places[:4], places[3:]):
+        assert np.diff(waves(part)) == pytest.approx(np.ptp(waves(part)) / 3, rel=2e-4)

@@ -12,6 +12,7 @@ from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.quality import lp
 from continuum_grasp.grasp.quality.contact_set import epsilon_l1
 from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
 from continuum_grasp.grasp.quality.quality import Quality
@@ -80,6 +81,57 @@ def test_a_cone_is_met_exactly():
     direction = np.array([2.0, -1.0]) / math.sqrt(5.0)
     np.testing.assert_allclose(found.x[:2], direction - [0.3, -0.1], atol=1e-4)
     assert found.objective == pytest.approx(-math.sqrt(5.0) + 0.6 + 0.1, abs=5e-8)
+
+
+def cones_of(rng, size, count):
+    offsets = 0.3 * rng.normal(size=(count, 2))
+    spare = np.linalg.norm(offsets, axis=1) + rng.uniform(0.1, 1.0, count)
+    return Cones.made(rng.normal(size=(count, 2, size)), offsets, 0.3 * np.abs(rng.normal(size=(count, size))), spare)
+
+
+def test_problems_with_many_optima_take_few_rounds(monkeypatch):
+    """A cost of one unknown alone; without what is worth a point well inside, one of them takes 73 rounds."""
+    solved = []
+    monkeypatch.setattr(lp, "solve_lp", lambda *problem: solved.append(1) or solve_lp(*problem))
+    rng, rounds = np.random.default_rng(0), []
+    for _ in range(40):
+        size, count = int(rng.integers(3, 8)), int(rng.integers(1, 5))
+        cones, before = cones_of(rng, size, count), len(solved)
+        found = solve_socp(
+            -np.eye(size)[0], np.zeros((0, size)), [], [], np.full(size, -5.0), np.full(size, 5.0), cones
+        )
+        rounds.append(len(solved) - before)
+        assert found.optimal
+    assert max(rounds) < 25
+
+
+def test_a_point_that_never_gets_into_the_cones_is_no_answer(monkeypatch):
+    """Well beyond the 73 rounds of a problem with many optima, and in an end."""
+    solved = []
+    monkeypatch.setattr(lp, "solve_lp", lambda *problem: solved.append(1) or solve_lp(*problem))
+    cones = Cones.made(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+    monkeypatch.setattr(Cones, "cut", lambda *_: True)
+    found = solve_socp([-1.0, 0.0], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, cones)
+    assert found.status == "failed"
+    assert 100 < len(solved) < 400
+
+
+def disc():
+    return Cones.made(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+
+
+@pytest.mark.parametrize(("cost", "place"), [(0.8e-7, 0.0), (1.25e-7, 1.0)])
+def test_being_well_inside_a_cone_is_worth_a_little(cost, place):
+    found = solve_socp([-cost, 0.0], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, disc())
+    assert found.x[0] == pytest.approx(place, abs=1e-6)
+
+
+@pytest.mark.parametrize("cost", [1.0, 1e-6])
+def test_being_well_inside_a_cone_is_worth_less_than_the_cost(cost):
+    """The point of a disc that is farthest in one direction."""
+    found = solve_socp([-0.6 * cost, -0.8 * cost], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, disc())
+    assert found.x == pytest.approx([0.6, 0.8], abs=2e-4)
+    assert math.isclose(found.objective, -cost, rel_tol=1e-6)
 
 
 # -- wrench space --------------------------------------------------------------------------------------------------

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from grasp_scenes import SHAPES
-from scipy.optimize import lsq_linear
+from scipy.optimize import nnls
 
+from continuum_grasp.grasp.starts.fingertips import pressed
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.task import ALLOWED
-from continuum_grasp.grasp.starts.starts import make_starts
+from continuum_grasp.grasp.starts.starts import combinations, make_starts, overlaps
 from continuum_grasp.grasp.starts.supports import support_contacts, touching_supports
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.parts import OffsetPolygon
-from tests.marks import few
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 LENGTH = 0.2
@@ -69,15 +67,6 @@ def world_curve(finger):
     s, z, phi = trace(np.array(finger.knots), np.array(finger.curvatures))
     x, y, turn = finger.base
     return s, complex(x, y) + np.exp(1j * turn) * z, phi + turn
-
-
-def outline(part, count=1200):
-    """Fine points on the outline of a part."""
-    if not isinstance(part, OffsetPolygon) or part.radius > 0.0:
-        z = np.array([complex(*p) for p in part.outline(count)])
-    else:
-        z = np.array([complex(*p) for p in part.vertices])
-    return np.concatenate([np.linspace(a, b, 12, endpoint=False) for a, b in zip(z, np.roll(z, -1), strict=True)])
 
 
 def height_above(part, point, normal):
@@ -250,90 +239,6 @@ def test_mirrored_scenes_have_mirrored_starts(kind):
         assert two.contacts[name].point == pytest.approx((-contact.point[0], contact.point[1]), abs=1e-9)
 
 
-def reachable(rng, shape, kind):
-    """A scene made round a posture: a random curve, and the object put against it; None where it lies on it."""
-    half = float(rng.choice([0.0, 0.02, 0.04]))
-    knots = np.array([0.0, rng.uniform(0.2, 0.8), 1.0])
-    bent = np.array([rng.uniform(-3.0, 5.0), rng.uniform(-2.0, 5.0), 0.0])
-    part = scene_of(shape, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts[0]
-    ring = outline(part, 240) / LENGTH
-    normal = np.exp(1j * rng.uniform(0.0, math.tau))
-    place = ring[np.argmax((ring * np.conj(normal)).real)]
-
-    def clear(z, turn, shift, last):
-        edges = np.roll(ring, -1) - ring
-        local = (z - shift) / turn
-        rel = (local[:, None] - ring) * np.conj(edges) / np.abs(edges)
-        near = np.abs(rel - np.clip(rel.real, 0.0, np.abs(edges))).min(axis=1)
-        gap = np.where((rel.imag > 0.0).all(axis=1), -near, near) - half
-        return gap[:-last].min() > -1e-4 if last else gap
-
-    if kind == "tip":
-        bent[1:] = bent[0] + (bent[1] - bent[0]) * knots[1], bent[1]
-        _, z, phi = trace(knots, bent, 30)
-        turn = -1j * np.exp(1j * (phi[-1] + rng.uniform(-1.2, 1.2))) / normal
-        shift = z[-1] - half * turn * normal - turn * place
-        return (bent, turn, shift, half) if clear(z, turn, shift, 1) else None
-    bent[2] = bent[1]
-    s, z, phi = trace(knots, bent, 30)
-    k = int(np.argmin(np.abs(s - knots[1])))
-    turn = np.exp(1j * phi[k]) / normal
-    shift = z[k] - half * turn * normal - turn * place
-    if kind == "middle":
-        return (bent, turn, shift, half) if clear(z[::3], turn, shift, 1) else None
-    tries = np.linspace(-12.0, 20.0, 60)
-    curves = [trace(knots, np.array([bent[0], bent[1], t]), 20) for t in tries]
-    gaps = clear(np.array([c[1][-1] for c in curves]), turn, shift, 0)
-    for j in np.flatnonzero((gaps[:-1] > 0.0) & (gaps[1:] <= 0.0)):
-        good = clear(curves[j][1][::3], turn, shift, 1)
-        ahead = clear(curves[j][1][-1:] + 1e-3 * 1j * np.exp(1j * curves[j][2][-1]), turn, shift, 0)
-        if good and ahead[0] < gaps[j] - 1e-4:
-            return bent, turn, shift, half
-    return None
-
-
-@pytest.mark.parametrize("kind", TOUCHES)
-@pytest.mark.parametrize(
-    "shape", few(["rounded box", "superellipse", "polygon", "stadium", "circle", "ellipse", "box"], 3)
-)
-def test_postures_are_found_where_there_are_some(shape, kind):
-    rng = np.random.default_rng(5)
-    hits, made = 0, 0
-    while made < 8:
-        found = reachable(rng, SHAPES[shape], kind)
-        if found is None:
-            continue
-        _, turn, shift, half = found
-        made += 1
-        place = {"position": (shift.real * LENGTH, shift.imag * LENGTH), "angle": float(np.angle(turn))}
-        start = starts_of(touching({**SHAPES[shape], **place}, kind, half * LENGTH, (0.0, 0.0, 0.0)), count=2)[0]
-        hits += start.label == "scan"
-    assert hits >= 7
-
-
-def test_distances_from_parts():
-    rng = np.random.default_rng(0)
-    for body in SHAPES.values():
-        for part in scene_of(body, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts:
-            for frame in (Frame(), Frame(np.exp(0.3j), 0.1 + 0.2j, 5.0, True)):
-                shape = surface_of(part).outline(part, frame, 0.01 * frame.scale)
-                old = rng.uniform(-0.08, 0.08, (300, 2)) @ [1.0, 1.0j]
-                gap, walk = shape.nearest(frame.point(old))
-                angles = np.linspace(0.0, math.tau, 20000, endpoint=False)
-                supports = np.array([part.support(a) for a in angles])
-                truth = ((old[:, None] * np.exp(-1j * angles)).real - supports).max(axis=1)
-                assert gap / frame.scale == pytest.approx(truth, abs=1e-5)
-                assert shape.distance(frame.point(old)) == pytest.approx(gap, abs=1e-12)
-                at = shape.walk(walk)
-                normal = np.exp(1j * at.angle)
-                outside = gap > 0.0
-                foot = at.point + (gap - 0.01 * frame.scale) * normal
-                assert np.abs(foot - frame.point(old))[outside].max() < 1e-9
-                ahead, back = shape.walk(walk + 1e-7), shape.walk(walk - 1e-7)
-                slope = (ahead.point - back.point) / 2e-7
-                assert np.median(np.abs(slope - at.dpoint)) < 1e-6
-
-
 def test_box_on_a_floor_touches_at_both_ends_of_its_face():
     scene = scene_of(
         {**SHAPES["box"], "position": (0.0, 0.03)},
@@ -394,37 +299,54 @@ def test_what_cannot_be_reached_has_no_starts():
     assert starts_of(fixed) == []
 
 
-def test_bounded_least_squares_of_forces():
-    rng = np.random.default_rng(2)
-    onto, needed = rng.normal(size=(12, 3, 5)), rng.normal(size=(12, 2))
-    moments = rng.normal(size=(12, 2, 5))
-    low, high = np.array([0.0, 0.0, 0.0, 0.1, -1.0]), np.array([2.0, 1.0, 3.0, 2.0, 1.0])
-    loads = Loads(1.0, 1.0, 0.4 - 0.7j, 0.0, 0j, False)
-    left, _, forces = imbalance(loads, [Block(onto, moments, needed, low, high, np.zeros(5))], [np.arange(12)])
-    for k in range(12):
-        system, right = np.concatenate([onto[k], moments[k]]), np.concatenate([[-0.4, 0.7, 0.0], needed[k]])
-        truth = lsq_linear(system, right, (low, high))
-        assert left[k] == pytest.approx(math.sqrt(2.0 * truth.cost), rel=5e-3, abs=2e-3)
-        assert np.all((forces[k] >= low) & (forces[k] <= high))
+def pushing(sideways, force):
+    """A finger of two tendons whose postures push with one force up and ``sideways`` (P, 2), as force and moment."""
+    count = len(sideways)
+    onto, limits = np.zeros((count, 3, 3)), np.array([force, 0.0, 0.0])
+    onto[:, 1, 0], onto[:, [0, 2], 0] = 1.0, sideways
+    cost = np.array([0.0, 1.0, 1.0])
+    return Block(onto, np.zeros((count, 1, 3)), np.zeros((count, 1)), 0.99 * limits, 1.01 * limits + cost, cost)
 
 
-def test_pinching_fingers_start_in_balance():
-    scene = scene_of(
-        SHAPES["superellipse"],
-        {
-            "a": finger_at(-0.15, -0.06, -0.5 * math.pi, contacts={"middle": "off"}),
-            "b": finger_at(-0.15, 0.06, -0.5 * math.pi, contacts={"middle": "off"}),
-        },
-        gravity={"mode": "planar", "vector": (0.0, -9.81)},
-    )
-    start = starts_of(scene)[0]
-    check_touching(scene, start)
-    force, moment = 0.1 * -9.81j, 0.0
-    for name, contact in start.contacts.items():
-        n, f, _ = start.forces[name]
-        normal = np.exp(1j * contact.normal_angle)
-        force -= (n + 1j * f) * normal
-        moment -= (np.conj(complex(*contact.point)) * (n + 1j * f) * normal).imag
-        assert abs(f) <= 0.5 * n + 1e-9
-    assert abs(force) < 0.02 * 0.981
-    assert abs(moment) < 0.02 * 0.981 * 0.05
+@pytest.mark.parametrize(("fingers", "postures"), [(2, 14), (3, 8), (4, 6)])
+def test_the_only_postures_that_balance_together_are_found(fingers, postures):
+    """Each has a force and a moment of its own, which in one set alone cancel."""
+    rng, loads = np.random.default_rng(fingers), Loads(1.0, 1.0, -1j, 0.0, -1j, False)
+    aside, features = rng.normal(size=(fingers, postures, 2)), rng.normal(size=(fingers, postures, 2))
+    for right in rng.integers(postures, size=(6, fingers)):
+        own = aside.copy()
+        own[-1, right[-1]] = -sum(own[k, right[k]] for k in range(fingers - 1))
+        blocks = [pushing(one, 1.0 / fingers) for one in own]
+        index = combinations(loads, blocks, list(features))
+        left, *_ = imbalance(loads, blocks, index)
+        assert [picked[np.argmin(left)] for picked in index] == right.tolist()
+
+
+@pytest.mark.parametrize("apart", [0.02, 0.038, 0.042, 0.06])
+def test_fingers_on_concentric_circles_overlap_by_what_their_radii_lack(apart):
+    """To a thousandth of the length, of fingers 0.04 thick in sum that turn by 3 rad."""
+
+    def finger(name):
+        return SimpleNamespace(
+            name=name, finger=SimpleNamespace(rod=SimpleNamespace(length=1.0), thickness_radius=0.02)
+        )
+
+    def circle(radius):
+        bent, base = np.full((1, 2), 1.0 / radius), np.array([[radius, 0.0, 0.0]])
+        return SimpleNamespace(knots=np.array([[0.0, 1.0]]), curvatures=bent, bases=base)
+
+    setups = [finger("one"), finger("two")]
+    scene = SimpleNamespace(setups=setups, pairs=[setups])
+    found = overlaps(scene, [circle(1.0 / 3.0), circle(1.0 / 3.0 + apart)], [np.zeros(1, int)] * 2)
+    assert found == pytest.approx([max(0.04 - apart, 0.0)], abs=1e-3)
+
+
+def test_supports_bear_nearly_as_much_as_they_can():
+    """A face that lies on a wall, which bears at both ends: by non-negative least squares."""
+    edges = np.array([[0.5, 1.0], [-0.5, 1.0]])
+    effects = np.array([[*edge, at * edge[1]] for at in (-0.4, 0.4) for edge in edges]).T
+    off = np.random.default_rng(0).normal(size=(20, 3)) - [0.0, 2.0, 0.0]
+    forces = pressed(effects, off)
+    left = np.linalg.norm(off + forces @ effects.T, axis=1)
+    assert forces.min() >= 0.0
+    assert left == pytest.approx([nnls(effects, -one)[1] for one in off], abs=0.1)

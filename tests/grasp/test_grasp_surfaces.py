@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.certificate.surfaces import PlacedObject, nearest, segment_distance, support_point
+from continuum_grasp.grasp.certificate.surfaces import PlacedObject, nearest, support_point
 from continuum_grasp.scene.objects import Box, Circle, Ellipse, Polygon, Stadium, Superellipse, Union
 from continuum_grasp.scene.parts import OffsetPolygon, SuperellipsePart
 
@@ -196,8 +196,3 @@ def test_placed_object_and_union():
         alone = placed.nearest(points[parts == k], body.parts[k])
         assert both.distance[parts == k] == pytest.approx(alone.distance, abs=1e-15)
         assert both.normal[parts == k] == pytest.approx(alone.normal, abs=1e-15)
-
-
-def test_segment_distance():
-    points = np.array([[0.0, 1.0], [2.0, 1.0], [-3.0, 4.0], [0.5, 0.0]])
-    assert segment_distance(points, np.zeros(2), np.array([1.0, 0.0])) == pytest.approx([1, math.sqrt(2), 5, 0])

@@ -27,7 +27,7 @@ from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.result import verdict_data
 from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.mission.verdict import Verdict, judge
+from continuum_grasp.mission.verdict import judge
 from continuum_grasp.plotting.mission import _draw_moved
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
@@ -609,9 +609,3 @@ def test_without_a_grasp_there_is_no_mission(grasp, assignment):
 )
 def test_options_that_do_not_fit_exit_with_2(arguments, tmp_path):
     assert CliRunner().invoke(app, ["mpc", str(MUG), "--out", str(tmp_path), *arguments]).exit_code == 2
-
-
-def test_verdicts_are_written_with_units():
-    found = Verdict(True, 1e-4, 2e-3, 0.049, -0.04, 0.03, 0.02, 0.4, 0.1, True, 0)
-    assert found.pairs()["sunk"].startswith("0.1 mm")
-    assert "4.9 %" in found.pairs()["held force"]

@@ -12,7 +12,6 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.assignment import object_height
 from continuum_grasp.mission.budget import keep_position, lowered_by_pulls
 from continuum_grasp.mission.drop import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
@@ -72,12 +71,6 @@ def test_the_object_stands_on_the_table_where_the_grasp_has_it(assignment):
     touch = dict(zip(system.touch.name_out(), system.touch(x, [1.0, 1.0], w, model.p), strict=True))
     assert float(touch["normal_force"][system.touch_names.index("table")]) == pytest.approx(0.1 * 9.81, rel=1e-6)
     assert x[system.object_states] == pytest.approx(assignment.grasp.object_pose)
-
-
-@pytest.mark.deep
-def test_height_is_measured_against_gravity(assignment):
-    pose = np.array([[0.1, 0.2, 0.0], [0.3, 0.15, 1.0]])
-    assert object_height(assignment.mission, pose) == pytest.approx([0.2, 0.15])
 
 
 @pytest.mark.deep

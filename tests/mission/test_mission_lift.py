@@ -14,7 +14,7 @@ from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import check_mission, on_pads
 from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.lift import LiftCheck, shortfalls
+from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.mission.run import run_mission
@@ -55,14 +55,6 @@ def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NON
     assert limits["confirm"] == (60.0, 0.0, 75.0, 4.0)
     assert limits.get("lift") == (None if check.refused else (51.0, 0.0, 75.0, 4.0))
     return tables[0], passed, check.refused
-
-
-@pytest.mark.parametrize("share", [0.999, 1.001])
-def test_half_of_a_certified_force_is_needed(share):
-    of, needed = fingers("lower"), 0.5 * CERTIFIED
-    found = shortfalls(of, ["lower.tip", "palm", "table"], np.array([share * needed, 0.0, 0.0]))
-    assert [one.contact for one in found] == (["lower.tip"] if share < 1.0 else [])
-    assert all((one.certified, one.needed) == (CERTIFIED, needed) for one in found)
 
 
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper"), ("a", "b", "c")])

@@ -106,6 +106,28 @@ def against_palm(grasp):
     return [mission_plant_model(one) for one in assign(load(PINCH, [*COARSE, palm]), grasp)]
 
 
+def on_object(models, parts, u, w):
+    """Force, and its moment about the center, of all contacts of several plants on their object, and the lift."""
+    total, lifted, center = np.zeros(3), 0.0, parts[0][models[0].system.object_states][:2]
+    for k, (model, part, given) in enumerate(zip(models, parts, w, strict=True)):
+        touch = model.function("touch", **{name: model.touch[name] for name in ("force", "point", "lift")})
+        force, point, lift = (np.array(v) for v in touch(part, u[2 * k : 2 * k + 2], given))
+        assert np.hypot(*force[:, 0]) > 0.5
+        if "palm" in model.system.touch_names:
+            assert np.hypot(*force[:, model.system.touch_names.index("palm")]) > 1.5
+        for row in range(force.shape[1]) if k == 0 else [0]:  # supports and table count once
+            arm = point[:, row] - center
+            total += [*force[:, row], arm[0] * force[1, row] - arm[1] * force[0, row]]
+            lifted += float(lift[row, 0])
+    return total, lifted
+
+
+def newton(model, total, lifted):
+    """Accelerations of the object, of which the last is along gravity."""
+    mass = model.scene.object.mass
+    return [*(total[:2] / mass), total[2] / model.scene.inertia, lifted / mass - 9.81]
+
+
 @pytest.mark.parametrize(("around", "fingers"), [("models", (0, 1)), ("models", (0, 1, 1)), ("against_palm", (0, 1))])
 def test_the_object_obeys_newton_and_each_finger_its_own_plant(request, around, fingers):
     """Rates of the common state beside those of each plant, and the object's beside the sum of all forces on it."""
@@ -117,36 +139,13 @@ def test_the_object_obeys_newton_and_each_finger_its_own_plant(request, around, 
     for model, w in zip(models, forces, strict=True):
         w[[model.w_names.index(f"object_{name}") for name in ("force_x [N]", "force_y [N]", "moment [N m]")]] = wrench
     found = np.array(shared.forward_dynamics(x, u, np.concatenate(forces), shared.p)).ravel()
-    total, lifted, center = np.zeros(3), 0.0, parts[0][models[0].system.object_states][:2]
     for k, (model, part, w) in enumerate(zip(models, parts, forces, strict=True)):
         own = np.array(model.forward_dynamics(part, u[2 * k : 2 * k + 2], w, model.p)).ravel()
-        moved = model.system.object_states
-        alone = np.r_[0 : moved.start, model.system.nx : model.nx]
+        alone = np.r_[0 : model.system.object_states.start, model.system.nx : model.nx]
         assert shared.parts(found)[k][alone] == pytest.approx(own[alone], rel=1e-9, abs=1e-9)
-        touch = model.function("touch", **{name: model.touch[name] for name in ("force", "point", "lift")})
-        force, point, lift = (np.array(v) for v in touch(part, u[2 * k : 2 * k + 2], w))
-        rows = range(force.shape[1]) if k == 0 else [0]  # supports and table count once
-        for row in rows:
-            arm = point[:, row] - center
-            total += [*force[:, row], arm[0] * force[1, row] - arm[1] * force[0, row]]
-            lifted += float(lift[row, 0])
-        assert np.hypot(*force[:, 0]) > 0.5
-        assert around == "models" or np.hypot(*force[:, model.system.touch_names.index("palm")]) > 1.5
-    body = models[0].scene.object
-    spin = (total[2] + wrench[2]) / models[0].scene.inertia
-    expected = [*(total[:2] + wrench[:2]) / body.mass, spin, lifted / body.mass - 9.81]
+    total, lifted = on_object(models, parts, u, forces)
     rates = shared.parts(found)[0][object_rates(models[0])]
-    assert rates == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-def test_a_common_state_is_taken_apart_and_put_together(models):
-    shared, x = random_state(models, 3)
-    assert np.array_equal(shared.joined(shared.parts(x)), x)
-    n = models[0].system.n
-    assert np.array_equal(x[: 2 * n], np.concatenate([part[:n] for part in shared.parts(x)]))
-    assert shared.nx == sum(model.nx for model in models) - 8 - sum(
-        not name.startswith("finger.") for name in models[0].system.x_names[models[0].system.friction_states]
-    )
+    assert rates == pytest.approx(newton(models[0], total + wrench, lifted), rel=1e-9, abs=1e-9)
 
 
 def test_implicit_rates_are_those_of_each_finger_alone_and_of_the_motion_in_the_limit(models):
@@ -186,7 +185,6 @@ def test_chains_of_guides_obey_newton_with_one_object(guided):
     x = shared.joined(parts)
     u = np.concatenate(closing(models, 40.0))
     after = shared.parts(integration.advance(x, u, 0.0, h, 1)[-1])
-    total, lifted, center = np.zeros(3), 0.0, parts[0][models[0].system.object_states][:2]
     for k, (model, part) in enumerate(zip(models, parts, strict=True)):
         alone = ChainIntegration(model).advance(part, u[2 * k : 2 * k + 2], 0.0, h, 1)[-1]
         n, moved = model.system.n, slice(0, model.system.object_states.start)
@@ -194,15 +192,7 @@ def test_chains_of_guides_obey_newton_with_one_object(guided):
         assert speed > 1e-3
         # The other finger acts on this one through the object's motion alone, by the square of the step.
         assert after[k][moved] == pytest.approx(alone[moved], abs=1e-4 * speed)
-        touch = model.function("touch", **{name: model.touch[name] for name in ("force", "point", "lift")})
-        force, point, lift = (np.array(v) for v in touch(part, u[2 * k : 2 * k + 2], model.forces(0.0)[0]))
-        for row in range(force.shape[1]) if k == 0 else [0]:  # the table counts once
-            arm = point[:, row] - center
-            total += [*force[:, row], arm[0] * force[1, row] - arm[1] * force[0, row]]
-            lifted += float(lift[row, 0])
-        assert np.hypot(*force[:, 0]) > 0.5
-    body = models[0].scene.object
-    expected = [*(total[:2] / body.mass), total[2] / models[0].scene.inertia, lifted / body.mass - 9.81]
+    expected = newton(models[0], *on_object(models, parts, u, [model.forces(0.0)[0] for model in models]))
     rates = object_rates(models[0])
     assert (after[0] - parts[0])[rates] / h == pytest.approx(expected, rel=2e-3, abs=1e-2)
     assert np.array_equal(after[0][rates], after[1][rates])

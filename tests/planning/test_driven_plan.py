@@ -59,6 +59,18 @@ def tips(finger, instants, values, times, family="clothoid", start=None):
     return np.array([np.array(model.tip(x, inputs(t), [])).ravel() for t, x in zip(times, ends, strict=True)])
 
 
+def held(asked, first, last, ramp, rest, weight, start=None):
+    """A plan to where a finger can be held, by inputs that go from first to last and a rest; how far its tip ends from
+    there, and how far it moves on [m].
+    """
+    family = asked.fidelity.family
+    (aim,) = tips(asked.finger, [0.0, ramp], [first, last], [rest], family, start)
+    found = cg.plan(asked.replaced(goal={"tip": {"value": tuple(aim), "weight": weight}, "end": "held"}))
+    begin = None if start is None else found.x[0]
+    end, later = tips(asked.finger, found.t, found.u, [0.4, 0.6], family, begin)
+    return found, np.linalg.norm(end - aim), np.linalg.norm(later - end)
+
+
 ENDS = {"winches": ((0.0, 0.0), (0.0065, -0.0055)), "servos": ((0.016, 0.016), (0.8, -0.7)), None: ((1, 1), (8, 2))}
 """Inputs of the straight finger, and inputs that bend it."""
 CASES = [(0.0, "winches", 1), (0.25, "winches", 1), (0.15, None, 1), (0.15, "servos", 1), (0.15, None, 2)]
@@ -69,17 +81,14 @@ CASES += [(0.1, "winches", 2), (0.3, "winches", 2)]
 @pytest.mark.parametrize(("friction", "drive", "cells"), few(CASES, 2))
 def test_plan_takes_the_tip_to_its_goal_and_holds_it(friction, drive, cells):
     asked, (first, last) = scene(friction, drive, {"friction_cells": cells}), ENDS[drive]
-    # Where it can be held: with friction that is not where it could be without.
-    (aim,) = tips(asked.finger, [0.0, 0.4], [first, last], [0.6])
-    weight = 1e6 if drive else 1e9  # against squares of meters, or of newtons
-    found = cg.plan(asked.replaced(goal={"tip": {"value": tuple(aim), "weight": weight}, "end": "held"}))
-    end, later = tips(asked.finger, found.t, found.u, [0.4, 0.6])
-    assert np.linalg.norm(end - aim) < 1e-3
-    assert np.linalg.norm(later - end) < 2e-4
+    # With friction it cannot be held where it could be without; weights are against squares of meters, or of newtons.
+    found, off, moved = held(asked, first, last, 0.4, 0.6, 1e6 if drive else 1e9)
+    assert off < 1e-3
+    assert moved < 2e-4
     assert found.deviation.tip < 1e-3 * found.length
     if friction and drive != "servos":  # whose motors have friction of their own
         # Tendons come to rest sliding, and so the finger stays where it is to the micrometer.
-        assert np.linalg.norm(later - end) < 2e-6
+        assert moved < 2e-6
     if drive == "winches":
         tensions = np.array(
             [np.array(found.prediction.tensions(x, u, [])).ravel() for x, u in zip(found.x, found.u, strict=True)]
@@ -108,12 +117,10 @@ def test_plan_of_a_bent_finger_turns_friction_around(friction, cells, family, hi
         input={**DRIVES["winches"][1], "form": "linear", "initial": first},
     )
     start = first_state_of_plan(asked, Motion(asked).prediction)[0]
-    # Where it can be held after sliding the other way.
-    (aim,) = tips(asked.finger, [0.0, 0.6], [first, last], [1.0], family, start)
-    found = cg.plan(asked.replaced(goal={"tip": {"value": tuple(aim), "weight": 1e6}, "end": "held"}))
-    end, later = tips(asked.finger, found.t, found.u, [0.4, 0.6], family, found.x[0])
-    assert np.linalg.norm(end - aim) < 1e-4
-    assert np.linalg.norm(later - end) < 2e-6
+    # After sliding the other way.
+    found, off, moved = held(asked, first, last, 0.6, 1.0, 1e6, start)
+    assert off < 1e-4
+    assert moved < 2e-6
     states = [k for k, name in enumerate(found.x_names) if name.startswith("friction_")]
     assert (found.x[0, states] * found.x[-1, states] < -0.8).all()
 
@@ -134,13 +141,10 @@ OTHERS = [
 @pytest.mark.parametrize(("friction", "drive", "last"), few(OTHERS, 2))
 def test_plan_of_one_pulley_and_of_motors_without_servo(friction, drive, last):
     asked = scene(friction, drive, {"friction_cells": 1}, fidelity=ARCS)
-    times, first = [0.0, 0.4], list(asked.initial_input)
-    (aim,) = tips(asked.finger, times, [first, last], [0.8], "arc")
-    found = cg.plan(asked.replaced(goal={"tip": {"value": tuple(aim), "weight": 1e7}, "end": "held"}))
-    end, later = tips(asked.finger, found.t, found.u, [0.4, 0.6], "arc")
+    found, off, moved = held(asked, list(asked.initial_input), last, 0.4, 0.8, 1e7)
     assert found.status == "feasible"  # slopes of dry friction are not exact: of tendons or of motors
-    assert np.linalg.norm(end - aim) < 1e-4
-    assert np.linalg.norm(later - end) < 2e-6
+    assert off < 1e-4
+    assert moved < 2e-6
     tensions = [np.array(found.prediction.tensions(x, u, [])).min() for x, u in zip(found.x, found.u, strict=True)]
     # On one pulley the bend decides how much the other tendon pulls.
     assert min(tensions) == 0.0 if len(last) == 1 else min(tensions) >= 1.0 - 1e-3

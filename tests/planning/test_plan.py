@@ -23,8 +23,6 @@ from continuum_grasp.planning.fine import excess_over_intervals, simulated
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.search import Search
-from continuum_grasp.plotting.drawing.style import FORBIDDEN
-from continuum_grasp.plotting.motion import motion_frames
 from continuum_grasp.scene.plan import PlanScene
 from tests.declared import assert_declared
 from tests.marks import few
@@ -150,14 +148,6 @@ def test_bounds_hold_between_the_nodes_of_a_fine_simulation(make, bounds):
     assert excess[1] > 1e-3  # it matters
 
 
-def test_inputs_keep_their_limits_and_rates():
-    scene = two_arcs(**KINDS["rate"])
-    u = np.concatenate([[0.0], plan(scene).u[:-1, 0]])
-    assert np.abs(u).max() <= 0.3
-    assert np.abs(np.diff(u)).max() <= 4.0 * scene.duration / scene.intervals * (1 + 1e-9)
-    assert np.abs(np.diff(u)).max() > 3.99 * scene.duration / scene.intervals
-
-
 def test_least_time_of_held_inputs_reports_by_how_much_they_lead_the_drive():
     """Against the plan whose inputs do not jump: held inputs gain an interval at most."""
     asked = {
@@ -180,12 +170,6 @@ def test_least_time_of_held_inputs_reports_by_how_much_they_lead_the_drive():
     assert (ramps.message, ramps.warnings) == ("solved", ())
 
 
-def test_least_time_shrinks_with_the_limits():
-    asked = KINDS["least_time"] | {"method": "collocation"}
-    times = [plan(two_arcs(**asked, input={"moment_max": m})).duration for m in (0.15, 0.2, 0.3)]
-    assert times[0] > times[1] > times[2]
-
-
 def test_multiplier_is_the_gain_from_a_wider_bound():
     """By a plan with a bound that is a little wider."""
     one, other = (
@@ -194,26 +178,6 @@ def test_multiplier_is_the_gain_from_a_wider_bound():
     force = np.abs(one.constraints["speed"].multipliers).sum()  # of rows that are shares of 7 rad/s
     gain = (one.objective - other.objective) / (0.001 / 7.0)
     assert gain == pytest.approx(force, rel=0.02)
-
-
-@pytest.mark.deep
-def test_simulation_of_the_inputs_is_the_plan():
-    """The package's simulator, with error control, on the scene that a user would write."""
-    form = {"form": "linear", "rate_max": 400.0}
-    scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"degree": 5})
-    found = plan(scene)
-    tensions = tuple(cg.Samples(times=tuple(found.t), values=tuple(c), interpolation="linear") for c in found.u.T)
-    played = cg.Scene(
-        finger=HAND,
-        gravity=scene.gravity,
-        fidelity=scene.fidelity,
-        actuation=cg.Actuation(tensions=tensions),
-        initial=cg.Initial(pose="rest"),
-        time=cg.Timing(duration=scene.duration, step=scene.duration / 1500, method="reference"),
-    )
-    moved = cg.simulate(played)
-    assert moved.tip[::100] == pytest.approx(found.tip, abs=2e-6)
-    assert found.deviation.tip < 1e-6
 
 
 def test_held_inputs_give_the_plan_in_an_independent_integrator():
@@ -283,12 +247,6 @@ def test_goal_that_has_a_weight_is_missed_beyond_its_tolerance(aim, share, statu
     assert tight.status is status
     assert tight.solved
     assert any(f"goal {name}: off by {off:.3g}" in text for text in tight.warnings) is (share < 1.0)
-
-
-def test_failure_is_reported_by_the_status_if_that_is_wanted():
-    found = plan(two_arcs(duration=0.02), raise_on_failure=False)
-    assert found.status is PlanStatus.INFEASIBLE
-    assert not found.solved
 
 
 @pytest.mark.parametrize(
@@ -415,11 +373,6 @@ def test_warm_start_of_another_model_is_refused():
         plan(small(), warm=plan(two_arcs()))
 
 
-def test_plans_are_the_same_every_time():
-    one, other = plan(two_arcs()), plan(two_arcs())
-    assert np.array_equal(one.x, other.x)
-
-
 def test_pictures_and_values_at_instants(tmp_path):
     found = plan(tendons(intervals=10))
     assert_declared(found)
@@ -451,14 +404,6 @@ def test_command(tmp_path):
     failed = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "no"), "--set", "duration=0.005"])
     assert isinstance(failed.exception, SolverError)
     assert Plan.load(tmp_path / "no").status is PlanStatus.INFEASIBLE
-
-
-def test_an_animation_shows_what_must_not_be_entered():
-    post = {"type": "disc", "center": (0.1, 0.2), "radius": 0.02}
-    found = plan(small(bounds={"curvature": None, "keep_out": {"post": post}}))
-    frame = next(motion_frames(found, np.array([0]), 320)).reshape(-1, 3)
-    filling = [int(FORBIDDEN["facecolor"][k : k + 2], 16) for k in (1, 3, 5)]
-    assert np.count_nonzero((frame == filling).all(axis=1)) > 100
 
 
 # -- contact -----------------------------------------------------------------------------------------------------------
