@@ -11,9 +11,9 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification import Poses, Reading, plausibility
+from continuum_grasp.identification import Poses, Reading
 from continuum_grasp.identification.blocks import Block, Entry, PosesBlock
-from continuum_grasp.identification.plausibility import Misfit, _refitted, judge, misfits
+from continuum_grasp.identification.plausibility import judge, misfits
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.slips import slips_of, undone
 from continuum_grasp.identification.unknowns import read_unknowns
@@ -109,45 +109,6 @@ class Fixed(Missed):
 
     def again(self, unknowns, *, data=None, scene=None):
         return Fixed(data or self.data)
-
-
-@pytest.mark.parametrize(("share", "named"), [(0.999, False), (1.001, True)])
-def test_a_slip_explains_what_it_leaves_a_third_of(share, named):
-    problem = Problem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE])
-    before = 3.0 * 1e-3 / (0.05 * LENGTH)  # per what is plausible
-    assert bool(_refitted("a slip", lambda: problem, share * before)) == named
-
-
-@pytest.mark.parametrize(("share", "warned"), [(0.999, False), (1.001, True)])
-@pytest.mark.parametrize("times", [10.0, 0.1])
-def test_stiffnesses_ten_times_the_scene_s_are_doubted(share, warned, times):
-    poses = Poses([Reading("x", 0.1 * np.arange(4))])
-    problem = Problem([Missed(poses)], [ONE._replace(target="bending_stiffness")])
-    value = times ** (1.0 + np.log10(share))
-    solution = Solution(np.array([value]), problem.measured, np.ones((4, 1)), np.ones(4), 0, 0)
-    found = judge(problem, solution).warnings
-    assert bool(found) == warned
-
-
-def test_few_slips_are_fitted_anew(monkeypatch):
-    """Those that are least off at the start: of readings of zero all are off alike."""
-    tried = []
-    monkeypatch.setattr(plausibility, "_refitted", lambda words, *_: tried.append(words) or [])
-    poses = Poses([Reading("x", [0.0, 1e-9]), Reading("y", [1e-9, 0.0])])
-    problem = Problem([Fixed(poses)], [ONE])
-    assert plausibility.explain(problem) == ()
-    assert len(tried) == 5
-    assert tried[-1] == "the base is elsewhere"
-
-
-def test_slips_are_tried_from_half_the_scatter_on():
-    small = Misfit("set", "positions", "m", 0.999e-3, 4e-3, 2e-3)
-    assert not small.is_unexplained
-    assert small._replace(rms=1.001e-3).is_unexplained
-    # and from a fifth of what is refused on, where the measurements hardly differ
-    repeats = small._replace(limit=5e-3, scatter=0.0)
-    assert not repeats.is_unexplained
-    assert repeats._replace(rms=1.001e-3).is_unexplained
 
 
 @pytest.mark.parametrize(
