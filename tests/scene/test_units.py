@@ -13,7 +13,6 @@ import mpmath
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import BaseModel
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
@@ -27,6 +26,7 @@ from continuum_grasp.scene.value import field_docs
 from continuum_grasp.sweeps.plan import plan_of
 from tests.marks import few
 from tests.scene.test_configs import FOLDER_OF
+from tests.scene_keys import classes
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 KINDS_OF_SCENES = [sorted(CONFIGS.glob(f"{folder}/*.yaml")) for folder in sorted({*FOLDER_OF.values()} - {"sweep"})]
@@ -325,26 +325,8 @@ def test_a_sweep_takes_the_units_of_its_keys(file):
 
 
 # what every key says
-def models() -> list[type[BaseModel]]:
-    """All classes of configurations."""
-    found: list[type[BaseModel]] = []
-
-    def visit(kind: Any) -> None:
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            if kind not in found:
-                found.append(kind)
-                for field in kind.model_fields.values():
-                    visit(field.annotation)
-        else:
-            for part in get_args(kind):
-                visit(part)
-
-    for name in KINDS:
-        visit(model_of(name))
-    return found
-
-
-KEYS = [(model, key) for model in models() for key in model.model_fields]
+MODELS = dict.fromkeys(one for kind in KINDS for one in sorted(classes(model_of(kind)), key=lambda one: one.__name__))
+KEYS = [(model, key) for model in MODELS for key in model.model_fields]
 
 
 def units(annotation: Any, metadata: Any = (), around: frozenset[Any] = frozenset()) -> set[Any]:

@@ -85,10 +85,6 @@ def test_scalars(text, value):
     assert type(got) is type(value)
 
 
-def test_nan_is_a_float():
-    assert math.isnan(parse_yaml("key: .nan").value["key"])
-
-
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_every_float_that_python_writes_is_read(x):
     got = parse_yaml(f"[{x!r}]").value[0]
@@ -295,13 +291,6 @@ def test_several_problems_in_the_order_of_the_file(write):
     assert [line.split(": ")[1] for line in lines] == ["contcts", "name", "time.duration", "time.step"]
 
 
-def test_position_is_also_in_the_attributes(write):
-    with pytest.raises(InputError) as caught:
-        load(write(HEAD + "name: 3"))
-    error = caught.value
-    assert (error.file, error.line, error.column, error.key) == ("scene.yaml", 5, 7, "name")
-
-
 @pytest.mark.parametrize(
     ("rod", "expected"),
     [
@@ -380,11 +369,6 @@ def test_other_units_are_suspected(write, overrides, words):
     for one, word in zip(caught, words, strict=True):
         assert word in str(one.message)
         assert one.filename == __file__
-
-
-def test_tendons_wider_than_the_finger_is_long(write):
-    (line,) = complaint(write(HEAD + "  tendons: {offset: 0.7, max_tension: 1}\n"))
-    assert line.startswith("scene.yaml:5:3: finger.tendons") or "5:21: finger.tendons.offset" in line
 
 
 @pytest.mark.parametrize("version", ["2", "true", "1.0", "'1'"])
