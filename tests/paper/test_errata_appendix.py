@@ -13,7 +13,6 @@ from benchmarks.paper.appendix_loads import GRAVITY_ACROSS, GRAVITY_ALONG, JACOB
 from tests import arc_series
 from tests.arc_quadrature import RANGE, entries, relative, square
 from tests.errata_page import evaluate, formula, number, percent, spans, table
-from tests.truth import Rod, TruthFinger, ctx, to_numpy
 
 PRINTED = {**MASS, **BIAS, **JACOBIAN, **GRAVITY_ALONG}
 TABLES = {**PRINTED, **GRAVITY_ACROSS}
@@ -147,73 +146,3 @@ def test_truncation(row):
     largest = RANGE if row[0] == "2π/3" else float(row[0])
     for found, cell in zip(truncation(largest), row[1:], strict=True):
         assert found == pytest.approx(number(cell)[0], abs=1.02 * number(cell)[1])
-
-
-@pytest.mark.parametrize(("name", "size"), [("Jt12", 2.5), ("Jt22", 1.4), ("GY2", 0.76), ("GX2", 1.5)])
-def test_truncation_relative_to_the_entry_itself(name, size):
-    assert relative(polynomial(name, "corrected", GRID), entries(GRID)[name]) == pytest.approx(size, rel=0.04)
-
-
-def test_quadrature_agrees_with_50_digits():
-    theta, rate = np.array([[1.9], [-0.7]]), (1.0, 1.0)
-    found = entries(theta, (0.25, 0.35))
-    rod = Rod(TruthFinger([0.25, 0.35], gravity=(0, -1)), theta[:, 0], rate)
-    across = Rod(TruthFinger([0.25, 0.35], gravity=(1, 0)), theta[:, 0])
-    pairs = [(f"M{i}{j}", rod.mass[i - 1, j - 1]) for i in (1, 2) for j in (1, 2)]
-    pairs += [(f"G{a}{i}", r.gravity[i - 1]) for a, r in (("Y", rod), ("X", across)) for i in (1, 2)]
-    for name, s in (("Jc", 0.25), ("Jt", 0.6)):
-        pairs += [(f"{name}{i}{j}", rod.jacobian(s)[i - 1, j - 1]) for i in (1, 2) for j in (1, 2)]
-    for name, value in pairs:
-        assert found[name][0] == pytest.approx(float(value), rel=1e-13, abs=1e-15)
-    for i in (1, 2):
-        assert sum(found[f"V{i}{k}"][0] for k in (1, 2, 3)) == pytest.approx(float(rod.bias[i - 1]), rel=1e-12)
-
-
-def test_eight_right_coefficients_do_not_follow_from_the_cut_curve():
-    """Section 4.3 says they do; M to degree 4 is the same on both ways."""
-    cut = {name: series.by_angles() for name, series in arc_series.from_cut_curves().items()}
-    apart = {
-        (name, powers)
-        for name, p in PRINTED.items()
-        for powers, m in p.items()
-        if not m.cause and m.corrected.fractions != cut[name].get(powers, {})
-    }
-    wanted = {("Jc21", (5, 0)), ("Jt21", (5, 0)), ("GY1", (5, 0))}
-    assert apart == wanted | {(name, (0, 5)) for name in ("Jt22", "V12", "V13", "V23", "GY2")}
-    for name in MASS:
-        assert arc_series.from_cut_curves()[name].cut(4) == arc_series.exact()[name].cut(4)
-
-
-def test_v11_from_the_cut_curve_is_off_by_more_than_its_size():
-    difference = (arc_series.from_cut_curves()["V11"] - arc_series.exact()["V11"]).by_angles()
-    error = sum(
-        float(sum(x * Fraction(3, 10) ** (a + b) for (a, b), x in c.items())) * GRID[0] ** i * GRID[1] ** j
-        for (i, j), c in difference.items()
-    )
-    assert np.abs(error).max() / np.abs(entries(GRID)["V11"]).max() == pytest.approx(2.5, rel=0.02)
-
-
-def test_velocity_products_need_degree_6_of_the_mass_matrix():
-    """(A.3) is not what (38) makes of (A.1)."""
-    short = {name: series.cut(4) for name, series in arc_series.unrotated().items() if name in MASS}
-    assert arc_series.christoffel(short)["V11"].cut(5) != arc_series.unrotated()["V11"]
-    assert arc_series.christoffel(short)["V11"].cut(3) == arc_series.unrotated()["V11"].cut(3)
-
-
-def test_dropped_rotary_inertia():
-    """Of a rod of 2 mm: rho I / (rho A) = d^2 / 16."""
-    slender = ctx.mpf("0.002") ** 2 / 16
-    masses = [to_numpy(Rod(TruthFinger([0.3, 0.3], rotary_inertia=i), [0, 0]).mass) for i in (0, slender)]
-    share = masses[1] / masses[0] - 1
-    assert [share[0, 0], share[0, 1], share[1, 1]] == pytest.approx([3.3e-6, 6.7e-6, 1.9e-5], rel=0.03)
-    text = table("Appendix, other points")[0][1]
-    assert all(size in text for size in ("3.3e-6", "6.7e-6", "1.9e-5"))
-
-
-def test_gravity_of_the_appendix_pulls_down_on_a_finger_that_points_up():
-    """(A.4): a standing finger falls away from the vertical, G theta < 0."""
-    theta = np.array([[0.3], [0.2]])
-    found = [polynomial(f"GY{i}", "corrected", theta)[0] for i in (1, 2)]
-    assert found == pytest.approx(to_numpy(Rod(TruthFinger([0.3, 0.3], gravity=(0, -1)), (0.3, 0.2)).gravity), rel=1e-4)
-    assert found[0] < 0
-    assert found[1] < 0
