@@ -100,12 +100,6 @@ def slope(r: Pair, which: int) -> Pair:
     return r[0].derivative(which), r[1].derivative(which)
 
 
-def rotated(angle: Series, r: Pair) -> Pair:
-    """A vector turned by an angle."""
-    x, y = tangent(angle)
-    return y * r[0] + x * r[1], y * r[1] - x * r[0]
-
-
 def ends(r: Pair) -> Pair:
     return r[0].at_end(), r[1].at_end()
 
@@ -163,14 +157,6 @@ FIRST = curve(L1, U * THETA1)
 def exact() -> dict[str, Series]:
     """The entries of the exact model."""
     return derived(FIRST, plus(ends(FIRST), curve(L2, THETA1 + U * THETA2)))
-
-
-@cache
-def from_cut_curves() -> dict[str, Series]:
-    """The entries when each arc is cut at degree 5 of its angle, equation (45), before everything is derived."""
-    first = FIRST[0].cut(5), FIRST[1].cut(5)
-    relative = tuple(part.cut(5) for part in curve(L2, U * THETA2))
-    return derived(first, plus(ends(first), rotated(THETA1, relative)))
 
 
 @cache

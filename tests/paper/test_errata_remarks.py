@@ -11,50 +11,9 @@ from benchmarks.paper import appendix
 from tests.arc_quadrature import RANGE, entries, square
 from tests.arc_series import FIRST
 from tests.errata_page import evaluate, formula, percent, table
-from tests.truth import Rod, TruthFinger, ctx, to_numpy
+from tests.truth import Rod, TruthFinger
 
-L1, L2, THETA = 0.25, 0.35, (0.7, -0.4)
 ROWS = {row[0]: row for row in table("Limits, labels and signs")}
-
-
-def rod(theta=THETA, rate=None, **settings) -> Rod:
-    return Rod(TruthFinger([L1, L2], **settings), theta, rate)
-
-
-def test_positions_have_two_entries():
-    """(4), (5), (7)."""
-    found = to_numpy(rod().position(L1))
-    assert found == pytest.approx(L1 / THETA[0] * np.array([np.cos(THETA[0]) - 1, np.sin(THETA[0])]), rel=1e-14)
-
-
-def test_mass_center_of_the_second_arc_is_the_mean_from_the_contact_to_the_tip():
-    """(11): its right-hand side."""
-    bent, t2 = rod(), THETA[1]
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    at = L1 + L2 * (nodes + 1) / 2
-    relative = [to_numpy(bent.position(s) - bent.position(L1)) for s in at]
-    c, s = np.cos(THETA[0]), np.sin(THETA[0])
-    mean = np.array([[c, s], [-s, c]]) @ (weights / 2 @ np.array(relative))
-    assert mean == pytest.approx(L2 / t2**2 * np.array([np.sin(t2) - t2, 1 - np.cos(t2)]), rel=1e-13)
-
-
-def test_sections_of_the_second_arc_turn_at_the_rate_of_21_up_to_the_tip():
-    """(21): the printed limit L2 would leave out a part, for L1 = L2 everything."""
-    for s in np.linspace(L1 + 1e-6, L1 + L2, 5):
-        turned = [
-            rod((THETA[0] + h * 2.0, THETA[1] - h * 3.0)).orientation(s) for h in (-ctx.mpf("1e-9"), ctx.mpf("1e-9"))
-        ]
-        assert float((turned[1] - turned[0]) / ctx.mpf("2e-9")) == pytest.approx(2.0 - 3.0 * (s - L1) / L2, rel=1e-9)
-    assert L2 < L1 + L2
-
-
-def test_the_bending_moment_pulls_back_to_the_rest_shape():
-    """(30)-(32): -(EI/L)(theta - theta*)."""
-    stiffness, rest = 0.05, 0.8
-    above = [t - rest * length for t, length in zip(THETA, (L1, L2), strict=True)]
-    bent = rod(above, bending_stiffness=stiffness, rest_curvature=rest)
-    moment = [-stiffness / length * (t - rest * length) for t, length in zip(THETA, (L1, L2), strict=True)]
-    assert -to_numpy(bent.elastic) == pytest.approx(moment, rel=1e-13)
 
 
 def test_kinetic_energy_up_to_l2_only_loses_the_second_arc():
@@ -82,38 +41,6 @@ def test_velocity_products_are_not_the_derivative_of_the_kinetic_energy():
     assert max(np.abs(christoffel[key] - wanted[key]).max() for key in labeled) < 1e-8 * largest
     worst = max(np.abs(labeled[key] - wanted[key]).max() for key in labeled)
     assert 100 * worst / largest == pytest.approx(percent(ROWS["(38)"][4])[0], abs=0.5)
-
-
-def test_material_damping_differs_from_one_coefficient_unless_the_arcs_are_equal():
-    """(39), (43)."""
-    for lengths in ((L1, L2), (0.3, 0.3)):
-        rate, eta = (2.0, -3.0), 3e-5
-        damping = to_numpy(Rod(TruthFinger(lengths, material_damping=eta), THETA, rate).damping)
-        assert damping == pytest.approx([eta / length * r for length, r in zip(lengths, rate, strict=True)], rel=1e-13)
-    shared = to_numpy(Rod(TruthFinger([L1, L2], element_damping=1e-4), THETA, (2.0, -3.0)).damping)
-    assert shared == pytest.approx([2e-4, -3e-4], rel=1e-13)
-
-
-def test_friction_takes_energy_with_the_sign_of_the_last_line():
-    """(40): with (39) the middle line as printed would add c times the rates squared."""
-    rate, c = np.array([2.0, -3.0]), 1e-4
-    moment = -c * rate
-    assert moment @ rate < 0 < -(moment @ rate)
-    assert moment == pytest.approx(-to_numpy(rod(rate=rate, element_damping=c).damping), rel=1e-13)
-
-
-def test_tendon_1_runs_on_the_minus_x_side():
-    """(42): a positive bend shortens a curve at an offset to -X by offset times angle, so that F1 does work."""
-    length, bend, offset = 0.6, 0.7, 0.005
-    arc = Rod(TruthFinger([length]), [bend])
-    assert float(arc.position(length)[0]) < 0
-    at = np.linspace(0, length, 21)
-    angle = bend * at / length
-    side = np.array([to_numpy(arc.position(s)) for s in at]) - offset * np.array([np.cos(angle), np.sin(angle)]).T
-    # A chord that spans the angle a on a circle of radius r is 2 r sin(a / 2) long.
-    span = bend / 20
-    found = np.linalg.norm(np.diff(side, axis=0), axis=1).sum() * (span / 2) / np.sin(span / 2)
-    assert found == pytest.approx(length - offset * bend, rel=1e-13)
 
 
 U, T = np.meshgrid(np.linspace(1e-3, 1, 200), np.linspace(1e-3, RANGE, 801))
