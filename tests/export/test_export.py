@@ -6,7 +6,6 @@ import ctypes
 import hashlib
 import itertools
 import json
-import math
 import os
 import re
 import sys
@@ -22,7 +21,6 @@ from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.export.ranges import parameter_fields
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import STABLE, Subject
 from continuum_grasp.export.vectors import reach_of, split
@@ -429,41 +427,22 @@ def test_a_name_means_nothing_to_a_language(tmp_path):
         ({"ranges": {"tip_mass": (0.0, 1.0)}}, "no run-time parameter"),
         ({"real": "float", "error": 1e-9}, "relative error of"),
         ({"measured": True}, "no emulated board"),
+        ({"given": 17}, "given: expected a FingerModel or a Scene or .* or a path, got 17"),
+        *[
+            ({"given": scene("friction"), "ranges": {"tip_mass": values}}, message)
+            for values, message in (
+                ((0.01, 0.02), "leaves out the nominal value"),
+                ((0.02, 0.01), "a least and a greatest value"),
+                ((-0.01, 0.01), "cannot be below zero"),
+                ((0.0, float("inf")), "a least and a greatest value"),
+            )
+        ],
     ],
 )
 def test_what_cannot_be_made_is_refused(keywords, message, tmp_path):
     with pytest.raises(InputError, match=message):
-        export_c(scene("arcs"), tmp_path / "out", **keywords)
+        export_c(**{"given": scene("arcs"), "folder": tmp_path / "out", **keywords})
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("ranges", "message"),
-    [
-        ({"tip_mass": (0.01, 0.02)}, "leaves out the nominal value"),
-        ({"tip_mass": (0.02, 0.01)}, "a least and a greatest value"),
-        ({"tip_mass": (-0.01, 0.01)}, "cannot be below zero"),
-        ({"tip_mass": (0.0, float("inf"))}, "a least and a greatest value"),
-    ],
-)
-def test_ranges_that_are_none_are_refused(ranges, message, tmp_path):
-    with pytest.raises(InputError, match=message):
-        export_c(scene("friction"), tmp_path, ranges=ranges)
-
-
-@pytest.mark.parametrize(("weight", "most"), [(9.81, 20.0), (15.0, 30.0)])
-def test_a_finger_that_is_carried_along_may_turn_any_way_and_move(weight, most):
-    """Gravity up to 20 m/s2 or twice the nominal one, both ways; the base by two lengths and a turn."""
-    names = ("base_angle", "base_position", "gravity")
-    fields = parameter_fields(FingerModel(two_arcs().finger, gravity=(0.0, -weight), parameters=names), {})
-    found = {field.name: (field.low, field.high) for field in fields}
-    length = two_arcs().finger.rod.length
-    assert found == {
-        "base_angle": pytest.approx((-2.0 * math.pi, 2.0 * math.pi)),
-        **{f"base_position_{axis}": pytest.approx((-2.0 * length, 2.0 * length)) for axis in "xy"},
-        "gravity_x": (-20.0, 20.0),
-        "gravity_y": (-most, most),
-    }
 
 
 def test_a_step_does_not_matter_where_nothing_steps(tmp_path):
@@ -480,11 +459,6 @@ def test_a_parameter_of_zero_needs_its_range(tmp_path):
         export_c(model, tmp_path)
     made = export_c(model, tmp_path, ranges={"per_arc_damping": (0.0, 1e-4)}).manifest
     assert made["structs"]["parameters"][0]["high"] == 1e-4
-
-
-def test_something_else_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"given: expected a FingerModel or a Scene or .* or a path, got 17"):
-        export_c(17, tmp_path)
 
 
 def test_a_range_that_single_precision_cannot_hold_is_refused(tmp_path):
