@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Literal
 
 from continuum_grasp.model.planar import Scalar
@@ -28,12 +27,6 @@ class Coefficient:
 
     denominator: int
     numerators: tuple[int, ...]
-
-    @property
-    def fractions(self) -> dict[tuple[int, int], Fraction]:
-        """Powers of L1 and L2 -> coefficient, zeros left out."""
-        degree = len(self.numerators) - 1
-        return {(degree - k, k): Fraction(n, self.denominator) for k, n in enumerate(self.numerators) if n}
 
     def __call__(self, l1: Scalar, l2: Scalar) -> Scalar:
         """Value for arc lengths l1, l2 [m]."""
