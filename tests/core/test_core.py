@@ -176,14 +176,6 @@ def test_a_rollout_is_the_method_written_by_hand(family, substeps):
     assert found[0] == pytest.approx(x0, abs=0)
 
 
-def test_constant_inputs_are_one_row():
-    model, compiled = small()
-    x0 = state(model, 0.3).x
-    one = compiled.rollout(x0, 10, 1e-3, u=[9.0, 2.0], w=[0.1, 0.2])
-    rows = compiled.rollout(x0, 10, 1e-3, u=np.tile([9.0, 2.0], (21, 1)), w=np.tile([0.1, 0.2], (21, 1)))
-    assert one == pytest.approx(rows, abs=0)
-
-
 @pytest.mark.parametrize("inputs", ["one row", "a row each", "a signal for all", "a signal each"])
 @pytest.mark.parametrize("method", SIMULATION_METHODS)
 def test_many_rollouts_are_single_ones(method, inputs):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import casadi as ca
@@ -11,6 +12,7 @@ import pytest
 
 import continuum_grasp as cg
 from benchmarks.paper import VARIANTS, PaperModel, TwoArcs, appendix
+from benchmarks.paper.dynamics import RacedFinger, by_appendix, by_closed_forms
 from benchmarks.paper.errors import paper_errors
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
 from continuum_grasp.accuracy.truth import find_truth
@@ -84,6 +86,36 @@ def found(model: FingerModel, theta) -> np.ndarray:
 )
 def test_corrected_variants_are_the_exact_model(variant, theta, tolerance):
     assert relative(found(paper(variant), theta), wanted(theta)) < tolerance
+
+
+RACED = RacedFinger(
+    element_lengths=(L1, L2),
+    rest_angles=(0.4 * L1, 0.4 * L2),
+    mass_per_length=0.02,
+    bending_stiffness=0.047,
+    tip_mass=0.02,
+    contact_mass=0.01,
+    tendon_offset=0.005,
+    gravity=SETTINGS["gravity"],
+    base_angle=-0.6,
+    arc_damping=1e-4,
+    material_damping=3e-5,
+)
+"""The same finger for the baselines of the benchmarks; without rotary inertia, which the appendix does not have."""
+
+
+@pytest.mark.parametrize("bias", ["lagrange", "christoffel"])
+@pytest.mark.parametrize("theta", [(0.9, -1.2), (0.4, 0.5), (-2.0, 1.7)])
+def test_the_baseline_of_closed_forms_is_the_exact_model(theta, bias):
+    xd = by_closed_forms(replace(RACED, rotary_inertia=1e-6), bias=bias)([*theta, *RATE], U, W, []).full()[:, 0]
+    assert relative(xd[2:], wanted(theta)) < 1e-11
+
+
+@pytest.mark.parametrize(("theta", "tolerance"), [((0.0, 0.0), 1e-13), ((0.1, -0.1), 1e-7), ((0.4, -0.5), 5e-5)])
+def test_the_baseline_of_the_corrected_appendix_moves_masses_and_forces(theta, tolerance):
+    xd = by_appendix(RACED)([*theta, *RATE], U, W, []).full()[:, 0]
+    assert xd[:2].tolist() == list(RATE)
+    assert relative(xd[2:], wanted(theta, inertia=0)) < tolerance
 
 
 @pytest.mark.parametrize("variant", ["closed_printed", "appendix_printed", "appendix_unrotated"])

@@ -59,42 +59,6 @@ def smoothstep(t, end):
 # order, conservation, symmetry
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("family", "explicit", "implicit"),
-    [
-        ("arc", (6e-3, 3e-3, 1.5e-3), (8e-3, 4e-3, 2e-3)),
-        ("clothoid", (3e-3, 1.5e-3, 7.5e-4), (4e-3, 2e-3, 1e-3)),
-        ("matched_clothoid", (6e-3, 3e-3, 1.5e-3), (8e-3, 4e-3, 2e-3)),
-    ],
-)
-def test_methods_have_order_4_and_lose_no_energy(family, explicit, implicit):
-    truth = integrated(nitinol(family, duration=0.24, step=1.5e-3, tip_mass=0.02))
-    finest = integrated(nitinol(family, duration=0.24, step=1e-3, tip_mass=0.02))
-    for method, steps in (("rk4", explicit), ("rodas", implicit), ("reference", (1.5e-3,))):
-        errors, drifts = [], []
-        for step in steps:
-            found = simulate(nitinol(family, duration=0.24, step=step, method=method, tip_mass=0.02))
-            assert found.statistics["method"] == method
-            assert found.statistics["substeps"] == 1
-            step_of_truth, states = (1e-3, finest) if method == "rodas" else (1.5e-3, truth)
-            if step < step_of_truth:
-                last, at = states[-1:], found.x[-1:]
-            else:
-                last, at = states[:: round(step / step_of_truth)], found.x
-            errors.append(np.abs((at - last)[:, : found.n]).max() / np.abs(truth[:, : found.n]).max())
-            energy = found.kinetic + found.potential
-            drifts.append(np.abs(energy - energy[0]).max() / found.kinetic.max())
-        if method == "reference":
-            assert errors[0] < 1e-9
-            assert drifts[0] < 1e-9
-            continue
-        assert np.all(np.abs(order(errors) - 4.0) < 0.7), (method, errors)
-        assert abs(order(errors)[-1] - 4.0) < 0.2, (method, errors)
-        assert np.all(order(drifts) > 3.7), (method, drifts)
-        assert drifts[-1] < 1e-6
-
-
 def rich(side):
     """Everything that acts on a finger, on one side or mirrored."""
     return {
