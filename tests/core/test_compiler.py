@@ -95,13 +95,6 @@ def test_optimized_units_have_a_variable_per_assignment(monkeypatch):
 
 
 @needs_compiler
-def test_refused_unit_is_reported_with_what_the_compiler_said(levels, tmp_path):
-    source = generated("chain", chain(400)).replace("sin(", "no_such_header[", 1)
-    with pytest.raises(CompileError, match="error"):
-        library_for(source, find_compiler())
-
-
-@needs_compiler
 def test_quick_builds_do_not_optimize_long_functions(levels, monkeypatch, tmp_path):
     """And give the same numbers."""
     monkeypatch.setenv("CONTINUUM_GRASP_QUICK_COMPILE", "1")

@@ -10,7 +10,8 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, subject
 from tests.export_cases import needs, shared_library
-from tests.simulation.test_winches import PASSIVE, SERVO, model
+from tests.simulation.test_winches import SERVO, model
+from tests.tendon_cases import PASSIVE
 
 STIFF = {"axial_stiffness": 1e5, "series_stiffness": 1e5}
 

@@ -97,12 +97,6 @@ def test_the_bounds_are_within_what_the_equations_bear(family, length, stiffness
     assert np.isfinite(np.array(rate)).all()
 
 
-def test_doubts_name_the_line_of_the_user():
-    with pytest.warns(UserWarning, match=r"rod.length = 600 m .* millimeters") as caught:
-        cg.Rod(**{**ROD, "length": 600.0})
-    assert caught[0].filename == __file__
-
-
 GRASPS = {
     "a range beyond a turn": (
         "fidelity.bending_range=7",

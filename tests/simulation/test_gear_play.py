@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tests.simulation.test_winches import HOLDING, MOTOR, OFFSET, bend, model
+from tests.simulation.test_winches import HOLDING, MOTOR, model
+from tests.tendon_cases import OFFSET, bend
 from tests.truth.geared_chain import drum_angle
 
 RADIUS = 0.008

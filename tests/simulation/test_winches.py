@@ -12,10 +12,8 @@ from continuum_grasp.scene import Tendons
 from continuum_grasp.simulation import equilibrium_under
 from continuum_grasp.simulation.slack import slack_times, tension_warnings
 from tests import control_cases
+from tests.tendon_cases import LENGTH, OFFSET, PASSIVE
 
-LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
-ROD = {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS}
-PASSIVE = {"rod": ROD, "damping": {"material": 3e-5}, "masses": [{"at": LENGTH, "mass": 0.002}]}
 CABLE = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
 SERVO = {"kind": "length", "time_constant": 0.02}
 MOTOR = {
@@ -45,10 +43,6 @@ def scene(drive, actuation, duration=0.8, *, tendons=None, **time):
     own = finger(drive, **(tendons or {}))
     timing = {"duration": duration, "step": 2e-3, **time}
     return cg.Scene(finger=own, actuation=actuation, time=timing, gravity=[0.0, 0.0], fidelity={"family": "clothoid"})
-
-
-def bend(model, q):
-    return float(np.array(model.bending(q, np.zeros(model.nu), [])).sum())
 
 
 def pulled(model, found, u):
