@@ -6,6 +6,7 @@ import ctypes
 import hashlib
 import itertools
 import json
+import math
 import os
 import re
 import sys
@@ -21,6 +22,7 @@ from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
+from continuum_grasp.export.ranges import parameter_fields
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import STABLE, Subject
 from continuum_grasp.export.vectors import reach_of, split
@@ -443,6 +445,21 @@ def test_what_cannot_be_made_is_refused(keywords, message, tmp_path):
     with pytest.raises(InputError, match=message):
         export_c(**{"given": scene("arcs"), "folder": tmp_path / "out", **keywords})
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(("weight", "most"), [(9.81, 20.0), (15.0, 30.0)])
+def test_a_finger_that_is_carried_along_may_turn_any_way_and_move(weight, most):
+    """Gravity up to 20 m/s2 or twice the nominal one, both ways; the base by two lengths and a turn."""
+    names = ("base_angle", "base_position", "gravity")
+    fields = parameter_fields(FingerModel(two_arcs().finger, gravity=(0.0, -weight), parameters=names), {})
+    found = {field.name: (field.low, field.high) for field in fields}
+    length = two_arcs().finger.rod.length
+    assert found == {
+        "base_angle": pytest.approx((-2.0 * math.pi, 2.0 * math.pi)),
+        **{f"base_position_{axis}": pytest.approx((-2.0 * length, 2.0 * length)) for axis in "xy"},
+        "gravity_x": (-20.0, 20.0),
+        "gravity_y": (-most, most),
+    }
 
 
 def test_a_step_does_not_matter_where_nothing_steps(tmp_path):

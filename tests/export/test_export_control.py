@@ -16,11 +16,12 @@ from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.export.control.loop import identifiers, unit_of
+from continuum_grasp.export.control import replay
+from continuum_grasp.export.control.loop import Loop, identifiers, unit_of
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.scene.control import ControlScene
-from tests.control_cases import Reality
+from tests.control_cases import Reality, hand_scene
 from tests.export_cases import (  # noqa: F401
     DRIVES,
     STRICT,
@@ -406,7 +407,16 @@ def test_parts_may_be_chosen(what, tmp_path):
     assert "finger_" not in "".join(path.read_text() for path in (tmp_path / "src").iterdir())
 
 
-# Names of a scene.
+# Noise of the test vectors and names of a scene.
+
+
+def test_measurements_of_the_vectors_have_noise():
+    """Of 0.1 mm and 1e-2 of other units, so that an estimator has something to do."""
+    loop = Loop.of(hand_scene(), REALS["double"], ["estimator", "mpc"])
+    finger = replay.Finger(loop, np.random.default_rng(0))
+    readings = np.array([finger.measured(loop.before) for _ in range(400)])
+    deviations = [1e-4 if "[m]" in name else 1e-2 for name in loop.measurement_names]
+    assert readings.std(axis=0) == pytest.approx(deviations, rel=0.15)
 
 
 def test_names_of_a_scene_become_identifiers():
