@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.accuracy import choose_fidelity
 from continuum_grasp.errors import InputError
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.simulation import equilibrium
@@ -100,6 +101,16 @@ def test_a_finger_of_many_elements_comes_to_the_rod(tendons, actuation, reached_
         errors.append(np.abs(found.backbone(31) - rod.position(places)).max() / LENGTH)
     assert errors[1] < 2e-4
     assert errors[1] < 0.2 * errors[0]
+
+
+@pytest.mark.parametrize("reached_by", ["pulling", "releasing"])
+def test_a_model_is_chosen_by_tolerance(reached_by):
+    reel = {**TENDON, **CABLE, "drive": {**REEL, "pretension": 2.0}}
+    given = scene(reel, {"lengths": [6e-3, -5e-3]}, reached_by=reached_by, tolerance=0.01)
+    chosen = choose_fidelity(given)
+    rod, found = solve_elastica(given), equilibrium(chosen.scene)
+    off = np.abs(found.backbone(31) - rod.position(np.linspace(0.0, LENGTH, 31))).max()
+    assert off < 0.01 * LENGTH
 
 
 def test_what_the_rod_does_not_have_is_refused():
