@@ -10,10 +10,10 @@ import continuum_grasp as cg
 from continuum_grasp.closed_loop.integration import ChainIntegration
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control import ContactDetector, DetectedContact
+from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
 from tests.truth.servo import ServoedChain
 from tests.truth.tendon_motion import MovingFinger
 
-LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
 RADIUS = 0.008
 STEP, NOISE = 2.0 * math.pi / 16384, 2e-4
 MOTOR = {
@@ -35,9 +35,7 @@ def scene(
 ) -> cg.ControlScene:
     return cg.ControlScene(
         finger={
-            "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS},
-            "damping": {"material": 3e-5},
-            "masses": [{"at": LENGTH, "mass": 0.002}],
+            **PASSIVE,
             "tendons": [{**TENDON, "friction": friction, "drive": drive or MOTOR}],
         },
         gravity=(0.0, 0.0),
@@ -107,8 +105,8 @@ def pair_scene(
     given = scene(friction, detection=detection, period=period)
     return given.replaced(
         finger={
-            "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS * own["stiffness"]},
-            "damping": {"material": 3e-5},
+            **PASSIVE,
+            "rod": {**ROD, "bending_stiffness": STIFFNESS * own["stiffness"]},
             "masses": [{"at": LENGTH, "mass": 0.002 + payload}],
             "tendons": {**TENDON, "friction": friction * own["friction_factor"], "drive": drive},
         },

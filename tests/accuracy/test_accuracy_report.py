@@ -10,7 +10,6 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.accuracy.motion import pace, reference_motion
-from continuum_grasp.accuracy.report import Table
 from continuum_grasp.accuracy.truth import find_truth
 from tests.rods import NITINOL, order, rod_scene
 
@@ -105,13 +104,6 @@ def test_a_scene_at_rest_has_no_motion():
     assert report.reference is None
     assert all(math.isnan(value) for value in report.choices.column("motion / L"))
     assert np.all(np.array(report.choices.column("tip / L")) > 0.0)
-
-
-def test_a_table_reads_and_parses():
-    table = Table("title", ("name", "value"), (("a", 1234), ("b", math.nan), ("c", 1e-9)), "note")
-    assert "| a | 1,234 |" in table.markdown()
-    assert "| b | - |" in table.markdown()
-    assert table.as_dict()["rows"] == [["a", 1234], ["b", None], ["c", 1e-9]]
 
 
 def test_coordinates_of_one_model_are_refused():

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from benchmarks.bench_fidelity import again, cheaper, random_scene
@@ -15,7 +12,6 @@ from continuum_grasp.accuracy import choose, motion
 from continuum_grasp.accuracy.choice import RANGES, _bending_range
 from continuum_grasp.accuracy.choose import choose_fidelity
 from continuum_grasp.accuracy.truth import load_cases
-from continuum_grasp.cli import app
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod.elastica import solve_elastica
@@ -24,8 +20,6 @@ from tests.marks import few
 from tests.rods import NITINOL, ROOT, UNIT, force, rod_scene, without_compiler  # noqa: F401
 
 pytestmark = pytest.mark.usefixtures("without_compiler")
-
-HANGING_FINGER = ROOT / "configs/simulate/hanging.yaml"
 
 
 def scene(tolerance=None, **keys):
@@ -87,31 +81,12 @@ def test_nothing_cheaper_would_have_done(seed):
     assert cheaper(choose_fidelity(random_scene(seed), 5e-3)) == ""
 
 
-@pytest.mark.deep
-def test_a_tighter_tolerance_costs_more():
-    costs = [
-        choose_fidelity(scene(time={"duration": 1.0, "step": 0.01}), t).best.cost for t in (5e-2, 1e-2, 1e-3, 1e-4)
-    ]
-    assert costs == sorted(costs)
-    assert len(set(costs)) == len(costs)
-
-
 def test_elements_end_where_the_finger_is_loaded():
     """With its boundary at the force, one linear piece and no curvature beyond it, the shape is all but exact."""
     pushed = scene(gravity=(0.0, 0.0), loads=[force(0.23, (0.0, 0.5))])
     chosen = choose_fidelity(pushed, 1e-4)
     assert chosen.best.choice.aligned
     assert np.any(np.isclose(np.cumsum(chosen.best.choice.lengths), 0.23))
-
-
-@pytest.mark.deep
-def test_what_is_fixed_stays():
-    fixed = scene(time={"duration": 1.0, "step": 0.01})
-    fixed = fixed.model_copy(update={"fidelity": fixed.fidelity.model_copy(update={"family": "arc"})})
-    chosen = choose_fidelity(fixed, 1e-2)
-    assert chosen.best.choice.family == "arc"
-    assert chosen.scene.fidelity.family == "arc"
-    assert chosen.best.choice.elements > choose_fidelity(scene(), 1e-2).best.choice.elements
 
 
 @pytest.mark.parametrize("elements", [5, (0.1, 0.2, 0.3)])
@@ -140,22 +115,6 @@ def test_the_peak_of_a_short_load_is_a_load_case():
         names = [case.name for case in load_cases(posed)]
         assert f"t = {times[peak]:g} s" in names
         assert len(names) <= 12
-
-
-@pytest.mark.deep
-def test_many_contacts_get_an_element_each():
-    contacts = [0.6 * (k + 1) / 21 for k in range(20)]
-    chosen = choose_fidelity(scene(contacts=contacts), 1e-2)
-    assert chosen.best.choice.elements == 21
-
-
-@pytest.mark.deep
-def test_two_frequencies_cost_more_than_one():
-    moving = scene(time={"duration": 1.0, "step": 0.01})
-    both = moving.model_copy(update={"fidelity": moving.fidelity.model_copy(update={"frequencies": 2})})
-    one, two = choose_fidelity(moving, 1e-2), choose_fidelity(both, 1e-2)
-    assert two.best.frequencies[1] <= 1e-2 < one.best.frequencies[1]
-    assert two.best.cost > one.best.cost
 
 
 @pytest.mark.deep
@@ -216,30 +175,6 @@ def test_a_choice_is_reported_where_none_was_made():
             choose_fidelity(scene(), wrong)
     with pytest.raises(ValueError, match=r"initial\.q: .* give a pose, or fidelity\.family and elements"):
         scene(initial={"q": [0.1, 0.1]}, tolerance=1e-2)
-
-
-@pytest.mark.deep
-def test_statics_and_modes_take_a_tolerance():
-    found = cg.equilibrium(scene(1e-3))
-    assert found.tip == pytest.approx(solve_elastica(scene()).tip, abs=0.6 * 1e-3)
-    assert cg.modes(scene(1e-3, time={"duration": 1.0, "step": 0.01})).frequencies_hz[0] > 0.0
-
-
-@pytest.mark.deep
-@pytest.mark.usefixtures("own_cache")
-def test_the_command_line_says_what_was_chosen(tmp_path):
-    changes = ["--set", "fidelity.tolerance=0.5 %", "--set", "time.duration=0.1", "--no-pictures"]
-    result = CliRunner().invoke(app, ["simulate", str(HANGING_FINGER), "--out", str(tmp_path / "run"), *changes])
-    assert result.exit_code == 0
-    assert result.stdout.startswith("fidelity: ")
-    assert "tolerance of 0.005" in result.stdout
-    meta = json.loads((tmp_path / "run/meta.json").read_text())
-    assert meta["config"]["fidelity"]["family"] is not None
-    valid = CliRunner().invoke(app, ["validate", str(HANGING_FINGER), "--set", "fidelity.tolerance=0.5 %"])
-    assert valid.exit_code == 0
-    refused = CliRunner().invoke(app, ["validate", str(HANGING_FINGER), "--set", "fidelity.tolerance=-1 %"])
-    assert refused.exit_code == 2
-    assert "fidelity.tolerance: out of range" in refused.output
 
 
 @pytest.mark.parametrize(("share", "chosen"), [(0.999, 2), (1.001, 3)])

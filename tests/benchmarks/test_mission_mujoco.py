@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
-from benchmarks.mission_mujoco import STEP, Peer, scene_of_plant, with_pads
+from benchmarks.mission_mujoco import scene_of_plant, with_pads
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
@@ -67,20 +66,3 @@ def test_a_block_lies_with_its_corners_where_its_outline_has_them():
             spread = size[0] if geom.get("type") == "cylinder" else np.abs(n @ [[c, -s], [s, c]]) @ size[:2]
             reach.append(at[:2] @ n + spread)
         assert max(reach) == pytest.approx(max(part.support(direction - angle) for part in body.parts), abs=1e-9)
-
-
-@pytest.mark.skipif("CONTINUUM_GRASP_PEERS_PYTHON" not in os.environ, reason="needs an interpreter that has MuJoCo")
-def test_a_mug_rests_on_the_table_and_falls_without_it(plant):
-    of, _, text = plant
-    weight, peer = 0.33 * 9.81, Peer()
-    calm = {"u": of.rest.tolist(), "wrench": [[0.0] * 3] * 2}
-    peer.ask(xml=text, table={"weight": weight, "friction": 0.3, "friction_radius": 0.0, "stiffness": 2000.0})
-    for _ in range(20):
-        found = peer.ask(period=0.01, height=[0.0, 0.0], **calm)
-    assert found["pose"][3] == pytest.approx(-weight / 2000.0, rel=1e-3)
-    before = found["pose"][3]
-    fallen = peer.ask(period=0.05, height=[-1.0, -1.0], **calm)["pose"][3] - before
-    # Semi-implicit steps fall by half a step more.
-    assert fallen == pytest.approx(-0.5 * 9.81 * 0.05 * (0.05 + STEP), rel=1e-3)
-    assert np.allclose(list(found["pads"].values())[:2], 0.0, atol=0.05)
-    peer.close()

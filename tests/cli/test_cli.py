@@ -106,13 +106,6 @@ def test_bad_input_exits_with_2_and_says_why(arguments, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_error_names_place_once():
-    result = run("simulate", RELEASE, "--set", "time.step=x")
-    assert result.stderr == (
-        "error: --set time.step=x: time.step: wrong type: expected a time [s] such as 0.005 or 5 ms, got text 'x'\n"
-    )
-
-
 def test_validate_reports_every_file(tmp_path):
     bad = tmp_path / "bad.yaml"
     bad.write_text("schema_version: 1\n")
@@ -124,39 +117,6 @@ def test_validate_reports_every_file(tmp_path):
     found = json.loads(run("validate", "--json", RELEASE, str(bad)).stdout)["files"]
     assert [one["valid"] for one in found] == [True, False]
     assert run("validate", "--quiet", RELEASE).output == ""
-
-
-INVALID = {
-    "parameter": (
-        ["parameters=[gravity, tip_mas]"],
-        "parameters[1]: unknown parameter 'tip_mas'; did you mean tip_mass?",
-    ),
-    "repeated parameter": (["parameters=[gravity, gravity]"], "parameters[1]: parameter 'gravity' is repeated"),
-    "state": (["initial={q: [0.1]}"], "initial.q: q has 1 entries, the matched_clothoid model has 2: kappa_0"),
-    "rates": (["initial={q: [0.1], qd: [0]}", "fidelity={elements: 3}"], "initial.q: q has 1 entries"),
-    "lengths that are arguments": (
-        ["finger.rest_curvature={breaks: [0.1], values: [0, 1]}", "parameters=[tip_mass, element_lengths]"],
-        "parameters[1]: a piecewise rest curvature needs",
-    ),
-    "elements": (
-        ["contacts=[0.3]", "fidelity={elements: 1}"],
-        "fidelity.elements: 1 contacts need at least 2 elements",
-    ),
-    "load": (["loads=[{kind: moment, at: 0.7, moment: 0}]"], "loads[0].at: 0.7 m is beyond"),
-}
-
-
-@pytest.mark.parametrize("name", INVALID)
-def test_validate_knows_what_a_model_can_be(name):
-    changes, words = INVALID[name]
-    result = run("validate", RELEASE, *(word for change in changes for word in ("--set", change)))
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    (line,) = result.stderr.splitlines()
-    key = words.split(":")[0]
-    assert line.startswith("--set ")
-    assert f": {words}" in line
-    assert f"--set {key.split('[')[0].split('.')[0]}" in line
 
 
 def test_validate_names_the_line_of_what_a_model_cannot_be(tmp_path):

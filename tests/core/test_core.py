@@ -120,33 +120,6 @@ def test_every_function_batches(name):
             assert relative_error(row[k], value) <= 1e-12
 
 
-def test_any_input_may_be_one_row_for_all():
-    model, compiled, at = full("arc")
-    x, u, w, p = at.x, at.u, at.w, np.array(model.p_nominal)
-    expected = compiled.forward_dynamics(x, u, w, p)
-    for which in range(4):
-        rows = [np.tile(v, (9, 1)) if k == which else v for k, v in enumerate((x, u, w, p))]
-        assert compiled.batch("forward_dynamics", *rows) == pytest.approx(np.tile(expected, (9, 1)), rel=1e-12)
-
-
-def test_rows_may_be_strided_views_and_other_types():
-    _, compiled, at = full("arc")
-    wide = np.tile(at.x, (9, 2)).astype(float)[:, : len(at.x)]
-    expected = compiled.forward_dynamics(at.x)
-    assert compiled.batch("forward_dynamics", wide)[8] == pytest.approx(expected, rel=1e-12)
-    assert compiled.batch("forward_dynamics", wide.tolist())[8] == pytest.approx(expected, rel=1e-12)
-
-
-def test_tendon_friction_batches():
-    finger = Finger(rod=ROD, tendons=Tendons(offset=0.01, max_tension=50.0, friction=0.3))
-    model = cg.FingerModel(finger, family="arc")
-    compiled, at = cg.compile(model), state(model, 1.0)
-    x = np.append(at.x, [0.5, 1.2, -0.3, -1.0])  # and friction states
-    rows = compiled.batch("forward_dynamics", np.tile(x, (5, 1)), [30.0, 4.0])
-    expected = evaluate(model.forward_dynamics, x, [30.0, 4.0], 0 * at.w, [])
-    assert rows == pytest.approx(np.tile(expected, (5, 1)), rel=1e-12)
-
-
 @pytest.mark.parametrize("name", ["statics", "inverse_dynamics", "actuation"])
 def test_the_history_of_friction_is_never_supposed(name):
     """Friction that acts in neither way is a history too, which must be stated."""
@@ -201,14 +174,6 @@ def test_a_rollout_is_the_method_written_by_hand(family, substeps):
     expected = rk4(model, x0, steps * substeps, h / substeps, u, w)[::substeps]
     assert relative_error(found, expected) <= 1e-10
     assert found[0] == pytest.approx(x0, abs=0)
-
-
-def test_constant_inputs_are_one_row():
-    model, compiled = small()
-    x0 = state(model, 0.3).x
-    one = compiled.rollout(x0, 10, 1e-3, u=[9.0, 2.0], w=[0.1, 0.2])
-    rows = compiled.rollout(x0, 10, 1e-3, u=np.tile([9.0, 2.0], (21, 1)), w=np.tile([0.1, 0.2], (21, 1)))
-    assert one == pytest.approx(rows, abs=0)
 
 
 @pytest.mark.parametrize("inputs", ["one row", "a row each", "a signal for all", "a signal each"])
@@ -308,17 +273,6 @@ def test_divergence_of_some_of_many_keeps_the_others():
         assert relative_error(states[k], single) <= 1e-11
 
 
-@pytest.mark.parametrize("method", ["rk4", "rodas"])
-def test_what_was_not_computed_is_not_a_number(method):
-    model, compiled = small()
-    x0 = np.tile(state(model, 0.3).x, (3, 1))
-    x0[1] = 1e200
-    for _ in range(3):
-        with pytest.raises(NumericalError) as caught:
-            compiled.rollout(x0, 500, 1e-4, method=method)
-        assert np.isnan(caught.value.result[1, 1:]).all()
-
-
 def test_the_implicit_method_takes_stiff_steps():
     finger = Finger(rod=ROD, damping={"material": 0.5})
     model = cg.FingerModel(finger, family="arc", elements=(0.57, 0.03), gravity=(0.0, -9.81))
@@ -392,11 +346,6 @@ def test_wrong_calls_are_explained(name):
     call, message = CALLS[name]
     with pytest.raises(InputError, match=message):
         call(small()[1], np.zeros(4))
-
-
-def test_no_such_attribute():
-    with pytest.raises(AttributeError, match="fly"):
-        _ = small()[1].fly
 
 
 def test_sections_of_a_finger_whose_lengths_are_arguments():
@@ -502,19 +451,6 @@ def test_why_there_is_no_compiler(name, monkeypatch):
     with pytest.warns(RuntimeWarning, match="virtual machine") as caught:
         cg.compile(small()[0], ())
     assert words in str(caught[0].message)
-
-
-def test_divergence_without_a_compiler(monkeypatch):
-    model, compiled = small()
-    monkeypatch.setenv("CC", "no-such-compiler")
-    monkeypatch.setattr(core, "_WARNED", {why_no_compiler()})
-    results = []
-    for c in (cg.compile(model), compiled):
-        with pytest.raises(NumericalError) as caught:
-            c.rollout(state(model, 0.3).x, 200, 0.2)
-        results.append(caught.value)
-    assert results[0].time == results[1].time
-    assert len(results[0].result) == len(results[1].result)
 
 
 @needs_compiler

@@ -11,7 +11,6 @@ import continuum_grasp as cg
 from continuum_grasp.cli.app import app
 from continuum_grasp.design import DesignResult
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene import Design
 
 WHOLE = """\
 schema_version: 1
@@ -30,12 +29,6 @@ def file(tmp_path):
     path = tmp_path / "design.yaml"
     path.write_text(WHOLE.format(scene=scene), encoding="utf-8")
     return path
-
-
-def test_units_are_read(file):
-    design = cg.load(file)
-    assert isinstance(design, Design)
-    assert design.variables["finger.tendons.offset"].max == 0.006
 
 
 @pytest.mark.parametrize(

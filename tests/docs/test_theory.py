@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
 from pathlib import Path
@@ -17,28 +16,27 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/theory.md").read_text(encoding="utf-8")
 
 HERE = {
-    1: "test_shapes_are_integrals_of_the_curvature",
-    2: "test_shapes_are_integrals_of_the_curvature",
     5: "test_stumpff_functions_obey_their_recursion_and_derivative",
     6: "test_the_table_of_an_arc",
     7: "test_the_table_of_an_arc",
     8: "test_the_table_of_an_arc",
     9: "test_the_table_of_an_arc",
     10: "test_the_table_of_an_arc",
-    15: "test_elasticity_and_damping_are_constant_matrices",
     16: "test_one_arc_in_closed_form",
     17: "test_kinetic_energy_is_a_double_sum_over_the_nodes",
-    18: "test_tendons_alone_bend_an_arc",
-    27: "test_damping_ratios_of_material_damping",
 }
 """Test of each formula in this file."""
 ELSEWHERE = {
+    1: "tests/model/test_model_truth.py::test_the_full_finger_is_exact",
+    2: "tests/model/test_model_truth.py::test_the_full_finger_is_exact",
     3: "tests/model/test_model_truth.py::test_rates_of_the_input_move_a_matched_tip",
     4: "tests/model/test_model_truth.py::test_stumpff_functions_are_exact_relative_to_their_size",
     11: "tests/model/test_model_truth.py::test_the_full_finger_is_exact",
     12: "tests/model/test_model_truth.py::test_the_full_finger_is_exact",
     13: "tests/model/test_model_structure.py::test_the_equation_of_motion_is_the_sum_of_its_terms",
     14: "tests/model/test_model_truth.py::test_the_full_finger_is_exact",
+    15: "tests/model/test_model_truth.py::test_the_full_finger_is_exact",
+    18: "tests/model/test_model_truth.py::test_tendons",
     19: "tests/model/test_model_truth.py::test_the_tendons_time_constant_is_a_critically_damped_lag",
     20: "tests/model/test_model_truth.py::test_tendon_friction_follows_the_capstan_law",
     21: "tests/model/test_model_truth.py::test_rates_of_the_input_move_a_matched_tip",
@@ -47,6 +45,7 @@ ELSEWHERE = {
     24: "tests/model/test_contact_law.py::test_friction_stays_within_the_cone",
     25: "tests/simulation/test_statics.py::test_the_path_leaves_the_straight_one_where_it_buckles",
     26: "tests/simulation/test_statics.py::test_critical_loads_are_bounded_from_above",
+    27: "tests/simulation/test_modes.py::test_material_damping_gives_its_ratio",
     28: "tests/core/test_core.py::test_methods_have_the_order_of_their_table",
     29: "tests/core/test_implicit_midpoint.py",
 }
@@ -81,34 +80,6 @@ def test_every_formula_has_a_test():
     for place in ELSEWHERE.values():
         file, _, name = place.partition("::")
         assert f"def {name}" in (ROOT / file).read_text(encoding="utf-8"), place
-
-
-@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
-def test_shapes_are_integrals_of_the_curvature(family):
-    model = finger(family, 2)
-    h, moment = 0.3, 0.2
-    q = {"arc": [0.9, -0.5], "clothoid": [3.0, -2.0, 4.0], "matched_clothoid": [3.0, -2.0]}[family]
-    if family == "arc":
-        ends = [(q[0] / h, q[0] / h), (q[1] / h, q[1] / h)]
-    else:
-        kappa = [*q[:2], moment / ROD["bending_stiffness"] if family == "matched_clothoid" else q[2]]
-        ends = [(kappa[0], kappa[1]), (kappa[1], kappa[2])]
-
-    def angle(s: np.ndarray) -> np.ndarray:
-        total = np.zeros_like(s)
-        for k, (a, b) in enumerate(ends):
-            part = np.clip(s - k * h, 0.0, h)
-            total += a * part + 0.5 * (b - a) / h * part**2
-        return total
-
-    for s in (0.1, 0.3, 0.47, 0.6):
-        # panels that end where the elements do, so that quadrature is exact to rounding
-        edges = [0.0, *([h] if s > h else []), s]
-        at = np.concatenate([a + (b - a) * NODES for a, b in itertools.pairwise(edges)])
-        weights = np.concatenate([(b - a) * WEIGHTS for a, b in itertools.pairwise(edges)])
-        expected = np.array([-np.sin(angle(at)) @ weights, np.cos(angle(at)) @ weights])
-        assert values(model.position, q, [moment], s, []) == pytest.approx(expected, abs=1e-13)
-        assert values(model.orientation, q, [moment], s, []) == pytest.approx(angle(np.array([s]))[0], abs=1e-13)
 
 
 @pytest.mark.parametrize("theta", [0.0, 1e-7, 0.6, 2.0])
@@ -154,18 +125,6 @@ def test_one_arc_in_closed_form(theta):
     assert values(model.gravity, [theta], [0.0], []) == pytest.approx(weight)
 
 
-@pytest.mark.parametrize("family", ["arc", "clothoid"])
-def test_elasticity_and_damping_are_constant_matrices(family):
-    model, h, stiffness = finger(family, 2), 0.3, ROD["bending_stiffness"]
-    if family == "arc":
-        matrix = stiffness / h * np.eye(2)
-    else:
-        matrix = stiffness * h / 6 * np.array([[2.0, 1.0, 0.0], [1.0, 4.0, 1.0], [0.0, 1.0, 2.0]])
-    q = np.array([0.9, -0.5, 0.3])[: model.n]
-    assert values(model.elastic, q, [0.0], []) == pytest.approx(matrix @ q)
-    assert values(model.damping, 0 * q, q, [0.0], []) == pytest.approx(ETA / stiffness * matrix @ q)
-
-
 def test_kinetic_energy_is_a_double_sum_over_the_nodes():
     count, h = 4, ROD["length"]
     model = finger("clothoid", 1, accuracy=2e-3, bending_range=1.5)
@@ -185,39 +144,3 @@ def test_kinetic_energy_is_a_double_sum_over_the_nodes():
         angle, rate = q @ shape, qd @ shape
         energy = 0.5 * ROD["linear_density"] * h**3 * rate @ (kernel * np.cos(angle[:, None] - angle)) @ rate
         assert values(model.energy, [*q, *qd], [0.0], [])[0] == pytest.approx(energy, rel=1e-12)
-
-
-@pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
-def test_tendons_alone_bend_an_arc(family):
-    offset, tensions = 0.005, (12.0, 2.0)
-    scene = cg.Scene.model_validate(
-        {
-            "schema_version": 1,
-            "finger": {"rod": ROD, "tendons": {"offset": offset, "max_tension": 40.0}},
-            "gravity": (0.0, 0.0),
-            "actuation": {"tensions": list(tensions)},
-            "fidelity": {"family": family, "elements": 2},
-        }
-    )
-    curvature = offset * (tensions[0] - tensions[1]) / ROD["bending_stiffness"]
-    bend = curvature * ROD["length"]
-    expected = np.array([math.cos(bend) - 1.0, math.sin(bend)]) / curvature
-    # four nodes per element: good to 2e-3 at the ends of its range, here far better
-    assert cg.equilibrium(scene).tip == pytest.approx(expected, abs=1e-7)
-    assert expected[0] < 0.0  # tendon 1 bends towards -x
-
-
-def test_damping_ratios_of_material_damping():
-    scene = cg.Scene.model_validate(
-        {
-            "schema_version": 1,
-            "finger": {"rod": ROD, "damping": {"material": ETA}},
-            "gravity": (0.0, 0.0),
-            "fidelity": {"family": "clothoid", "elements": 3},
-        }
-    )
-    found = cg.modes(scene)
-    omega = math.tau * found.frequencies_hz
-    assert found.damping_ratios == pytest.approx(ETA * omega / (2.0 * ROD["bending_stiffness"]))
-    unit = math.sqrt(ROD["bending_stiffness"] / (ROD["linear_density"] * ROD["length"] ** 4))
-    assert omega[0] == pytest.approx(3.516 * unit, rel=1e-3)

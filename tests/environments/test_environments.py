@@ -333,15 +333,6 @@ def test_one_is_the_first_of_many():
         assert (a[1][0], a[2][0], a[3][0]) == b[1:4]
 
 
-def test_draws_differ_from_episode_to_episode():
-    env = envs()
-    seen = set()
-    for k in range(10):
-        env.reset(seed=k)
-        seen |= set(env.drawn.tolist())
-    assert len(seen) == 12
-
-
 # -- sensors ----------------------------------------------------------------------------------------------------------
 
 

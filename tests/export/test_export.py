@@ -22,7 +22,6 @@ from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.export.parts.model import moment_note
 from continuum_grasp.export.ranges import parameter_fields
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import STABLE, Subject
@@ -32,7 +31,6 @@ from continuum_grasp.scene.load import load
 from tests.export_cases import ROOT, STRICT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
 from tests.marks import but
 
-FILES = ("include/finger.h", "README.md")
 NAMES = ("friction", "contact", "tendons")
 WOUND = ("winches", "motor")
 
@@ -79,16 +77,6 @@ def test_the_header_says_it_all(packages):  # noqa: F811
     fields = re.findall(r"^  finger_real \w+(?:\[\d\])*; +/\* \[(.*?)\]", header, re.MULTILINE)
     assert len(fields) == 4 + 12 + 2 + 12 + 5 + 2  # parameters, state, input, rate, section, balance
     assert all(fields)
-
-
-def test_only_what_is_asked_for(tmp_path):
-    package = export_c(scene("arcs"), tmp_path, what=["kinematics"], prefix="arm_2")
-    text = "\n".join((tmp_path / name).read_text() for name in package.files)
-    assert "arm_2_tip" in text
-    assert "arm_2_step" not in text
-    assert "arm_2_dynamics" not in text
-    assert "finger_" not in (tmp_path / "include/arm_2.h").read_text()
-    assert "examples/loop.c" not in package.files
 
 
 @pytest.mark.parametrize("name", sorted(set(PARTS) - set(OF_LOOPS)))
@@ -196,13 +184,6 @@ def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):  # noqa:
             assert bound <= 20.0 * here or name == "friction", (call.name, field.name)
 
 
-def test_double_precision_states_no_rounding_error(packages):  # noqa: F811
-    folder = packages("tendons", "double")
-    stated = json.loads((folder / "MANIFEST.json").read_text())["functions"]
-    assert not any({"relative_error", "errors"} & set(function) for function in stated.values())
-    assert "error" not in re.search("## Functions\n\n(.*)", (folder / "README.md").read_text())[1]
-
-
 @needs("cc")
 def test_a_step_follows_the_motion_to_fourth_order(packages, tmp_path):  # noqa: F811
     finger, library = shared_library(packages("tendons", "double"), tmp_path)
@@ -221,21 +202,6 @@ def test_a_step_follows_the_motion_to_fourth_order(packages, tmp_path):  # noqa:
         errors.append(np.abs(found - solved.y[:, -1]).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.35)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.35)
-
-
-def test_header_and_readme_say_what_the_tip_moment_may_do(packages):  # noqa: F811
-    """A matched tip without rates cannot follow one that changes; a lag, or another family, can."""
-    expected = {
-        name: [" ".join((packages(name, "double") / file).read_text().split()) for file in files]
-        for name, files in (("contact", FILES), ("tendons", FILES), ("arcs", FILES))
-    }
-    for text in expected["contact"]:
-        assert "The tip moment must be the same in every step of a motion" in text
-    for text in (*expected["tendons"], *expected["arcs"]):
-        assert "must be the same in every step" not in text
-    rates = FingerModel(scene("contact"), family="matched_clothoid", input_rates=True)
-    note = moment_note(Subject.of(rates, "finger", REALS["double"], {}))
-    assert "give those of the middle of the step" in note
 
 
 @needs("cc")
@@ -463,26 +429,22 @@ def test_a_name_means_nothing_to_a_language(tmp_path):
         ({"ranges": {"tip_mass": (0.0, 1.0)}}, "no run-time parameter"),
         ({"real": "float", "error": 1e-9}, "relative error of"),
         ({"measured": True}, "no emulated board"),
+        ({"given": 17}, "given: expected a FingerModel or a Scene or .* or a path, got 17"),
+        *[
+            ({"given": scene("friction"), "ranges": {"tip_mass": values}}, message)
+            for values, message in (
+                ((0.01, 0.02), "leaves out the nominal value"),
+                ((0.02, 0.01), "a least and a greatest value"),
+                ((-0.01, 0.01), "cannot be below zero"),
+                ((0.0, float("inf")), "a least and a greatest value"),
+            )
+        ],
     ],
 )
 def test_what_cannot_be_made_is_refused(keywords, message, tmp_path):
     with pytest.raises(InputError, match=message):
-        export_c(scene("arcs"), tmp_path / "out", **keywords)
+        export_c(**{"given": scene("arcs"), "folder": tmp_path / "out", **keywords})
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("ranges", "message"),
-    [
-        ({"tip_mass": (0.01, 0.02)}, "leaves out the nominal value"),
-        ({"tip_mass": (0.02, 0.01)}, "a least and a greatest value"),
-        ({"tip_mass": (-0.01, 0.01)}, "cannot be below zero"),
-        ({"tip_mass": (0.0, float("inf"))}, "a least and a greatest value"),
-    ],
-)
-def test_ranges_that_are_none_are_refused(ranges, message, tmp_path):
-    with pytest.raises(InputError, match=message):
-        export_c(scene("friction"), tmp_path, ranges=ranges)
 
 
 @pytest.mark.parametrize(("weight", "most"), [(9.81, 20.0), (15.0, 30.0)])
@@ -516,11 +478,6 @@ def test_a_parameter_of_zero_needs_its_range(tmp_path):
     assert made["structs"]["parameters"][0]["high"] == 1e-4
 
 
-def test_something_else_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"given: expected a FingerModel or a Scene or .* or a path, got 17"):
-        export_c(17, tmp_path)
-
-
 def test_a_range_that_single_precision_cannot_hold_is_refused(tmp_path):
     """The downward recursion multiplies rounding by powers of the bend."""
     for bend, holds in ((2.0, True), (6.0, False)):
@@ -530,12 +487,3 @@ def test_a_range_that_single_precision_cannot_hold_is_refused(tmp_path):
             continue
         with pytest.raises(InputError, match=r"float gives \w+ a relative error of"):
             export_c(model, tmp_path, real="float", what=["kinematics"], error=1e-6)
-
-
-def test_a_wider_parameter_shortens_the_step():
-    """A lighter tip moves faster."""
-    model = FingerModel(scene("friction"))
-    light, heavy = (
-        Subject.of(model, "finger", REALS["double"], {"tip_mass": pair}) for pair in ((0.0, 2e-3), (2e-3, 5e-3))
-    )
-    assert light.longest_step < heavy.longest_step

@@ -65,13 +65,6 @@ def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, package
     assert all(int(cases) >= 200 for function, cases in found.items() if function in LOOP)
 
 
-@pytest.mark.parametrize("flags", ["-O0", "-O3"])
-@pytest.mark.parametrize("compiler", COMPILERS)
-def test_at_every_level(compiler, flags, packages, tmp_path):  # noqa: F811
-    (program,) = compile_programs(compiler, packages("friction", "float"), tmp_path, "main", *STRICT, flags)
-    run(program)
-
-
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(
     ("name", "real"), few([("friction", "float"), ("friction", "double"), ("observed", "float")], 2)

@@ -18,7 +18,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.control import replay
 from continuum_grasp.export.control.loop import Loop, identifiers, unit_of
-from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.scene.control import ControlScene
@@ -69,14 +68,6 @@ def reference(finger, rows):
     if finger.Real is ctypes.c_float:
         columns = [(ctypes.c_float * len(rows))(*column) for column in columns]
     return finger.Reference(*columns)
-
-
-@pytest.mark.deep
-def test_the_header_says_all(packages):  # noqa: F811
-    header = "".join(path.read_text() for path in (packages("observed", "double") / "include").iterdir())
-    assert not re.search(r"\b(casadi|rti_|ekf_|controller_\w+\(|cg_|RTI_|EKF_|CG_)", re.sub(r"/\*.*?\*/", "", header))
-    fields = re.findall(r"^  finger_real \w+(?:\[\d+\])*; +/\* \[(.*?)\]", header, re.MULTILINE)
-    assert len(fields) == 4 + 2 + 7 + 2 + 4 + 20
 
 
 @pytest.mark.deep
@@ -409,14 +400,14 @@ def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_p
 @needs("cc")
 @pytest.mark.parametrize("what", few([["estimator"], ["kinematics", "mpc"]], 1))
 def test_parts_may_be_chosen(what, tmp_path):
-    package = export_c(scene("observed"), tmp_path, what=what, prefix="arm", real="float")
+    package = export_c(scene("observed"), tmp_path, what=what, prefix="controller", real="float")
     assert package.manifest["parts"] == what
     (program,) = compile_programs("cc", tmp_path, tmp_path, "main", *STRICT, *WARNINGS, "-O1")
     assert " 0 of" in run(program)
     assert "finger_" not in "".join(path.read_text() for path in (tmp_path / "src").iterdir())
 
 
-# The rewriting of C.
+# Noise of the test vectors and names of a scene.
 
 
 def test_measurements_of_the_vectors_have_noise():
@@ -433,42 +424,6 @@ def test_names_of_a_scene_become_identifiers():
     names = ["wall 1", "wall-1", "Ünter */", "1", "", "x [*/ y]", "tip_x [m]", "rate [N m/s]", "k [1/m/s]"]
     assert identifiers(names) == ["wall_1", "wall_1_2", "nter", "_1", "unnamed", "x", "tip_x", "rate", "k"]
     assert [unit_of(name) for name in names] == ["1"] * 6 + ["m", "N m/s", "1/m/s"]
-
-
-def test_names_types_and_literals_are_those_of_the_package():
-    text = (
-        "real a = (real)1e-3; /* real rti_plan, 2.5 of rti.h */ "
-        'int rti_x(cg_bits b) { return RTI_N + b.rti_y; }\nchar *s = "real 1.5";'
-    )
-    made = renamed(text, "arm", "float")
-    assert made == (
-        "arm_real a = (arm_real)1e-3f; /* real arm_rti_plan, 2.5 of arm_memory.h */ "
-        'int arm_rti_x(arm_checks_bits b) { return ARM_RTI_N + b.arm_rti_y; }\nchar *s = "real 1.5";'
-    )
-    assert (
-        renamed("x = 1.0 + 3 + stage_step(.5e2);", "p", "double", ["stage_step"])
-        == "x = 1.0 + 3 + p_call_stage_step(.5e2);"
-    )
-    assert renamed("a.rti.u_min, 2.0f, 0x1f", "p", "float") == "a.rti.u_min, 2.0f, 0x1f"
-    # A prefix may be the name of a module.
-    made = renamed("controller_kernel_slope(controller_plan);", "controller", "float")
-    assert made == "controller_kernel_slope(controller_loop_plan);"
-
-
-def test_conditions_of_a_macro_are_settled():
-    text = "a\n#ifdef V\nb\n#if W\nc\n#else\nd\n#endif\n#else\ne\n#ifdef X\nf\n#endif\n#endif\ng\n"
-    assert without("V", text) == "a\ne\n#ifdef X\nf\n#endif\ng\n"
-    assert without("V", text.replace("#ifdef V", "#ifndef V")) == "a\nb\n#if W\nc\n#else\nd\n#endif\ng\n"
-
-
-def test_prototypes_are_separated_from_types():
-    types, functions = (
-        "typedef struct {\n  int a;\n} t;\n",
-        "/* Does. */\nint f(const t *a,\n      int b);\nvoid g(void);\n",
-    )
-    rest, declared = without_prototypes(f"{types}{functions}#define A 1\n")
-    assert rest == f"{types}#define A 1\n"
-    assert declared == functions
 
 
 @pytest.mark.deep

@@ -61,8 +61,3 @@ def test_its_c_compiles_and_runs(k, name, main, after_all_commands, tmp_path):
     flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{package / 'include'}")
     run("cc", *flags, tmp_path / "main.c", *(package / "src").glob("*.c"), "-o", tmp_path / "main")
     run(tmp_path / "main")
-
-
-def test_the_tools_of_the_tests_are_listed():
-    listed = {line for line in (ROOT / "tests/packages.txt").read_text().splitlines() if not line.startswith("#")}
-    assert {"gcc-arm-none-eabi", "qemu-system-arm", "clang", "lld", "cmake", "cppcheck"} <= listed

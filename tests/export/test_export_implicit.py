@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, subject
-from continuum_grasp.export.kernel import MOST_INSTRUCTIONS, check_size
 from tests.export_cases import needs, shared_library
-from tests.simulation.test_winches import PASSIVE, SERVO, model
+from tests.simulation.test_winches import SERVO, model
+from tests.tendon_cases import PASSIVE
 
 STIFF = {"axial_stiffness": 1e5, "series_stiffness": 1e5}
 
@@ -62,9 +62,3 @@ def test_what_compilers_take_minutes_for_is_refused_first(family, elements, part
     with pytest.raises(InputError, match=r"of about \d{5,} instructions.*take fewer elements"):
         export_c(given, tmp_path, what=parts)
     assert not list(tmp_path.iterdir())
-
-
-def test_the_greatest_function_that_is_written():
-    check_size("slope", round(0.999 * MOST_INSTRUCTIONS))
-    with pytest.raises(InputError, match="slope is code without loops of about 45045 instructions"):
-        check_size("slope", round(1.001 * MOST_INSTRUCTIONS))

@@ -44,7 +44,6 @@ PLACES = {
     "tanh": (_WIDE, 5),
 }
 """Arguments of each function of one number, and the error that is stated of it, in roundings."""
-_VECTORS = np.random.default_rng(3).normal(size=(300, 2)) * 10.0 ** np.random.default_rng(4).integers(-9, 9, (300, 1))
 PAIRS = {
     "atan2": (
         np.random.default_rng(3).normal(size=(300, 2)) * 10.0 ** np.random.default_rng(4).integers(-9, 9, (300, 1)),
@@ -172,35 +171,8 @@ def test_an_operation_without_strict_c_is_refused():
         Kernel("f", ca.Function("f", [x], [ca.erf(x)], ["x"], ["y"]), "")
 
 
-def test_inputs_that_are_not_read_are_left_out():
-    x, y = ca.SX.sym("x"), ca.SX.sym("y")
-    kernel = Kernel("f", ca.Function("f", [x, y], [2 * y], ["x", "y"], ["z"]), "")
-    assert kernel.prototype("k") == "void k_kernel_f(const k_real *y, k_real *z)"
-    assert kernel.call("k", x="a", y="b", z="c") == "k_kernel_f(b, c);"
-
-
-def test_single_precision_has_no_literal_in_double():
-    """A literal without its suffix would make its expression double."""
-    import re
-
-    x = ca.SX.sym("x")
-    terms = ca.vertcat(0.1 * x, x / 3, 1e-30 * x, 12345678.9 + x, ca.fmin(x, -2), ca.exp(x))
-    text = Kernel("f", ca.Function("f", [x], [terms], ["x"], ["y"]), "").c_source("k", REALS["float"])
-    numbers = re.findall(r"(?<![\w.])\d+\.?\d*(?:e[-+]?\d+)?f?(?![\w\]])", re.sub(r"\[\d+\]", "", text))
-    assert len(numbers) >= 5
-    assert all(number.endswith("f") for number in numbers)
-
-
 def test_a_constant_beyond_single_precision_is_refused():
     x = ca.SX.sym("x")
     kernel = Kernel("f", ca.Function("f", [x], [1e-50 * x], ["x"], ["y"]), "")
     with pytest.raises(InputError, match="single precision"):
         kernel.c_source("k", REALS["float"])
-
-
-@pytest.mark.parametrize("real", REALS.values(), ids=REALS)
-def test_literals_are_the_numbers_they_say(real):
-    values = np.random.default_rng(1).normal(size=200) * 10.0 ** np.random.default_rng(2).integers(-20, 20, 200)
-    for value in values:
-        assert real.dtype(real.literal(value).strip("()f")) == real.dtype(value)
-        assert float.fromhex(real.hexadecimal(value).removesuffix("f")) == float(real.dtype(value))

@@ -154,16 +154,6 @@ def test_a_straight_chain_has_the_frequencies_of_beam_theory(name):
     assert off[0] == pytest.approx(4.0 * off[1], rel=0.3)
 
 
-def test_links_have_the_mass_of_the_rod():
-    scene = rod_scene(UNIT, tip_mass=0.3)
-    links = lump(scene.finger, 7)
-    # The first half element is clamped.
-    assert links.mass.sum() == pytest.approx(1.3 - 0.5 / 7, rel=1e-12)
-    assert links.mass @ links.center == pytest.approx(0.5 * (1.0 - (0.5 / 7) ** 2) + 0.3, rel=1e-12)
-    second = links.inertia.sum() + links.mass @ links.center**2
-    assert second == pytest.approx((1.0 - (0.5 / 7) ** 3) / 3.0 + 0.3, rel=1e-12)
-
-
 def test_a_released_chain_moves_like_the_rod():
     scene = cg.load("configs/simulate/nitinol_release_020g.yaml", {"time.duration": 0.2})
     motion = cg.simulate(scene)
@@ -231,11 +221,6 @@ def test_a_body_at_the_tip_is_part_of_the_last_link():
     assert heavy.inertia[-1] == pytest.approx(spread, rel=1e-12)
     chain = Chain(rod_scene(UNIT, "clothoid", gravity=NONE, finger={"tip_body": body}), 6)
     assert chain.chain.first_frequency == pytest.approx(chain.frequencies(np.zeros(6), 1)[0], rel=1e-6)
-
-
-def test_positive_tension_on_tendon_one_bends_towards_minus_x():
-    chain = Chain(rod_scene(UNIT, gravity=NONE, **pulled(60.0, 5.0)), 20)
-    assert chain.equilibrium().sum() == pytest.approx(55.0 * 0.02, rel=1e-9)
 
 
 def moved(scene, duration):

@@ -219,12 +219,6 @@ def test_ranges_of_objects_that_are_none_are_refused(ranges, message):
         subject_of("fixed", ranges=ranges)
 
 
-def test_contact_force_is_a_range_of_objects_alone():
-    source = source_of(scene("disc"), REALS["double"])
-    with pytest.raises(InputError, match="'contact_force' is no run-time parameter"):
-        Subject.of(source.finger, "finger", REALS["double"], {"contact_force": (0.0, 1.0)})
-
-
 @pytest.mark.deep
 @needs("gcc")
 @pytest.mark.parametrize("name", ["disc", "on_table", "fixed"])

@@ -274,11 +274,6 @@ def test_scenes_that_no_page_shows_are_refused(config, changes, message, tmp_pat
         cg.export_web(cg.load(f"configs/{config}.yaml", changes), tmp_path / "page.html")
 
 
-def test_files_of_scenes_that_no_page_shows_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"expected .* or .*\(continuum-grasp grasp\)"):
-        cg.export_web("configs/grasp/mug.yaml", tmp_path / "page.html")
-
-
 def test_without_a_compiler_it_says_what_is_missing(release, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="clang and wasm-ld"):

@@ -18,37 +18,21 @@ from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.segments import base_of, patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.simulation.initial import initial_state
-from tests.identification_cases import at_tip, coverage, slope_error
+from tests.control_cases import DRIVES
+from tests.identification_cases import at_tip, slope_error
+from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, STIFFNESS
 from tests.truth.tendon_motion import MovingFinger
 
-LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
-FINGER = {
-    "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS},
-    "damping": {"material": 3e-5},
-    "masses": [{"at": LENGTH, "mass": 0.002}],
-}
 TENDONS = {"offset": OFFSET, "max_tension": 40.0, "axial_stiffness": 1e4, "series_stiffness": 3.3e4}
 WINCHES = {"kind": "length", "time_constant": 0.02, "rate_max": 0.1, "pretension": 6.0}
-MOTOR = {
-    "kind": "motor",
-    "arrangement": "one_pulley",
-    "pretension": 3.0,
-    "winch_radius": 0.008,
-    "inertia": 2e-6,
-    "viscous_friction": 2e-4,
-    "coulomb_friction": 2e-3,
-    "presliding_angle": 0.01,
-    "torque_max": 0.25,
-    "position_gain": 2.0,
-    "rate_gain": 0.01,
-}
+MOTOR = DRIVES["servo"][0] | {"pretension": 3.0}
 TIMES = [0.0, 0.1, 0.17, 0.25]
 
 
 def driven(drive: dict, key: str, values: list, friction: float = 0.15, **keys) -> cg.Scene:
     actuation = {key: [{"times": TIMES, "values": one} for one in values] if values else [0.0, 0.0]}
     return cg.Scene(
-        finger=FINGER | {"tendons": TENDONS | {"friction": friction, "drive": drive}},
+        finger=PASSIVE | {"tendons": TENDONS | {"friction": friction, "drive": drive}},
         gravity=(0.0, 0.0),
         fidelity={"family": "arc", "elements": 2},
         actuation=actuation,
@@ -168,31 +152,12 @@ def test_a_slow_loop_of_the_chain_of_guides_gives_its_friction_and_elasticity():
     assert apart.errors[2].rms > 20.0 * fit.errors[2].rms
 
 
-@pytest.mark.deep
-def test_intervals_of_friction_and_pretension_cover_the_truth():
-    scene = driven(WINCHES, "lengths", []).changed({"fidelity.elements": 1})
-    wound = np.array([2e-3, 6e-3, 3e-3, 1e-3, 5e-3, 2e-3])
-    conditions = {"length_1": wound, "length_2": -wound}
-    data = Poses(read(("tension", 1), ("tension", 2), count=wound.size), conditions, sequence=True)
-    unknowns = read_unknowns(scene, ["tendon_friction", "drive_pretension"])
-    truth = [one.start for one in unknowns]
-    values = PosesBlock(scene, data, unknowns).predict(np.array(truth))[0].reshape(-1, 2)
-    exact = Poses(
-        [Reading("tension", values[:, 0], of=1), Reading("tension", values[:, 1], of=2)],
-        conditions,
-        sequence=True,
-    )
-    hits = coverage([PosesBlock(scene, exact, unknowns)], unknowns, truth, 0.05, 60)
-    # 95 %, three standard deviations of 60 repeats
-    assert np.all(hits >= 52)
-
-
 # -- commands that show the unknowns ----------------------------------------------------------------------------------
 
 
 def loop(drive: dict, names: list[str], measured: list[dict], **keys) -> IdentifyScene:
     return IdentifyScene(
-        finger=FINGER | {"tendons": TENDONS | {"friction": 0.15, "drive": drive}},
+        finger=PASSIVE | {"tendons": TENDONS | {"friction": 0.15, "drive": drive}},
         gravity=(0.0, 0.0),
         fidelity={"family": "arc", "elements": 1},
         estimate=[{"name": name} for name in names],
@@ -264,7 +229,7 @@ def test_simulation_and_closed_loop_read_what_was_identified(tmp_path):
     pull = {"times": TIMES, "values": [1.0, 6.0, 2.0, 5.0]}
     late = {"times": [at + 0.02 for at in TIMES], "values": pull["values"]}
     scene = cg.Scene(
-        finger=FINGER | {"tendons": tendons},
+        finger=PASSIVE | {"tendons": tendons},
         gravity=(0.0, 0.0),
         fidelity={"family": "clothoid", "elements": 1},
         actuation={"tensions": [pull, 1.0]},

@@ -12,6 +12,7 @@ from continuum_grasp.identification import Estimate, Reading, TipPath
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
+from tests.identification_cases import slope_error
 
 LENGTH, FIRST = 0.3, 12
 PLACES = (0.1, 0.2, LENGTH)
@@ -62,16 +63,7 @@ def test_derivatives_of_motions_through_stops_are_those_of_differences(path):
     unknowns = read_unknowns(scene, NAMES)
     block = PathBlock(scene, path, unknowns)
     values = np.array([1.03 * one.start for one in [*unknowns, *block.own]])
-    _, slopes = block.predict(values)
-    for k, value in enumerate(values):
-        step = 1e-5 * max(abs(value), 0.1)
-        ends = []
-        for side in (1.0, -1.0):
-            moved = values.copy()
-            moved[k] += side * step
-            ends.append(block.predict(moved)[0])
-        differences = (ends[0] - ends[1]) / (2.0 * step)
-        assert slopes[:, k] == pytest.approx(differences, abs=2e-3 * np.abs(differences).max())
+    assert slope_error(block, values, np.maximum(np.abs(values), 0.1)).max() < 2e-3
 
 
 @pytest.mark.deep

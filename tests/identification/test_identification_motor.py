@@ -7,8 +7,9 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.identification import Estimate, Fit, Reading, TipPath
-from tests.contact_cases import LENGTH, MOTOR, NOISE, OFFSET, STEP, STIFFNESS, TENDON, plant
+from tests.contact_cases import MOTOR, NOISE, STEP, TENDON, plant
 from tests.identification_cases import at_tip
+from tests.tendon_cases import OFFSET, PASSIVE, STIFFNESS
 from tests.truth.servo import ServoedChain
 
 SAMPLE, DURATION = 0.02, 3.0
@@ -38,9 +39,7 @@ def fitted(seed: int) -> tuple[Fit, dict[str, float]]:
     t, times, x, y, angle, torque = log(plant(friction, stiffness=stiffer, dry=dry), seed)
     scene = cg.Scene(
         finger={
-            "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS},
-            "damping": {"material": 3e-5},
-            "masses": [{"at": LENGTH, "mass": 0.002}],
+            **PASSIVE,
             "tendons": [{**TENDON, "offset": OFFSET, "friction": 0.1, "drive": MOTOR}],
         },
         gravity=(0.0, 0.0),

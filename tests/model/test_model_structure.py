@@ -39,27 +39,18 @@ from tests.truth import Rod, ctx, matched_tip, to_numpy
 UNIT = Finger(rod=RodValue(length=1.0, linear_density=1.0, bending_stiffness=1.0))
 
 
-def full(family: str, elements: int = 3, **options):
-    case = Case(loads=LOADS, contacts=(0.1,))
-    model = case.model(family, elements, **options)
-    return case, model, state(model, 1.3, seed=3)
-
-
 # Mechanics.
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_equation_of_motion_is_the_sum_of_its_terms(family):
-    _, model, at = full(family)
-    qdd = np.arange(1.0, model.n + 1)
+    model = Case(loads=LOADS, contacts=(0.1,)).model(family, 3)
+    at, qdd = state(model, 1.3, seed=3), np.arange(1.0, model.n + 1)
     terms = evaluate(model.mass_matrix, at.q, at.u, []) @ qdd
     terms += evaluate(model.bias, at.q, at.qd, at.u, []) + evaluate(model.gravity, at.q, at.u, [])
     terms += evaluate(model.elastic, at.q, at.u, []) + evaluate(model.damping, at.q, at.qd, at.u, [])
     terms -= evaluate(model.actuation, at.q, at.u, []) + evaluate(model.external_force, at.q, at.u, at.w, [])
     assert relative_error(evaluate(model.inverse_dynamics, at.q, at.qd, qdd, at.u, at.w, []), terms) <= 1e-12
-
-
-# Symmetries.
 
 
 # Smoothness, and what the code is made of.
@@ -148,15 +139,6 @@ def test_what_is_not_needed_is_not_in_the_code(family, name):
     before = count(EVERYTHING, family, **everything)
     after = count(EVERYTHING.model_copy(update=finger), family, **(everything | options))
     assert after < before or (name in FREE[family] and after == before)
-
-
-def test_zeros_leave_no_trace():
-    """Written out as zero or not written: the same code."""
-    zeros = Finger(
-        rod=ROD, masses=(PointMass(at=0.6, mass=0.0), PointMass(at=0.2, mass=0.0)), damping=Damping(material=0.0)
-    )
-    for family in FAMILIES:
-        assert count(zeros, family) == count(Finger(rod=ROD), family)
 
 
 def test_instruction_counts_of_two_arcs():
@@ -248,20 +230,6 @@ def test_a_parameter_at_run_time_is_the_folded_one(family, name):
     else:
         finger, value = with_value(name, SCALARS[name], finger), [SCALARS[name]]
     same_everywhere(runtime, FingerModel(finger, elements=lengths, gravity=gravity, **options), value)
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_all_parameters_at_once(family):
-    names = tuple(n for n in NAMES if not (family == "matched_clothoid" and n == "tendon_friction"))
-    runtime = FingerModel(EVERYTHING, family=family, elements=2, parameters=names)
-    assert runtime.p_nominal == [
-        v
-        for n in names
-        for v in {"gravity": [0.0, -9.81], "element_lengths": [0.3, 0.3]}.get(
-            n, [dict(zip(SCALARS, (0.8, 0.5, 3e-4, 0.01, 0.02, 0.7, 0.01, 0.0, 0.2, 0.1), strict=True)).get(n)]
-        )
-    ]
-    same_everywhere(runtime, FingerModel(EVERYTHING, family=family, elements=2), runtime.p_nominal)
 
 
 MAKES = [
@@ -445,12 +413,6 @@ def test_wrong_scenes_are_explained_with_the_key(name):
     assert caught.value.key == key
 
 
-def test_an_initial_state_is_for_the_scene_as_it_is():
-    scene = SCENE.model_copy(update={"initial": Initial(q=(0.1, 0.2)), "fidelity": Fidelity(family="arc", elements=2)})
-    assert FingerModel(scene).n == 2
-    assert FingerModel(scene, elements=3).n == 3
-
-
 def test_numbers_of_numpy_are_numbers():
     scalars = {
         "elements": np.int64(3),
@@ -461,8 +423,3 @@ def test_numbers_of_numpy_are_numbers():
     model = FingerModel(FULL, contacts=np.array([0.2, 0.4]), gravity=np.array([0, -9]), **scalars)
     assert (len(model.lengths), model.nw, model.ranges[0]) == (3, 6, 2.0)
     assert FingerModel(FULL, elements=np.array([0.2, 0.4])).lengths == (0.2, 0.4)
-
-
-def test_a_piecewise_rest_curvature_needs_fixed_lengths():
-    with pytest.raises(InputError, match="piecewise rest curvature"):
-        FingerModel(FULL, family="arc", parameters=("element_lengths",))

@@ -8,16 +8,9 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.operators import JaxOperators
 from tests.marks import optional
+from tests.operators.operator_cases import FINGER, MODEL, SCALE, start
 
 jax, jnp, test_util = optional("jax"), optional("jax.numpy"), optional("jax.test_util")
-
-FINGER = cg.Finger(
-    rod=cg.Rod(length=0.18, linear_density=0.02, bending_stiffness=0.01), damping=cg.Damping(material=1e-5)
-)
-MODEL = cg.FingerModel(FINGER, family="arc", elements=2, parameters=["bending_stiffness", "material_damping"])
-SCALE = np.array([1.0, 1.0, 1e-3, 1e-3])
-"""Rates are a thousand times the angles."""
-
 
 COSTLY_FIXTURES = ("operators",)
 
@@ -37,8 +30,7 @@ def operators():
 
 
 def given():
-    rng = np.random.default_rng(0)
-    return [jnp.array(v) for v in (0.1 * rng.normal(size=(3, 4)), 0.01 * rng.normal(size=(4, 1)), MODEL.p_nominal)]
+    return [jnp.array(value) for value in start()]
 
 
 @pytest.mark.deep

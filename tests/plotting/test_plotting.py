@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import stat
 import subprocess
 import sys
@@ -19,7 +18,7 @@ from PIL import Image
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.plotting import motion as plotting
-from continuum_grasp.plotting.drawing.axes import draw_timed, head, plane_axes, show_box
+from continuum_grasp.plotting.drawing.axes import draw_timed, head, plane_axes
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
 from continuum_grasp.simulation import Trajectory
@@ -127,12 +126,6 @@ def test_coordinates_are_drawn_with_their_names(motion: Motion) -> None:
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [r"$\theta_{1}$", r"$\theta_{2}$"]
 
 
-def test_curvatures_carry_their_unit(motion: Motion) -> None:
-    other = Motion()
-    other.n, other.x_names = 1, ("kappa_1 [1/m]",)
-    assert plotting.plot_coordinates(other).get_ylabel() == r"curvature $\kappa_{1}$ [1/m]"
-
-
 def test_energies_and_their_sum(motion: Motion) -> None:
     ax = plotting.plot_energy(motion)
     drawn = {line.get_label(): line.get_ydata() for line in ax.lines}
@@ -217,13 +210,6 @@ def test_modes_in_given_axes() -> None:
             plotting.plot_modes(some_modes(), **wrong)
 
 
-@pytest.mark.parametrize("count", [1, 2, 5, 9])
-def test_any_number_of_modes(count: int, tmp_path: Path) -> None:
-    axes = plotting.plot_modes(some_modes(count))
-    assert len(axes) == min(count, 6)
-    save_picture(axes, tmp_path / "modes.png")
-
-
 def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
     files = motion.save_pictures(tmp_path / "run")
     assert [f.name for f in files] == ["snapshots.png", "tip_path.png", "coordinates.png", "energy.png"]
@@ -234,12 +220,6 @@ def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
             gray = np.asarray(picture.convert("L"))
         assert min(gray.shape) > 300
         assert 0.005 < np.mean(gray < 250) < 0.5
-
-
-@pytest.mark.parametrize("suffix", ["pdf", "svg"])
-def test_other_formats(motion: Motion, tmp_path: Path, suffix: str) -> None:
-    file = save_picture(plotting.plot_energy(motion), tmp_path / f"energy.{suffix}")
-    assert file.stat().st_size > 1000
 
 
 def test_one_instant_and_a_run_that_ended_in_nan(tmp_path: Path) -> None:
@@ -337,12 +317,6 @@ def test_mp4_gives_ffmpeg_every_frame(
     assert path.stat().st_size == 11 * 3 * width * height
 
 
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
-def test_mp4(motion: Motion, tmp_path: Path) -> None:
-    content = motion.animate(tmp_path / "a.mp4", width=160).read_bytes()
-    assert content[4:8] == b"ftyp"
-
-
 GLOBAL_STATE = """
 import sys
 import continuum_grasp.plotting
@@ -388,13 +362,6 @@ def test_pictures_for_paper_are_as_wide_as_a_column(tmp_path: Path) -> None:
     for wrong in ({"format": "jpg"}, {"style": "poster"}):
         with pytest.raises(InputError, match="expected"):
             run.save_pictures(tmp_path, **wrong)
-
-
-def test_lengths_below_a_meter_are_counted_in_millimeters() -> None:
-    for size, unit, text in ((0.2, "mm", "50"), (2.0, "m", "0.05")):
-        ax = new_axes()[0]
-        assert show_box(ax, (0.0, size, 0.0, size)) == unit
-        assert ax.xaxis.get_major_formatter()(0.05) in (text, "")
 
 
 def test_a_finger_wider_than_a_line_is_drawn_as_thick_as_it_is() -> None:

@@ -18,7 +18,7 @@ from continuum_grasp.core.cache import cache_folder, library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.results import read_run, write_run
-from continuum_grasp.results.atomic import naming, replacing
+from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.record import begin_run, kind_of_run, note_part
 from continuum_grasp.sweeps.folder import write_run_file
 from tests.said import said
@@ -62,14 +62,6 @@ def test_a_new_run_removes_what_the_old_one_wrote_and_nothing_else(tmp_path):
     left = ["edited.png", "notes.txt", "own/picture.png", "replaced.png"]
     assert names(tmp_path) == sorted([*RUN, *left])
     assert read_run(tmp_path).arrays["a"][0] == 2.0
-
-
-def test_pictures_without_a_run_are_not_recorded(tmp_path):
-    draw(tmp_path, "picture.png")
-    assert names(tmp_path) == ["picture.png"]
-    save(tmp_path, 1.0)
-    save(tmp_path, 2.0)
-    assert names(tmp_path) == [*RUN[:2], "picture.png", RUN[2]]
 
 
 def test_a_run_of_another_kind_leaves_nothing_behind(tmp_path):
@@ -321,12 +313,6 @@ def test_the_files_of_a_sweep_are_whole_or_not_there(tmp_path, monkeypatch):
         if done:
             break
     assert 2 <= count < 9
-
-
-def test_errors_of_the_system_name_the_file(tmp_path):
-    with pytest.raises(OSError, match="No space") as caught, naming(tmp_path / "a.txt"):
-        raise OSError(errno.ENOSPC, "No space left on device")
-    assert caught.value.filename == str(tmp_path / "a.txt")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

@@ -99,12 +99,3 @@ def test_values_are_frozen():
         scene.name = "other"
     with pytest.raises(InputError, match="frozen"):
         del scene.finger.rod
-
-
-def test_a_version_is_for_files(tmp_path):
-    file = tmp_path / "scene.yaml"
-    file.write_text("gravity: [0, 0]\nfinger: {rod: {}}\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"scene\.yaml:1:1: schema_version: missing"):
-        cg.load(file)
-    with pytest.raises(InputError, match="GraspScene: schema_version: not one of the choices"):
-        cg.load(CONFIGS / "grasp/mug.yaml").changed({"schema_version": 2})

@@ -22,11 +22,6 @@ ANYTHING: dict[str, object] = {}
 FOLDER_OF = {**{kind: kind for kind in KINDS}, "finger": "fingers"}
 
 
-def test_there_are_configurations():
-    names = {path.stem for path in CONFIGS}
-    assert {"nitinol_60cm", "hand_finger", "tendon_step", "midpoint_contact", "hanging", "standing"} <= names
-
-
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_configuration_is_valid_and_names_its_schema(path):
     load(path)
@@ -119,17 +114,6 @@ def test_the_hand_fingers_lumped_values_are_those_of_its_comments():
     assert rod.stiffness == pytest.approx(60e9 * second_moment, rel=2e-3)
     disc_inertia = disc * (3 * radius**2 + thickness**2) / 12
     assert rod.inertia_per_length == pytest.approx(6450 * second_moment + disc_inertia / pitch, rel=1e-2)
-
-
-@pytest.mark.parametrize("grams", [0, 10, 20, 50])
-def test_releases_start_alike(grams):
-    """Held by the same net force at the tip, whatever the tip mass."""
-    scene = load(ROOT / f"configs/simulate/nitinol_release_{grams:03d}g.yaml")
-    weight = 9.81 * sum(mass.mass for mass in scene.finger.masses)
-    assert sum(mass.mass for mass in scene.finger.masses) == pytest.approx(grams * 1e-3)
-    (hold,) = scene.initial.held_by
-    assert hold.at == scene.finger.rod.length
-    assert hold.force == pytest.approx((0.0, 0.2 + weight))
 
 
 def _as_booleans(value):

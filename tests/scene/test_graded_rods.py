@@ -250,9 +250,3 @@ def test_what_is_no_rod_is_refused_at_its_place(name, tmp_path, monkeypatch):
         cg.load("scene.yaml")
     assert words in str(caught.value)
     assert caught.value.line in (6, 7, 8)
-
-
-def test_units_are_read_in_every_place():
-    rod = sections({"to": "25 cm", "diameter": ["20 mm", 0.005], "rest_curvature": "0.002 1/mm"})
-    assert rod.sections[0].diameter == (0.02, 0.005)
-    assert rod.sections[0].rest_curvature == pytest.approx(2.0)

@@ -13,7 +13,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene import Circle, GraspContacts
+from continuum_grasp.scene import GraspContacts
 
 ROD = {"length": 0.6, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}
 FINGER = cg.Finger(rod=cg.Rod(**ROD))
@@ -25,26 +25,11 @@ WRONG = {
         lambda: cg.Rod(**{**ROD, "length": "0.6"}),
         "Rod: length: wrong type: expected a length [m] such as 0.012 or 12 mm, got text '0.6' (write",
     ),
-    "negative": (
-        lambda: cg.Rod(**{**ROD, "length": -1.0}),
-        "Rod: length: out of range: expected a number greater than 0",
-    ),
-    "tiny": (
-        lambda: cg.Rod(**{**ROD, "length": 1e-300}),
-        "Rod: length: out of range: expected a number at least 1e-06",
-    ),
-    "huge": (lambda: cg.Rod(**{**ROD, "length": 1e300}), "at most 10000 (length L [m]), got 1e+300"),
     "an endless whole number": (lambda: cg.Rod(**{**ROD, "length": HUGE}), "Rod: length: "),
     "not a number": (lambda: cg.Rod(**{**ROD, "length": math.nan}), "Rod: length: not finite"),
     "misspelt": (lambda: cg.Rod(**ROD, lenght=1.0), "Rod: lenght: unknown key; did you mean 'length'?"),
     "missing": (lambda: cg.Rod(), "Rod: length: missing; expected length L [m]"),
-    "incomplete": (lambda: cg.Rod(length=0.6), "Rod: a section needs thickness and width, or diameter"),
-    "thick": (lambda: cg.Rod(**{**ROD, "diameter": 0.6}), "Rod: diameter: diameter = 0.6 m is not smaller"),
     "a nested mapping": (lambda: cg.Finger(rod={**ROD, "length": "x"}), "Finger: rod.length: wrong type"),
-    "another class": (
-        lambda: cg.Finger(rod=5),
-        "Finger: rod: wrong type: expected a mapping with keys like thickness, width",
-    ),
     "a nested value": (
         lambda: cg.Finger(rod=FINGER.rod, masses=[cg.PointMass(at=0.7, mass=0.1)]),
         "Finger: masses[0].at: 0.7 m is beyond",
@@ -53,37 +38,15 @@ WRONG = {
         lambda: cg.Finger(rod=FINGER.rod, masses=[{"at": 0.1}]),
         "Finger: masses[0].mass: missing; expected mass [kg]",
     ),
-    "strain in percent": (lambda: cg.Finger(rod=FINGER.rod, strain_limit=6.0), "Finger: strain_limit: out of range"),
     "sense of tendons": (
         lambda: cg.Tendons(offset=0.01, min_tension=2.0, max_tension=1.0),
         "Tendons: min_tension: min_tension = 2 is not below max_tension",
     ),
     "scene": (lambda: cg.Scene(**{**SCENE, "gravity": 9.81}), "Scene: gravity: wrong type: expected a list of 2"),
-    "scene of a rod": (lambda: cg.Scene(**{**SCENE, "finger": FINGER.rod}), "Scene: finger: wrong type"),
-    "load in a scene": (
-        lambda: cg.Scene(**SCENE, loads=[cg.ForceLoad(at=0.7, force=(0.0, 1.0))]),
-        "Scene: loads[0].at: 0.7 m is beyond",
-    ),
-    "kind of load": (lambda: cg.Scene(**SCENE, loads=[5]), "Scene: loads[0]"),
-    "family": (lambda: cg.Fidelity(family="arcs"), "Fidelity: family: not one of the choices"),
-    "range in degrees": (lambda: cg.Fidelity(bending_range=120.0), "Fidelity: bending_range: out of range"),
-    "accuracy": (lambda: cg.Fidelity(accuracy=1e-300), "Fidelity: accuracy: out of range"),
-    "many elements": (lambda: cg.Fidelity(elements=(0.001,) * 65), "Fidelity: elements: "),
-    "endless": (lambda: cg.Timing(duration=1e9, step=1e-6), "Timing: step: step = 1e-06 s over 1e+09 s asks for 1e+15"),
-    "rates alone": (lambda: cg.Initial(pose="rest", qd=(0.0,)), "Initial: qd: a named pose is at rest"),
-    "samples": (
-        lambda: cg.Samples(times=(0.0, 1.0), values=(1.0,)),
-        "Samples: values: values must have one entry per instant of times",
-    ),
-    "close samples": (
-        lambda: cg.Samples(times=(0.0, 1e-12), values=(1.0, 2.0)),
-        "Samples: times: times must be 1e-9 s",
-    ),
     "actuation": (
         lambda: cg.Actuation(),
         "Actuation: give exactly one of tip_moment, tensions, lengths, torques, angles and pressures",
     ),
-    "object": (lambda: Circle(shape="circle", diameter=0.0, mass=1, position=(0, 0)), "Circle: diameter: out of range"),
     "contacts": (
         lambda: GraspContacts(friction=0.5, normal_force_max=1.0, middle_range=(0.1, 0.05)),
         "GraspContacts: middle_range: middle_range must increase",
@@ -132,12 +95,6 @@ def test_the_bounds_are_within_what_the_equations_bear(family, length, stiffness
     unit = 1.0 if family == "arc" else 1.0 / length
     rate = model.forward_dynamics([0.3 * unit] * model.n + [unit] * model.n, [0.0], [0.0, 0.0], [])
     assert np.isfinite(np.array(rate)).all()
-
-
-def test_doubts_name_the_line_of_the_user():
-    with pytest.warns(UserWarning, match=r"rod.length = 600 m .* millimeters") as caught:
-        cg.Rod(**{**ROD, "length": 600.0})
-    assert caught[0].filename == __file__
 
 
 GRASPS = {

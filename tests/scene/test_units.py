@@ -13,7 +13,6 @@ import mpmath
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import BaseModel
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
@@ -27,6 +26,7 @@ from continuum_grasp.scene.value import field_docs
 from continuum_grasp.sweeps.plan import plan_of
 from tests.marks import few
 from tests.scene.test_configs import FOLDER_OF
+from tests.scene_keys import classes
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 KINDS_OF_SCENES = [sorted(CONFIGS.glob(f"{folder}/*.yaml")) for folder in sorted({*FOLDER_OF.values()} - {"sweep"})]
@@ -62,21 +62,11 @@ def test_a_decimal_unit_shifts_the_decimal_point(number: Decimal):
     assert to_si(f"{number:f} GPa", "Pa") == float(number.scaleb(9))
 
 
-def test_a_product_of_doubles_would_not_do():
-    assert to_si("12 mm", "m") == 0.012
-    assert to_si("9 mm", "m") == 0.009 != 9 * 1e-3
-
-
 @given(st.decimals(allow_nan=False, allow_infinity=False, min_value=-1000, max_value=1000, places=6))
 def test_degrees_are_rounded_once(number: Decimal):
     with mpmath.workdps(60):
         exact = mpmath.mpf(str(number)) * mpmath.pi / 180
         assert to_si(f"{number:f} deg", "rad") == float(exact)
-
-
-@pytest.mark.parametrize("degrees", [-90, 45, 90, 150, 180, 360])
-def test_turns_are_those_of_the_mathematical_library(degrees):
-    assert to_si(f"{degrees} deg", "rad") == math.radians(degrees)
 
 
 SPELLINGS = [
@@ -276,15 +266,6 @@ def test_of_a_choice_only_what_is_meant_is_reported(path, change, message):
     assert str(caught.value) == f"--set {change}: {message}"
 
 
-def test_a_wrong_unit_in_a_file_is_named_with_its_line(file):
-    with pytest.raises(InputError) as caught:
-        load(file(PLAIN.replace("-0.03]", "30 g]")))
-    assert str(caught.value) == (
-        "scene.yaml:5:28: finger.base.position[1]: wrong type: expected a length [m] such as 0.012 or 12 mm, "
-        "got text '30 g'"
-    )
-
-
 def test_samples_alone_have_no_unit():
     with pytest.raises(InputError, match=r"values\[1\]: wrong type: expected a number, got text '5 N'"):
         Samples(times=(0.0, 1.0), values=(0.0, "5 N"))
@@ -325,26 +306,8 @@ def test_a_sweep_takes_the_units_of_its_keys(file):
 
 
 # what every key says
-def models() -> list[type[BaseModel]]:
-    """All classes of configurations."""
-    found: list[type[BaseModel]] = []
-
-    def visit(kind: Any) -> None:
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            if kind not in found:
-                found.append(kind)
-                for field in kind.model_fields.values():
-                    visit(field.annotation)
-        else:
-            for part in get_args(kind):
-                visit(part)
-
-    for name in KINDS:
-        visit(model_of(name))
-    return found
-
-
-KEYS = [(model, key) for model in models() for key in model.model_fields]
+MODELS = dict.fromkeys(one for kind in KINDS for one in sorted(classes(model_of(kind)), key=lambda one: one.__name__))
+KEYS = [(model, key) for model in MODELS for key in model.model_fields]
 
 
 def units(annotation: Any, metadata: Any = (), around: frozenset[Any] = frozenset()) -> set[Any]:

@@ -9,7 +9,8 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.simulation import equilibrium_under
-from tests.simulation.test_winches import HOLDING, LENGTH, MOTOR, OFFSET, SERVO, STIFFNESS, bend, model, scene
+from tests.simulation.test_winches import HOLDING, MOTOR, SERVO, model, scene
+from tests.tendon_cases import LENGTH, OFFSET, ROD, STIFFNESS, bend
 from tests.tendon_cases import model as tension_model
 
 RADIUS = 0.008
@@ -69,10 +70,10 @@ def test_commands_that_nothing_holds_and_angles_without_bound():
     assert equilibrium_under(model(SERVO), [1e-3, -0.01], [0.0, 0.0]).commands is None
 
 
-@pytest.mark.parametrize("elements", [2, 8])
-def test_a_sheath_before_a_winch_takes_its_share(elements):
-    """It is bend (e + EI / (e EA)) + c0 T as without a sheath, where T exp(-friction sheath) reaches the finger."""
-    sheath, base, mu = 1.5, 20.0, 0.1
+@pytest.mark.parametrize(("elements", "sheath"), [(2, 0.0), (8, 0.0), (2, 1.5), (8, 1.5)])
+def test_what_a_winch_winds_up_is_the_closed_form_of_the_tension_behind_the_sheath(elements, sheath):
+    """It is bend (e + EI / (e EA)) + c0 T with or without a sheath; T exp(-friction sheath) reaches the finger."""
+    base, mu = 20.0, 0.1
     arriving = base * math.exp(-mu * sheath)
     angle = math.log(1.0 + mu * OFFSET / STIFFNESS * arriving * LENGTH) / mu
     wound = angle * (OFFSET + STIFFNESS / (OFFSET * 1e4)) + 3e-5 * base
@@ -174,8 +175,7 @@ def test_a_tendon_slides_by_its_own_elongation():
     """Wound up at v on a finger that stands still: (L - s) T' / EA at s, with T' = v / C."""
     tendon = {"offset": OFFSET, "max_tension": 60.0, "friction": 0.1, "drive": SERVO}
     cable = {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
-    rod = {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS}
-    made = cg.FingerModel(cg.Finger(rod=rod, tendons=[{**tendon, **cable}]), family="clothoid", elements=2)
+    made = cg.FingerModel(cg.Finger(rod=ROD, tendons=[{**tendon, **cable}]), family="clothoid", elements=2)
     yields, speed = 3e-5 + LENGTH / 1e4, 0.01
     x = [*np.zeros(2 * made.n), 20.0 * yields, speed, *np.zeros(4)]
     rates = np.array(made.forward_dynamics(x, [0.0], np.zeros(made.nw), [])).ravel()[-4:]

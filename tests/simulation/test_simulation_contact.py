@@ -142,17 +142,6 @@ def test_supports_bear_the_weight_that_statics_gives_them(support, expected):
     assert sum(forces.values()) == pytest.approx(0.1 * G * sum(expected.values()), rel=2e-3)
 
 
-@pytest.mark.deep
-def test_a_box_tips_over_the_end_of_an_edge():
-    """Its center of mass is beside the edge: it turns, where over the edge it would rest."""
-    shape = {"shape": "box", "width": 0.06, "height": 0.02}
-    edge = {"edge": {"type": "line", "start": [-0.1, 0.0], "end": [0.0, 0.0]}}
-    keys = {"supports": edge, "gravity": [0.0, -G]}
-    rests, tips = (body({**shape, "position": [x, 0.01]}, step=2e-3, **keys) for x in (-0.02, 0.01))
-    assert abs(rests.object_pose[-1, 2]) < 1e-3
-    assert tips.object_pose[100, 2] < -0.3
-
-
 # a finger against a fixed disc
 
 BASE = {"position": [0.0, 0.0], "angle": -math.pi / 2}
@@ -232,25 +221,6 @@ def test_stiffer_contacts_come_to_the_rigid_answer_with_order_one():
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("method", ["rodas", "reference"])
-def test_methods_agree_where_the_finger_hits_and_slides(method):
-    keys = {"friction": 0.3, "family": "matched_clothoid", "duration": 0.5}
-    explicit, other = (
-        simulate(pressing(3e3, **keys, time={"duration": 0.5, "step": 1e-3, "method": m})) for m in ("rk4", method)
-    )
-    assert explicit.contacts.normal_force.max() > 0.1
-    assert other.tip == pytest.approx(explicit.tip, abs=3e-5)
-    assert other.contacts.normal_force[-1] == pytest.approx(explicit.contacts.normal_force[-1], rel=0.02)
-
-
-def test_a_stiffer_contact_is_given_more_steps():
-    time = {"duration": 0.1, "step": 2e-3, "method": "rk4"}
-    soft, hard = (simulate(pressing(k, time=time, damping=0.0)).statistics for k in (1e3, 1e6))
-    assert hard["spectral_radius"] > 5 * soft["spectral_radius"]
-    assert hard["substeps"] > soft["substeps"]
-
-
 # a grasp
 
 
@@ -286,33 +256,7 @@ def test_a_grasp_that_was_found_holds_in_motion():
     assert np.ptp(found.object_pose[found.t > 0.35, 3]) < 2e-5
 
 
-@pytest.mark.deep
-def test_without_tension_the_same_mug_drops():
-    found = simulate(
-        load(ROOT / "configs/simulate/hold_mug.yaml", {"actuation.tensions": [1.0, 1.0], "time.duration": 0.3})
-    )
-    assert found.object_pose[-1, 3] < -0.1
-
-
 # what is stored, and what is refused
-
-
-@pytest.mark.deep
-def test_results_have_the_contacts(tmp_path):
-    found = simulate(
-        load(ROOT / "configs/simulate/swing_against_disc.yaml", {"time.duration": 0.3, "time.step": 0.002})
-    )
-    found.save(tmp_path)
-    with np.load(tmp_path / "result.npz") as saved:
-        assert saved["object_pose"].shape == (len(found.t), 3)
-        assert saved["contact_normal_force"].shape == (len(found.t), 2)
-        assert saved["contact_force"].shape == (len(found.t), 2, 2)
-        assert np.array_equal(saved["contact_gap"], found.contacts.gap)
-    names = [file.name for file in found.save_pictures(tmp_path)]
-    assert names[-1] == "contact_forces.png"
-    assert found.animate(tmp_path / "a.gif", fps=10).stat().st_size > 1000
-    touched = [kind for _, _, kind in found.loads_at(-1)]
-    assert touched == ["contact"]
 
 
 def test_a_finger_that_passes_through_between_its_stations_is_reported():
@@ -328,9 +272,3 @@ def test_statics_with_an_object_are_refused(verb):
     with pytest.raises(InputError, match="know no contact") as caught:
         verb(pressing(1e3))
     assert caught.value.key == "object"
-
-
-def test_an_initial_equilibrium_is_that_of_the_finger_alone():
-    scene = pressing(1e3, duration=0.02, initial={"pose": "equilibrium"}, gravity=[0.0, -G])
-    bare = scene.model_copy(update={"object": None, "contact_law": None})
-    assert simulate(scene).q[0] == pytest.approx(simulate(bare).q[0], abs=1e-12)

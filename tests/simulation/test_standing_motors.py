@@ -8,7 +8,8 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.simulation import equilibrium_path
-from tests.simulation.test_winches import HOLDING, LENGTH, OFFSET, STIFFNESS, bend, scene
+from tests.simulation.test_winches import HOLDING, scene
+from tests.tendon_cases import LENGTH, OFFSET, STIFFNESS, bend
 
 RADIUS = 0.008
 STEADY = {**HOLDING, "presliding_angle": 1e-3, "viscous_friction": 1e-3, "pretension": 6.0}

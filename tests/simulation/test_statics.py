@@ -247,12 +247,6 @@ def test_a_slight_force_bends_as_the_linear_beam(family, load):
     assert found.tip[1] == pytest.approx(load / 3.0, rel=max(1e-9, load**2))
 
 
-def test_hanging_needs_no_bending():
-    found = equilibrium(rod_scene(UNIT, angle=HANGING, tip_mass=3.0))
-    assert found.tip == pytest.approx([0.0, -1.0], abs=1e-14)
-    assert found.stable
-
-
 def critical_follower(family: str, elements: int, damping: float, low: float, high: float) -> float:
     finger = {"damping": {"material": damping}}
     for _ in range(8):

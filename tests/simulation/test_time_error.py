@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 
 import numpy as np
@@ -154,14 +153,6 @@ def test_levels_are_rollouts_of_longer_steps(without_compiler):  # noqa: F811
         assert states[0] == pytest.approx(core.rollout(x0[0], 7, 1e-3, u=u, w=w, substeps=2), abs=1e-14)
         longer = core.rollout(x0[0], 3, 2e-3, u=u[::4][:7], w=w[::4][:7])
         assert states[1] == pytest.approx(longer, abs=1e-14)
-
-
-def test_the_error_is_saved(tmp_path):
-    found = simulate(released("arc", 2, 1e-2))
-    found.save(tmp_path)
-    meta = json.loads((tmp_path / "meta.json").read_text())
-    assert meta["time_error"] == found.time_error
-    assert meta["config"]["time"]["tolerance"] == 1e-4
 
 
 def test_a_tolerance_may_be_in_per_cent_and_must_be_within_reach():

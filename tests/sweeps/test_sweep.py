@@ -103,18 +103,6 @@ def distance(shares):
     return max(np.abs(shares - steps[:-1]).max(), np.abs(shares - steps[1:]).max())
 
 
-def test_halton_fills_the_square_more_evenly():
-    keys = {"object.diameter": {"uniform": [0.0001, 1.0]}, "contacts.friction": {"uniform": [0.0, 1.0]}}
-
-    def unevenness(method):
-        found = sampled(1024, method, **keys)
-        counts, _, _ = np.histogram2d(*(column(found, key) for key in keys), bins=16, range=[[0, 1], [0, 1]])
-        return counts.var()
-
-    assert unevenness("random") > 3.0  # independent draws: 4
-    assert unevenness("halton") < 1.5
-
-
 def test_halton_points_are_radical_inverses_from_the_second_on_shifted_alike():
     """In bases 2 and 3; the first would be the corner 0."""
     keys = {"object.diameter": {"uniform": [0.25, 1.25]}, "contacts.friction": {"uniform": [0.0, 1.0]}}

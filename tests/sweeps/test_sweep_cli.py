@@ -112,13 +112,6 @@ def test_bad_input(arguments, words, swept):
     assert words in found.stderr
 
 
-def test_plots_of_nothing(tmp_path, swept):
-    config, _, _ = swept
-    found = run(config, "--out", tmp_path, "--plot-only")
-    assert found.exit_code == 2
-    assert "no sweep in this folder" in found.stderr
-
-
 def test_a_sweep_without_any_grasp_warns(tmp_path):
     config = tmp_path / "none.yaml"
     config.write_text(

@@ -84,16 +84,6 @@ def test_a_scene_that_ends_its_worker_is_a_row(tmp_path):
     assert list(table["status"]) == ["optimal", "optimal", "crashed", "optimal"]
 
 
-def test_no_scheduler_answers(tmp_path):
-    from continuum_grasp.sweeps.worker import dask_pool
-
-    with (
-        pytest.raises(InputError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"),
-        dask_pool("tcp://127.0.0.1:9", 0.5),
-    ):
-        pass
-
-
 @pytest.mark.parametrize("address", ["127.0.0.1:abc", "carrier-pigeon://here", ""])
 def test_an_address_that_is_none(address, tmp_path):
     with pytest.raises(InputError, match="no Dask scheduler answers"):

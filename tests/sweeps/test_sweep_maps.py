@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -147,16 +146,3 @@ def test_what_is_in_the_pictures(tmp_path):
     assert shown.max() == pytest.approx(4.0)  # 0.4 kg at a friction of 0.1
     ax = plot_front(front_of(table, "tension_max", "object.mass", y_best="greatest"))
     assert ax.get_legend().get_texts()[1].get_text() == "front: 2 of 20; least x and greatest y are best"
-
-
-def test_pictures_without_any_grasp(tmp_path):
-    table = swept(tmp_path, vary={"object.mass": {"values": [STUCK]}, "contacts.friction": {"values": [0.3]}})
-    assert plot_map(map_of(table, "object.mass", "contacts.friction", "tension_max")) is not None
-    assert plot_front(front_of(table, "tension_max", "object.mass")) is not None
-
-
-def test_shipped_sweeps_ask_for_pictures():
-    from continuum_grasp.scene.load import load
-
-    for path in (Path(__file__).parents[2] / "configs" / "sweep").glob("*.yaml"):
-        assert load(path).maps
