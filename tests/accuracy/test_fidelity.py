@@ -81,6 +81,15 @@ def test_nothing_cheaper_would_have_done(seed):
     assert cheaper(choose_fidelity(random_scene(seed), 5e-3)) == ""
 
 
+@pytest.mark.deep
+def test_a_tighter_tolerance_costs_more():
+    costs = [
+        choose_fidelity(scene(time={"duration": 1.0, "step": 0.01}), t).best.cost for t in (5e-2, 1e-2, 1e-3, 1e-4)
+    ]
+    assert costs == sorted(costs)
+    assert len(set(costs)) == len(costs)
+
+
 def test_elements_end_where_the_finger_is_loaded():
     """With its boundary at the force, one linear piece and no curvature beyond it, the shape is all but exact."""
     pushed = scene(gravity=(0.0, 0.0), loads=[force(0.23, (0.0, 0.5))])

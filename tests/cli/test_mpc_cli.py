@@ -14,6 +14,9 @@ from continuum_grasp.cli import app
 from continuum_grasp.results import read_run
 
 ROOT = Path(__file__).parents[2]
+
+
+STEADY = str(ROOT / "configs/mpc/steady_tip.yaml")
 SMALL = {
     "schema_version": 1,
     "name": "small",
@@ -95,6 +98,12 @@ def test_a_table_is_printed(config, tmp_path):
     assert not list(tmp_path.glob("*.png"))
 
 
+def test_an_option_that_is_gone_says_what_to_write(config):
+    result = run(config, "--compare")
+    assert result.exit_code == 2
+    assert "controller.sqp_iterations=20" in result.stderr
+
+
 @pytest.mark.parametrize(("outcome", "code"), [("finished", 0), ("missed", 1), ("tripped", 1)])
 def test_a_loop_that_does_not_finish_at_its_setpoint_has_failed(outcome, code, config, tmp_path, monkeypatch):
     from continuum_grasp.closed_loop.result import ControlRun
@@ -120,6 +129,23 @@ def test_a_plan_that_ends_far_from_a_setpoint_which_stood_is_no_optimum(goal, co
     assert result.exit_code == code
     assert read_run(tmp_path).meta["status"] == status
     assert ("mm off a setpoint that stood" in result.output) is (code == 1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("none.yaml",), "none.yaml"),
+        ((STEADY, "--animate", "avi"), "expected gif or mp4"),
+        ((STEADY, "--set", "duration=null"), "duration"),
+        ((STEADY, "--set", "plant.stiffness=-1"), "plant.stiffness"),
+        ((str(ROOT / "configs/simulate/hanging.yaml"),), "expected a closed loop"),
+        ((STEADY, "--json", "--quiet"), "--quiet"),
+    ],
+)
+def test_bad_input_exits_with_2(arguments, said, tmp_path):
+    result = run(*arguments, "--out", tmp_path)
+    assert result.exit_code == 2
+    assert said in result.output
 
 
 def test_an_interrupted_run_is_saved(config, tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.plant import Plant
@@ -384,6 +385,31 @@ def test_real_time_iterations_lose_little_against_convergence():
     scene = make()
     cost, best = run(False).metrics().cost, run_closed_loop(scene, controller=converged(scene)).metrics().cost
     assert best * 0.999 < cost < best * 1.01
+
+
+def test_convergence_is_that_of_an_independent_solver():
+    """Single shooting and sequential quadratic programming with finite differences: no better cost is found."""
+    scene = make(controller={**CONTROLLER, "horizon": {"stages": 4, "stage": 0.01}})
+    control = converged(scene)
+    s, x0 = control.stages, np.zeros(6)
+    refs = np.tile([*ON_CURVE, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0], (5, 1))
+    found = control.step(x0, refs)
+
+    def cost(flat):
+        x, total = ca.DM([*x0, 1.0, 1.0]), 0.0
+        for u, r in zip(np.reshape(flat, (4, 2)), refs, strict=False):
+            total += float(s.cost(x, u, s.p_nominal, r, s.weights)[0])
+            for _ in range(s.substeps):
+                x = s.step(x, u, s.p_nominal, s.stage / s.substeps)[0]
+        return total + float(s.terminal(x, s.p_nominal, refs[4], s.terminal_weights)[0])
+
+    rate = lambda flat: np.diff(np.vstack([[1.0, 1.0], np.reshape(flat, (4, 2))]), axis=0).ravel()  # noqa: E731
+    rows = [{"type": "ineq", "fun": lambda flat, sign=sign: 6.0 + sign * rate(flat)} for sign in (1.0, -1.0)]
+    start, within = np.full(8, 2.0), [(1.0, 60.0)] * 8
+    best = minimize(cost, start, method="SLSQP", bounds=within, constraints=rows, options={"ftol": 1e-14})
+    assert best.success
+    assert cost(found.plan.u) == pytest.approx(best.fun, rel=1e-6)
+    assert found.plan.u == pytest.approx(best.x.reshape(4, 2), abs=0.02)
 
 
 def test_the_estimator_leaves_no_offset():

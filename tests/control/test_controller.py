@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import subprocess
+from fractions import Fraction
 from functools import lru_cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.compiled import controller_source
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Anomaly, Health, Status
@@ -65,6 +67,49 @@ def test_the_tip_has_no_offset(make, error):
         plant.advance(control.step(seen[-1 - late]).u, control.period)
     assert plant.tip == pytest.approx(TARGET, abs=0.6e-3)
     assert control.step(seen[-1 - late]).estimate.p[0] == pytest.approx(-error * 0.0471 * 1.2 / 0.6, abs=2e-4)
+
+
+@pytest.mark.parametrize(("first", "later"), [(1, 1), (2, 3)])
+def test_a_command_takes_as_many_linearizations_as_are_set(first, later):
+    asked = {"start_iterations": first, "sqp_iterations": later}
+    control = Controller(swing_scene(controller=asked, **GIVEN), deadline=math.inf)
+    states = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1]])
+    iteration = RealTimeIteration(control.stages)
+    control.reset(u=[0.05])
+    u = [0.05]
+    for k, x in enumerate(states):
+        command = control.step(x, REFERENCE, applied=u)
+        whole = np.append(x, u)
+        if k:
+            iteration.shift()
+        else:
+            iteration.reset(whole, u, rollout=True)
+        for _ in range(later if k else first):
+            iteration.step(whole, REFERENCE)
+        assert command.plan.u == pytest.approx(iteration.plan[1], abs=1e-10)
+        u = command.u
+
+
+def test_a_start_is_spread_over_calls():
+    """Five iterations over three calls: one after the motion, then two and two, then one per call again."""
+    asked = {"start_iterations": 5, "start_calls": 3}
+    control = Controller(swing_scene(controller=asked, **GIVEN), deadline=math.inf)
+    states = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1], [0.0, 0.3, 0.0, 0.1]])
+    iteration = RealTimeIteration(control.stages)
+    u = [0.05]
+    for again in range(2):
+        control.reset(u=u)
+        for k, (x, count) in enumerate(zip(states, (1, 2, 2, 1), strict=True)):
+            command = control.step(x, REFERENCE, applied=u)
+            whole = np.append(x, u)
+            if k:
+                iteration.shift()
+            else:
+                iteration.reset(whole, u, rollout=True)
+            for _ in range(count):
+                iteration.step(whole, REFERENCE)
+            assert command.plan.u == pytest.approx(iteration.plan[1], abs=1e-10), (again, k)
+            u = command.u
 
 
 STATES = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1], [0.0, 0.3, 0.0, 0.1]])
@@ -157,6 +202,14 @@ def test_arithmetic_that_knows_no_nan_lets_none_through(monkeypatch):
             command = bad(control, **{name: wrong})
             assert (command.status, len(command.anomalies)) == (Status.PREVIOUS_PLAN, 1)
             assert command.u == pytest.approx(plan[1], abs=1e-8)
+
+
+def test_after_nonsense_that_looks_like_sense_it_plans_again():
+    control = given()
+    control.reset()
+    bad(control)
+    bad(control, measurement=[3.0, -3.0, 500.0, -500.0])
+    assert bad(control).status <= Status.ROW_VIOLATED
 
 
 STRICT = "-std=c99 -fsyntax-only -Werror -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow"
@@ -389,6 +442,23 @@ def test_limits_cross_those_that_were_changed_before():
         control.change(u_min=[0.2])
     control.change(u_min=[0.1])  # one command alone is left
     assert [bad(control).u[0] for _ in range(8)][-1] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "value", [10**400, -(10**5000), Fraction(10**400, 3), np.longdouble("1e4000")], ids=["int", "long", "ratio", "wide"]
+)
+def test_numbers_beyond_doubles_are_infinite(value):
+    control = given()
+    for name, usual, anomaly in (
+        ("measurement", [0.1, 0.1, 0.0, 0.0], Anomaly.ABSURD),
+        ("reference", [*TARGET, 0.0], Anomaly.BAD_SETPOINTS),
+        ("p", [0.0471], Anomaly.BAD_PARAMETERS),
+        ("applied", [0.0], Anomaly.BAD_APPLIED),
+    ):
+        control.reset()
+        bad(control)
+        assert bad(control, **{name: [*usual[:-1], value]}).anomaly == anomaly
+    assert np.isinf(numbers([value])).all()
 
 
 @pytest.mark.parametrize(

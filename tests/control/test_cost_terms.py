@@ -51,6 +51,15 @@ def test_the_orientation_is_that_of_the_backbones_end():
     assert (-math.sin(angle), math.cos(angle)) == pytest.approx(tuple(tangent), abs=1e-5)
 
 
+def test_its_gradient_is_that_of_finite_differences():
+    stages = stages_of(swing_scene(**TURNED))
+    x, u, r = np.array([0.4, 0.3, 0.5, -0.2, 0.05]), np.array([0.1]), np.zeros(stages.nr)
+    cost = lambda z: float(stages.cost(z[:-1], z[-1:], stages.p_nominal, r, stages.weights)[0])  # noqa: E731
+    z, gradient = np.append(x, u), stages.cost(x, u, stages.p_nominal, r, stages.weights)[1]
+    difference = [(cost(z + d) - cost(z - d)) / 2e-6 for d in 1e-6 * np.eye(z.size)]
+    assert np.array(gradient).ravel() == pytest.approx(difference, rel=1e-6, abs=1e-7)
+
+
 def test_the_rate_of_the_input_is_its_change_over_a_stage():
     """As what is tracked [N m/s], and per its limit as what is bounded."""
     stages = stages_of(swing_scene(**TURNED))

@@ -294,6 +294,16 @@ def test_a_search_returns_from_where_the_model_is_not_finite():
     assert rti.iterate(START).status in (0, 2)
 
 
+def test_lanes_change_nothing_but_rounding():
+    plans = []
+    for lanes in (False, True):
+        rti = shared(lanes=lanes)
+        rti.reset(START, rollout=True)
+        rti.step(START, REFS)
+        plans.append(np.r_[rti.plan[0].ravel(), rti.plan[1].ravel()])
+    np.testing.assert_allclose(*plans, atol=1e-9)
+
+
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_products_over_what_differs_from_zero_are_those_of_loops(substeps, monkeypatch):
     """Drives with lag and limited rates: many entries of the Jacobian are zero, some states are read by none."""

@@ -151,6 +151,22 @@ def test_degenerate_qps_are_solved(changes):
 
 
 @pytest.mark.parametrize("k", range(len(SIZES)))
+def test_any_state_gets_a_plan(k):
+    """From 1e-6 to 1e6 times the bounds: nothing fails, no input leaves its bounds, the plan begins at the state."""
+    rti, rng = iteration(k), np.random.default_rng(k)
+    o = rti.settings
+    for j in range(300):
+        x0 = disturb(rti, rng, spread=10.0 ** rng.uniform(-3, 0.5)) * 10 ** rng.uniform(-6, 6) ** (j % 2)
+        report = rti.feedback(x0)
+        x, u = rti.plan
+        assert report.status >= 0
+        assert np.isfinite(report.cost)
+        assert np.isfinite(x).all()
+        assert np.all((u >= o.u_min) & (u <= o.u_max))
+        np.testing.assert_allclose(x[0], x0, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("k", range(len(SIZES)))
 def test_an_answer_does_not_depend_on_those_before(k):
     """They tell which bounds to try first: those of its own solution, at once; those of another, in the end."""
     rti, rng = iteration(k), np.random.default_rng(k)
@@ -165,6 +181,26 @@ def test_an_answer_does_not_depend_on_those_before(k):
         assert again[0].cost == pytest.approx(first[0].cost, rel=1e-7)
         for one, other in zip(first[1:], again[1:], strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(one).max())
+
+
+@pytest.mark.parametrize("k", range(len(SIZES)))
+@pytest.mark.parametrize("most", [1, 2, 5, 12])
+def test_a_problem_takes_no_more_factorizations_than_are_set(k, most):
+    """Far from its solution a plan is still one: inputs within their bounds; and the status says that it is far."""
+    rti, rng = iteration(k), np.random.default_rng(k)
+    o = rti.settings
+    usual, o.iterations = o.iterations, most
+    try:
+        for _ in range(60):
+            x0 = disturb(rti, rng)
+            report = rti.feedback(x0)
+            x, u = rti.plan
+            assert report.iterations <= most
+            assert report.status in (1, 2) or report.kkt <= 100 * o.tolerance
+            assert np.all((u >= o.u_min) & (u <= o.u_max))
+            np.testing.assert_allclose(x[0], x0, rtol=1e-12, atol=1e-12)
+    finally:
+        o.iterations = usual
 
 
 @pytest.mark.parametrize("k", range(len(SIZES)))

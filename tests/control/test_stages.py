@@ -96,6 +96,19 @@ def test_order_of_a_step(method, order):
     assert np.all(np.abs(orders - order) < 0.4)
 
 
+def test_the_implicit_step_is_stable_where_the_explicit_one_is_not():
+    stages = stages_of(scene(HAND, family="clothoid", elements=3))
+    x = np.array(Prediction(scene(HAND, family="clothoid", elements=3)).at_rest([3.0] * 4, [5.0, 1.0]))
+    ends = {}
+    for method in ("rk4", "sdirk2"):
+        step, state = step_function(stages.dynamics, stages.nx, method), x
+        for _ in range(50):
+            state = np.array(step(state, stages.u_min, stages.p_nominal, 0.01)[0]).ravel()
+        ends[method] = state
+    assert not np.all(np.isfinite(ends["rk4"]))
+    assert np.abs(ends["sdirk2"][:4]).max() < 3.0
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_cost_gradient_and_rows(name):
     stages = stages_of(CASES[name])

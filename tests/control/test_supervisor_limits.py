@@ -228,6 +228,10 @@ def test_a_shape_that_nothing_shows_trips(verdict):
     assert watch.when(tripped(Trip.UNSEEN), verdict=(verdict, verdict)) == expected
 
 
+def test_a_drive_that_is_frozen_shortens_no_wait_for_the_camera():
+    assert Watch().when(tripped(Trip.UNSEEN), verdict=(Verdict.MISSING, Verdict.FROZEN)) == 5 * W
+
+
 def test_a_disturbance_at_its_limit_trips():
     watch = Watch()
     assert watch.when(tripped(Trip.IMPLAUSIBLE), implausible=1) == LONG
@@ -261,6 +265,12 @@ def test_a_reading_that_creeps_moves():
     assert _frozen_after(Watch(), [1.0 + 0.4 * STILL * k for k in range(402)], 1.0) == 401
 
 
+def test_a_reading_that_rested_before_the_command_moved_has_time_to_answer():
+    watch = Watch()
+    assert _frozen_after(watch, [1.0] * 402, 0.0) == 401  # at rest as well
+    assert _frozen_after(watch, [1.0] * 402, 1.0) == W + DELAY
+
+
 def _frozen_after(watch, readings, path) -> int:
     """Calls until the first reading is frozen, 401 if it never is, of a command that moves by so much in each."""
     watch.judge(y=(readings[0], 0.0))
@@ -273,12 +283,95 @@ def _frozen_after(watch, readings, path) -> int:
     return 401
 
 
+def test_which_readings_are_compared():
+    """None before the first one; one whose change may be zero at most; the first of two that are frozen is reported."""
+    watch = Watch(calls=0)
+    watch.judge(y=(0.0, 0.0))
+    assert watch.state.still[0] == 0
+    for still, entry in ((0.0, 0), (-1.0, -1)):
+        watch = Watch(path=(1.0, 1.0))
+        watch.settings.still = TWO(still, still)
+        reports = []
+        for _ in range(W + DELAY + 1):
+            watch.put(path=(1.0, 1.0))
+            reports.append(watch.judge(y=(1.0, 1.0)))
+        assert reports[-1].entry == entry
+
+
+def test_the_path_of_a_command_counts_for_what_it_moves():
+    watch = Watch()
+    watch.note(0.0, -0.01 * CHANGE[1])
+    assert list(watch.state.path) == pytest.approx([0.01, 0.0])
+    watch.note(0.005 * CHANGE[0], 0.0)
+    assert list(watch.state.path) == pytest.approx([0.015, 0.005])
+    assert watch.state.activity == pytest.approx((0.01**2 / 2 * (1 - 1 / W) + 0.005**2 / 2) / W)
+    for path, expected in ((0.02 * 0.999, 1.02 - 0.00002), (0.02, 1.02), (0.02 * 1.001, 0.02002)):
+        watch.put(path=(path, 0.0))
+        watch.note(CHANGE[0], 0.0)
+        assert watch.state.path[0] == pytest.approx(expected)
+
+
+def test_means_are_over_windows():
+    """A window of innovations and motions, five of echoes, half a window of readings; none before the delay."""
+    watch = Watch()
+    watch.judge(nis=(2.0, 4.0), echo=(0.5, 1.0), y=(3.0, 0.0))
+    state = watch.state
+    assert list(state.mismatch) == pytest.approx([2.0 / W, 4.0 / W, 0.0])
+    assert list(state.echo) == pytest.approx([0.5 / (5 * W), 1.0 / (5 * W)])
+    assert state.usual[0] == pytest.approx(2.0 * 3.0 / W)
+    watch = Watch(mismatch=(1.0, 1.0, 0.0))
+    assert watch.judge(nis=(0.0, 0.0)).sensor == 0  # of two alike the first
+    assert list(watch.state.mismatch[:2]) == pytest.approx([1.0 - 1.0 / W] * 2)
+    for calls, expected in ((DELAY - 1, 0.0), (DELAY, 2.0 / W)):
+        watch = Watch(calls=calls)
+        watch.judge(nis=(2.0, -1.0))
+        assert watch.state.mismatch[0] == pytest.approx(expected)
+    watch = Watch(calls=0)
+    watch.judge(y=(3.0, 0.0))
+    assert watch.state.usual[0] == 3.0
+
+
 def moving(watch, caused, moved, calls=1):
     """Calls with a motion that drives cause and that of the reading, both about slow means, in standard deviations."""
     for _ in range(calls):
         watch.put(usual=(-moved * NOISE[0] / (1.0 - 2.0 / W), 0.0))
         report = watch.judge(y=(0.0, 0.0), expected=(caused * NOISE[0], 0.0))
     return report
+
+
+def evidence(caused, common, lasting, most=0.0):
+    """Log-likelihood of white noise over noise with a known part, whose square in it is 0.3 of what drives cause."""
+    part = max(0.3 * caused**2, most * (1.0 - 1.0 / W))
+    return (0.15 * caused**2 - abs(common) - lasting) * part / (1.0 + part) ** 2
+
+
+@pytest.mark.parametrize(
+    ("caused", "moved", "state"),
+    [
+        (2.0, 0.0, {}),
+        (2.0, 0.6, {}),
+        (2.0, 0.6, {"before": 1.0}),  # what lasts from one reading to the next is no noise
+        (2.0, 0.6, {"before": -1.0}),
+        (2.0, 0.0, {"common": 1.0}),
+        (2.0, 0.0, {"common": -1.0}),  # nor what is in step with the drives, against them where they are late
+        (2.0, 0.0, {"caused": 300.0}),  # after a great motion
+        (10.0, 0.0, {"before": -2.0}),
+        (3.0, 3.0, {"before": 3.0}),
+    ],
+)
+def test_evidence_of_an_old_image_by_call(caused, moved, state):
+    watch = Watch(silent=(5.0, 0.0), together=(6.0, 0.0), **{name: (value, 0.0) for name, value in state.items()})
+    common = state.get("common", 0.0) * (1.0 - 1.0 / W) + caused * moved / W
+    more = min(max(evidence(caused, common, state.get("before", 0.0) * moved, state.get("caused", 0.0)), -1.0), 1.0)
+    moving(watch, caused, moved)
+    assert watch.state.silent[0] == pytest.approx(5.0 + more, abs=1e-12)
+    assert watch.state.together[0] == pytest.approx(6.0 + more, abs=1e-12)
+    assert watch.state.before[0] == pytest.approx(moved)
+    assert watch.state.common[0] == pytest.approx(common)
+    assert watch.state.caused[0] == pytest.approx(max(0.3 * caused**2, state.get("caused", 0.0) * (1.0 - 1.0 / W)))
+    watch.settings.noise = TWO(-1.0, 0.1)  # below zero: not compared
+    moving(watch, caused, moved)
+    assert watch.state.silent[0] == pytest.approx(5.0 + more, abs=1e-12)
 
 
 @pytest.mark.parametrize(("start", "trip"), [(0.999, False), (1.001, True)])
@@ -295,6 +388,24 @@ def test_an_old_image_trips_by_a_reading_and_by_all_of_a_device(kind, start, tri
     assert (watch.state.silent[0], watch.state.together[0]) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize(("caused", "more"), [(2.999, False), (3.001, True)])
+def test_what_friction_may_hold_is_no_evidence(caused, more):
+    watch = Watch()
+    watch.settings.hidden = TWO(9.0, 0.0)
+    moving(watch, caused, 0.0, 20)
+    assert (watch.state.silent[0] > 0.0) == more
+
+
+def test_a_reading_that_moves_does_not_hide_one_that_is_old():
+    watch = Watch()
+    watch.settings.sensor, watch.settings.cause = INTS(0, 0), INTS(-1, -1)
+    for _ in range(60):
+        watch.put(usual=(0.0, -10.0 * NOISE[1] / (1.0 - 2.0 / W)))
+        report = watch.judge(y=(0.0, 0.0), expected=(10.0 * NOISE[0], 10.0 * NOISE[1]))
+    assert report.reason == Trip.UNANSWERED
+    assert (watch.state.silent[1], watch.state.together[0]) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("off", "expected"), [(0.2, 1.0), (-0.2, 1.0), (0.999 * 0.2 * 30**0.5, 30 * 0.999**2), (2.0, 30.0), (-1.0, 25.0)]
 )
@@ -305,6 +416,32 @@ def test_the_time_between_calls_is_a_sensor(off, expected):
     assert report.sensor == 2
 
 
+@pytest.mark.parametrize(
+    ("state", "since", "below", "above"),
+    [
+        # Half a window since the last raise; five windows for an echo, but for the first raise.
+        ({"mismatch": (20.0, 0.0, 0.0), "activity": 1.0, **RAISED}, W // 2 - 1, 1, 2),
+        ({"echo": (0.0, 1.0), "late": LONG, **RAISED}, 5 * W - 1, 1, 2),
+        ({"echo": (0.0, 1.0), "late": LONG, **RAISED}, 5 * W - 2, 1, 1),
+        ({"echo": (0.0, 1.0), "late": LONG}, W // 2 - 1, 0, 1),
+        ({"echo": (0.0, 1.0), "late": LONG}, W // 2 - 2, 0, 0),
+    ],
+)
+def test_a_raise_waits_for_the_last_one(state, since, below, above):
+    watch = Watch(**state)
+    watch.put(since=since - 1 if below != above else since)
+    assert watch.judge().rung == below
+    watch.put(since=since, **{key: state[key] for key in ("mismatch", "echo") if key in state})
+    assert watch.judge().rung == above
+    assert watch.state.raises == above
+
+
+def test_there_are_as_many_raises_as_the_settings_say():
+    watch = Watch(mismatch=(20.0, 0.0, 0.0), activity=1.0)
+    assert [watch.judge().rung for _ in range(W + 2)] == [1] * (W // 2) + [2] * (W // 2 + 2)
+    assert watch.state.since == W // 2 + 1
+
+
 @pytest.mark.parametrize(("raises", "windows"), [(0, 5), (1, 5), (2, 10), (3, 20), (8, 640), (9, 640), (12, 640)])
 def test_calm_takes_twice_as_long_after_each_raise(raises, windows):
     watch = Watch(rung=2, raises=raises)
@@ -312,6 +449,19 @@ def test_calm_takes_twice_as_long_after_each_raise(raises, windows):
     assert watch.state.raises == raises
     assert (watch.state.calm, watch.state.since) == (0, 0)
     assert Watch(raises=raises).when(lambda r: r.rung, most=windows * W) == windows * W + 1
+
+
+def test_raises_are_counted_up_to_nine():
+    for raises, expected in ((7, 8), (8, 9), (9, 9)):
+        watch = Watch(mismatch=(20.0, 0.0, 0.0), activity=1.0, raises=raises)
+        watch.judge()
+        assert watch.state.raises == expected
+
+
+@pytest.mark.parametrize(("since", "expected"), [(LONG - 2, LONG + 1), (LONG - 1, LONG)])
+def test_a_loop_has_time_to_become_calm(since, expected):
+    watch = Watch(mismatch=(5.0, 0.0, 0.0), activity=1.0, rung=2, raises=2, since=since)
+    assert watch.when(tripped(Trip.SWINGING)) == expected
 
 
 TRIPPED = {"tripped": Trip.AWAY, "trips": 1}
@@ -341,6 +491,16 @@ def test_a_trip_is_left_where_all_is_well(state, left):
         assert (after.tripped, after.rung, after.since_rearmed, after.away, after.silent[0]) == (0, 2, 0, 0, 0.0)
         assert after.together[0] == 0.0
         assert (after.swinging, after.implausible, after.since) == (0, 0, 0)
+
+
+def test_time_since_a_trip_was_left_is_counted_to_its_end():
+    watch = Watch(since_rearmed=150 * W - 1)
+    watch.judge()
+    watch.judge()
+    assert watch.state.since_rearmed == 150 * W
+    watch = Watch(since_rearmed=7, **TRIPPED)
+    watch.judge()
+    assert watch.state.since_rearmed == 7
 
 
 def test_the_first_trip_stays():

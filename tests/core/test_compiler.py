@@ -6,6 +6,7 @@ import ctypes
 import logging
 import re
 import shutil
+import subprocess
 
 import casadi as ca
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 from continuum_grasp.core import cache, compiler
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, longest_function, translation_units
-from continuum_grasp.core.source import externals_source, generated
+from continuum_grasp.core.source import batch_source, externals_source, generated, rollout_source
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -78,6 +79,29 @@ def test_each_function_has_the_level_of_its_own_length(command, levels, monkeypa
     x = np.array([0.4, -0.7])
     for name, length in (("brief", 20), ("long_one", 400), ("after", 30)):
         assert called(library, name, x) == pytest.approx(reference(x, length), rel=1e-12)
+
+
+@pytest.mark.deep
+@needs_compiler
+def test_units_export_what_the_source_exports(levels, tmp_path):
+    """By the system's linker: the same names; those of vector lanes too."""
+    if shutil.which("nm") is None:
+        pytest.skip("no nm")
+    x, p, h = (ca.SX.sym(n, k) for n, k in (("x", 2), ("p", 1), ("h", 1)))
+    three = [ca.SX.sym(f"{n}{k}") for n in "uw" for k in range(3)]
+    step = ca.Function("step", [x, *three, p, h], [x + h * chain(400)(x)[0]])
+    for source in (batch_source(chain(400)), rollout_source(step)):
+        assert len(translation_units(source, 300)) == 2
+        names = []
+        for limit in (300, 10**9):
+            compiler.LONG = limit
+            code, library = tmp_path / f"code{limit}.c", tmp_path / f"code{limit}.so"
+            code.write_text(source)
+            find_compiler().build(code, library)
+            listed = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True)
+            names.append([line.split()[2] for line in listed.stdout.splitlines()])
+        assert names[0] == names[1]
+        assert len(names[0]) > 0
 
 
 def test_source_without_long_functions_stays_one_unit():

@@ -120,6 +120,23 @@ def test_every_function_batches(name):
             assert relative_error(row[k], value) <= 1e-12
 
 
+def test_any_input_may_be_one_row_for_all():
+    model, compiled, at = full("arc")
+    x, u, w, p = at.x, at.u, at.w, np.array(model.p_nominal)
+    expected = compiled.forward_dynamics(x, u, w, p)
+    for which in range(4):
+        rows = [np.tile(v, (9, 1)) if k == which else v for k, v in enumerate((x, u, w, p))]
+        assert compiled.batch("forward_dynamics", *rows) == pytest.approx(np.tile(expected, (9, 1)), rel=1e-12)
+
+
+def test_rows_may_be_strided_views_and_other_types():
+    _, compiled, at = full("arc")
+    wide = np.tile(at.x, (9, 2)).astype(float)[:, : len(at.x)]
+    expected = compiled.forward_dynamics(at.x)
+    assert compiled.batch("forward_dynamics", wide)[8] == pytest.approx(expected, rel=1e-12)
+    assert compiled.batch("forward_dynamics", wide.tolist())[8] == pytest.approx(expected, rel=1e-12)
+
+
 @pytest.mark.parametrize("name", ["statics", "inverse_dynamics", "actuation"])
 def test_the_history_of_friction_is_never_supposed(name):
     """Friction that acts in neither way is a history too, which must be stated."""
@@ -271,6 +288,17 @@ def test_divergence_of_some_of_many_keeps_the_others():
     assert states.shape == (9, 11, model.nx)
     for k in (0, 4, 6, 8):
         assert relative_error(states[k], single) <= 1e-11
+
+
+@pytest.mark.parametrize("method", ["rk4", "rodas"])
+def test_what_was_not_computed_is_not_a_number(method):
+    model, compiled = small()
+    x0 = np.tile(state(model, 0.3).x, (3, 1))
+    x0[1] = 1e200
+    for _ in range(3):
+        with pytest.raises(NumericalError) as caught:
+            compiled.rollout(x0, 500, 1e-4, method=method)
+        assert np.isnan(caught.value.result[1, 1:]).all()
 
 
 def test_the_implicit_method_takes_stiff_steps():
@@ -451,6 +479,19 @@ def test_why_there_is_no_compiler(name, monkeypatch):
     with pytest.warns(RuntimeWarning, match="virtual machine") as caught:
         cg.compile(small()[0], ())
     assert words in str(caught[0].message)
+
+
+def test_divergence_without_a_compiler(monkeypatch):
+    model, compiled = small()
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setattr(core, "_WARNED", {why_no_compiler()})
+    results = []
+    for c in (cg.compile(model), compiled):
+        with pytest.raises(NumericalError) as caught:
+            c.rollout(state(model, 0.3).x, 200, 0.2)
+        results.append(caught.value)
+    assert results[0].time == results[1].time
+    assert len(results[0].result) == len(results[1].result)
 
 
 @needs_compiler

@@ -20,6 +20,9 @@ METHOD = "implicit_midpoint"
 START = np.array([0.5, 0.8, 0.0, 0.0])
 
 
+PERIOD = 0.5
+
+
 @lru_cache
 def undamped():
     """Two arcs with a tip mass in gravity: conservative, with a mass matrix that varies with the shape."""
@@ -65,6 +68,29 @@ def test_a_step_of_a_symplectic_method_preserves_the_symplectic_form(method):
         end = core.rollout(at, 1, h, method=method)[-1]
         moved = np.array(slope(end)) @ by_x @ np.linalg.inv(np.array(slope(at)))
         assert moved.T @ form @ moved == pytest.approx(form, abs=2e-6)
+
+
+def test_a_step_back_undoes_a_step():
+    model, core = undamped()
+    at = np.array([0.5, 0.8, 3.0, -5.0])
+    step, none = core.step_function(METHOD), [[0.0] * model.nu] * 3 + [[0.0] * model.nw] * 3 + [model.p_nominal]
+    there = step(at, *none, 4e-3)
+    assert np.array(step(there, *none, -4e-3)).ravel() == pytest.approx(at, abs=1e-8)
+
+
+def test_the_energy_stays_within_a_bound_where_that_of_rk4_drifts():
+    h, periods = 4e-3, 150
+    steps = round(periods * PERIOD / h)
+    found = {m: energy(undamped()[1].rollout(START, steps, h, method=m)) for m in (METHOD, "rk4")}
+    early, late = slice(0, steps // 5), slice(-(steps // 5), None)
+    swing = np.ptp(
+        undamped()[1].batch("energy", undamped()[1].rollout(START, 200, h), np.zeros(undamped()[0].nu), None)[1]
+    )
+    off = {m: (e - e[0]) / swing for m, e in found.items()}
+    assert np.abs(off[METHOD]).max() < 5e-3
+    assert np.abs(off[METHOD][late]).max() < 1.1 * np.abs(off[METHOD][early]).max()
+    assert abs(off[METHOD][late].mean() - off[METHOD][early].mean()) < 1e-5
+    assert off["rk4"][late].mean() < 4.0 * off["rk4"][early].mean() < 0.0
 
 
 @pytest.mark.parametrize("compiled", [True, False])

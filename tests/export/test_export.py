@@ -487,3 +487,12 @@ def test_a_range_that_single_precision_cannot_hold_is_refused(tmp_path):
             continue
         with pytest.raises(InputError, match=r"float gives \w+ a relative error of"):
             export_c(model, tmp_path, real="float", what=["kinematics"], error=1e-6)
+
+
+def test_a_wider_parameter_shortens_the_step():
+    """A lighter tip moves faster."""
+    model = FingerModel(scene("friction"))
+    light, heavy = (
+        Subject.of(model, "finger", REALS["double"], {"tip_mass": pair}) for pair in ((0.0, 2e-3), (2e-3, 5e-3))
+    )
+    assert light.longest_step < heavy.longest_step

@@ -428,6 +428,14 @@ def test_a_constant_moment_is_given_once(tmp_path):
     assert [found["tip.x"][-1], found["tip.y"][-1]] == pytest.approx(expected, abs=1e-6)
 
 
+def test_stiff_fingers_take_sub_steps(tmp_path):
+    scene = load(ROOT / "configs/simulate/winch_loop.yaml")
+    (unit,) = export_fmu(scene, tmp_path, fmi=["2"], binary=False)
+    with zipfile.ZipFile(unit.file) as archive:
+        steps = json.loads(archive.read("resources/MANIFEST.json"))["steps"]["step"]
+    assert (unit.step, steps["substeps"]) == (0.002, 12)
+
+
 # The sources.
 
 

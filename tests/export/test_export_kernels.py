@@ -171,6 +171,18 @@ def test_an_operation_without_strict_c_is_refused():
         Kernel("f", ca.Function("f", [x], [ca.erf(x)], ["x"], ["y"]), "")
 
 
+def test_single_precision_has_no_literal_in_double():
+    """A literal without its suffix would make its expression double."""
+    import re
+
+    x = ca.SX.sym("x")
+    terms = ca.vertcat(0.1 * x, x / 3, 1e-30 * x, 12345678.9 + x, ca.fmin(x, -2), ca.exp(x))
+    text = Kernel("f", ca.Function("f", [x], [terms], ["x"], ["y"]), "").c_source("k", REALS["float"])
+    numbers = re.findall(r"(?<![\w.])\d+\.?\d*(?:e[-+]?\d+)?f?(?![\w\]])", re.sub(r"\[\d+\]", "", text))
+    assert len(numbers) >= 5
+    assert all(number.endswith("f") for number in numbers)
+
+
 def test_a_constant_beyond_single_precision_is_refused():
     x = ca.SX.sym("x")
     kernel = Kernel("f", ca.Function("f", [x], [1e-50 * x], ["x"], ["y"]), "")

@@ -223,6 +223,11 @@ def test_a_body_at_the_tip_is_part_of_the_last_link():
     assert chain.chain.first_frequency == pytest.approx(chain.frequencies(np.zeros(6), 1)[0], rel=1e-6)
 
 
+def test_positive_tension_on_tendon_one_bends_towards_minus_x():
+    chain = Chain(rod_scene(UNIT, gravity=NONE, **pulled(60.0, 5.0)), 20)
+    assert chain.equilibrium().sum() == pytest.approx(55.0 * 0.02, rel=1e-9)
+
+
 def moved(scene, duration):
     """A chain of few links after some time under the controls of its scene."""
     chain = Chain(scene, 12)

@@ -67,6 +67,14 @@ target_link_libraries(whole finger::finger)
     assert not list(tmp_path.rglob("finger_test_vectors*"))
 
 
+@pytest.mark.deep
+@needs("cmake", "make", "cc")
+def test_options_by_cmake(packages, tmp_path):  # noqa: F811
+    run("cmake", "-S", packages("contact", "float"), "-B", tmp_path, "-DFINGER_FAST=ON", "-DBUILD_SHARED_LIBS=ON")
+    run("cmake", "--build", tmp_path)
+    assert "100% tests passed" in run("ctest", "--test-dir", tmp_path)
+
+
 @needs("cmake", "make", "cc")
 def test_lanes_are_for_packages_that_step(packages, tmp_path):  # noqa: F811
     line = ("cmake", "-S", packages("given", "double"), "-B", tmp_path, "-DFINGER_BATCH=ON")

@@ -199,6 +199,19 @@ def test_keys_and_sliders(opened):
 
 
 @pytest.mark.deep
+def test_the_plan_leads_from_the_finger_to_the_target(opened):
+    page = stopped(opened("steady_tip"))
+    page.evaluate("page.advance(1500)")
+    target = np.array(page.evaluate("page.world.target"))
+    first = np.array(page.evaluate("page.foresee(0)"))
+    # What the estimator knows is late and noisy by parts of a millimeter.
+    assert np.linalg.norm(first[-1] - page.evaluate("page.section(24)")) < 2e-3
+    assert np.linalg.norm(first[6] - page.evaluate("page.section(12)")) < 2e-3
+    last = page.evaluate("page.foresee(page.controller.plan[1] - 1)")[-1]
+    assert np.linalg.norm(last - target) < 2e-3
+
+
+@pytest.mark.deep
 def test_wind_out_of_reach_and_limits_are_said(opened):
     page = stopped(opened("steady_tip"))
     page.evaluate("page.advance(1500)")
@@ -280,3 +293,39 @@ def test_forces_stay_in_cones_of_the_friction_that_is_set(opened):
     assert max(shares()) <= 0.2 * 1.02
     page.click("#reset")
     assert page.evaluate("page.memory.p[page.plant.friction.parameter]") == pytest.approx(1.0)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["steady_tip", "close_on_mug"])
+def test_fifty_frames_a_second_leave_half_of_a_core(opened, name):
+    """By the time of its thread, which does not depend on what else the machine does."""
+    page = opened(name)
+    session = page.context.new_cdp_session(page)
+    session.send("Performance.enable", {"timeDomain": "threadTicks"})
+    page.evaluate("window.frames_seen = 0; (function count() { ++frames_seen; requestAnimationFrame(count); })()")
+
+    def seen():
+        found = {m["name"]: m["value"] for m in session.send("Performance.getMetrics")["metrics"]}
+        return np.array([found["TaskDuration"], page.evaluate("frames_seen")])
+
+    page.wait_for_function("page.world.time > 0.3", timeout=60000)
+    first = seen()
+    page.wait_for_timeout(1500)
+    spent, frames = seen() - first
+    assert frames > 5
+    assert spent / frames < 0.5 / 50.0
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_nothing_is_outside_of_a_narrow_page(opened, scheme):
+    page = opened("close_on_mug", viewport={"width": 420, "height": 800}, color_scheme=scheme)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 420
+    least = page.evaluate(
+        "Math.min(...[...document.querySelectorAll('p,button,label span,output,figcaption')]"
+        ".map((e) => parseFloat(getComputedStyle(e).fontSize)))"
+    )
+    assert least >= 14.0
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (paper == "rgb(20, 23, 27)") is (scheme == "dark")
+    page.wait_for_function("page.world.time > 0.2", timeout=60000)

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from grasp_scenes import finger_to, held_by_tips
 from scipy.optimize import linprog
 
-from continuum_grasp.grasp import least_normal_force_bound
+from continuum_grasp.grasp import least_normal_force_bound, optimize_grasp
 from continuum_grasp.grasp.bound import _contacts, cannot_balance
 
 G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
+
+
+def tip_at(x, y, towards, **more):
+    """A straight finger whose tip touches with its center at a point, and that points at an angle."""
+    base = (x - LENGTH * math.cos(towards), y - LENGTH * math.sin(towards))
+    return {
+        "rod": {"length": LENGTH, "linear_density": 1e-9, "bending_stiffness": 0.4},
+        "half_thickness": HALF,
+        "tendons": {"offset": 0.005, "max_tension": 200.0},
+        "base": {"position": base, "angle": math.remainder(towards - 0.5 * math.pi, math.tau)},
+        **more,
+    }
 
 
 def star(angles, **more):
@@ -181,6 +194,54 @@ def most_work(y, points, angles, com, size, friction):
     return of(normal) + friction * np.sqrt(of(1j * normal) ** 2 + lifts**2)
 
 
+def ellipse_places(width, height, count):
+    t = np.linspace(0.0, math.tau, count, endpoint=False)
+    points = 0.5 * width * np.cos(t) + 0.5j * height * np.sin(t)
+    return points, np.angle(height * np.cos(t) + 1j * width * np.sin(t))
+
+
+def rounded_box_places(width, height, radius, count):
+    points, normals = [], []
+    for k, corner in enumerate((1 + 1j, -1 + 1j, -1 - 1j, 1 - 1j)):
+        center = (0.5 * width - radius) * corner.real + 1j * (0.5 * height - radius) * corner.imag
+        turn = np.linspace(0.5 * math.pi * k, 0.5 * math.pi * (k + 1), count)
+        points.append(center + radius * np.exp(1j * turn))
+        normals.append(turn)
+    points.append(np.concatenate([np.linspace(a[-1], b[0], count) for a, b in pairwise([*points, points[0]])]))
+    normals.append(np.repeat(0.5 * math.pi * np.arange(1, 5), count))
+    return np.concatenate(points), np.concatenate(normals)
+
+
+SHAPES = [
+    ({"shape": "ellipse", "width": 0.09, "height": 0.04}, ellipse_places(0.09, 0.04, 100_000)),
+    (
+        {"shape": "box", "width": 0.08, "height": 0.05, "corner_radius": 0.01},
+        rounded_box_places(0.08, 0.05, 0.01, 9000),
+    ),
+]
+
+
+@pytest.mark.parametrize(("body", "places"), SHAPES, ids=["ellipse", "box"])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_work_of_a_contact_is_bounded_closely_from_above(body, places, seed):
+    """At any multipliers, over places within reach of a finger; the bound is rigorous only if it is never below."""
+    random = np.random.default_rng(seed)
+    com = complex(*random.uniform(-0.01, 0.01, 2))
+    away, ahead = random.uniform(0.19, 0.215), random.uniform(-math.pi, math.pi)
+    fingers = {"finger": tip_at(0.0, 0.0, 0.0, base={"position": (away * math.cos(ahead), away * math.sin(ahead))})}
+    friction = random.uniform(0.1, 1.0)
+    scene = scene_of(fingers, out(), {**body, "center_of_mass": (com.real, com.imag)}, friction)
+    (contact,) = _contacts(scene)
+    points, normals = places
+    base = away * np.exp(1j * ahead)
+    near = np.abs(points + HALF * np.exp(1j * normals) - base) <= LENGTH
+    assert 0.05 < near.mean() < 0.95
+    for used in ("110000", "001000", "000011", "000111", "111111"):
+        y = random.normal(size=6) * [float(digit) for digit in used]
+        exact = most_work(y, points[near], normals[near], com, scene.object.size, friction).max()
+        assert max(exact, 0.0) <= contact.most(y)[0] <= max(exact, 0.0) + 5e-4 * np.abs(y).sum()
+
+
 def test_the_work_of_a_contact_with_any_normal_is_exact():
     body = {"shape": "box", "width": 0.08, "height": 0.06, "free": {"angle": [-0.5, 0.5]}}
     contact = _contacts(scene_of(star([0.0]), out(), body, 0.7))[0]
@@ -234,3 +295,13 @@ def test_fingers_count_up_to_where_they_reach(finger, body, reach):
         scene = scene_of(fingers, out("ignore"), {"shape": "circle", "diameter": 2 * RADIUS, **body})
         bound = least_normal_force_bound(scene)
         assert bound == pytest.approx(0.3 * G / (2 * 0.5), rel=3e-4) if holds else bound > 10 * 0.3 * G
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("angles", [[0.0, math.pi], [0.3, 0.3 + math.pi]])
+def test_no_grasp_needs_less(angles):
+    """What the search finds is verified by code of its own, and never below the bound."""
+    result = optimize_grasp(scene_of(star(angles), out("ignore"), friction=0.8), raise_on_failure=False)
+    assert result.solved
+    greatest = max(contact.normal_force for contact in result.contacts)
+    assert greatest >= least_normal_force_bound(result.scene) * (1.0 - 1e-6)

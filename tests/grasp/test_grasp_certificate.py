@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import continuum_grasp as cg
 import continuum_grasp.grasp as grasp_package
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.check import depth_in_object, depth_in_wall, overlap
@@ -204,6 +205,19 @@ def test_balances_are_relative_to_the_forces_on_the_object_however_stiff_fingers
     assert [check.name for check in off.failed] == ["object force balance"]
     off = certify(scene, tampered(arrays, "finger.tensions", 0, 1e-4 * 4.0 * cases.LENGTH / cases.OFFSET))
     assert {check.name for check in off.failed} == {"finger equilibrium, finger", "tip moment balance, finger"}
+
+
+def test_a_bent_stiff_finger_bears_what_its_contact_gives():
+    """A pinch by fingers of 100 N m2, found by the optimizer; 1e-6 of a tension is 1e-3 of the contact's moment."""
+    scene = cg.load("configs/grasp/pinch.yaml")
+    stiff = {f"fingers.{name}.rod.bending_stiffness": 100.0 for name in ("left", "right")}
+    strong = {f"fingers.{name}.tendons.max_tension": 1e5 for name in ("left", "right")}
+    scene = scene.changed(stiff | strong | {"stability": "ignore"})
+    grasp = cg.optimize_grasp(scene)
+    assert grasp.certificate.passed
+    less = grasp.arrays["left.tensions"] * (1.0 - 1e-6)
+    failed = {check.name for check in certify(scene, {**grasp.arrays, "left.tensions": less}).failed}
+    assert failed == {"finger equilibrium, left", "tip moment balance, left"}
 
 
 @pytest.mark.parametrize("half", [0.0, 0.006])

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
-from grasp_scenes import CONFIGS, HEXAGON, UPRIGHT, WEIGHTLESS, make_scene
+from grasp_scenes import CONFIGS, HEXAGON, PLANAR, UPRIGHT, WEIGHTLESS, make_scene
+from scipy.optimize import linprog
 
-from benchmarks.grasp_images import mirrored, moved, scaled, scene_of
+from benchmarks.grasp_images import drawn, mirrored, moved, scaled, scene_of
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp import Status, optimize_grasp, solve
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.reasons.diagnosis import Repairs
+from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
 from continuum_grasp.scene.load import load
@@ -115,6 +121,66 @@ def test_a_bending_range_is_a_reason_where_it_is_given_and_widened_where_it_is_n
     assert math.pi < needed <= bends.max() * (1.0 + 1e-6)
 
 
+@pytest.mark.parametrize("given", [None, 2.0])
+def test_only_a_given_bending_range_is_ever_a_reason(monkeypatch, given):
+    """A stub finds no grasp however far elements may bend: ranges and elements of the program's own choice grow until
+    there is no verdict, while a given range is named at once.
+    """
+    scene, asked = make_scene("arc").changed({"fidelity.elements": 4, "fidelity.bending_range": given}), []
+
+    def reasons(verdict, further=False):
+        (setup,) = verdict.scene.setups
+        asked.append((setup.elements, round(setup.bending_range, 3)))
+        needed = setup.bending_range + 0.5
+        return [Reason("bending range", "fidelity.bending_range", "rad", setup.bending_range, needed, "", "")]
+
+    monkeypatch.setattr(solve.Search, "run", lambda search: None)
+    monkeypatch.setattr(solve._Verdict, "_reasons", reasons)
+    result = optimize_grasp(scene, raise_on_failure=False)
+    if given:
+        assert (result.status, asked) == (Status.INFEASIBLE, [(4, given)])
+    else:
+        assert result.status is Status.NOT_SOLVED
+        assert asked[:2] == [(4, 3.142), (4, 6.283)]
+        assert [elements for elements, _ in asked[2:]] == [8, 8, 8, 16, 16, 16, 32, 32, 32]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_both_halves_of_a_pair_are_needed(seed):
+    """Limits whose amounts z have to satisfy random rows A z >= 1, in place of grasps: a pair that is named satisfies
+    all, and neither half alone does by as much; the least sum alone may relax many.
+    """
+    random = np.random.default_rng(seed)
+    names = [limit for limit in RELAXATIONS if limit.limit is not None and limit.name != "strain"]
+    rows = random.uniform(0.1, 2.0, (6, len(names))) * (random.random((6, len(names))) < 0.6)
+    rows[:, random.integers(len(names))] = random.uniform(0.1, 2.0, 6)
+
+    def relax(limits, begin, weights=None):
+        cost = [(weights or {}).get(limit.name, 1.0) for limit in limits]
+        found = linprog(cost, -rows[:, [names.index(limit) for limit in limits]], -np.ones(6))
+        return (
+            Repair(dict(zip(limits, found.x, strict=True)), {}, SimpleNamespace(start=None)) if found.success else None
+        )
+
+    search = SimpleNamespace(budget=SimpleNamespace(over=False))
+    repairs = Repairs(make_scene(gravity=PLANAR), search)
+    repairs.relax, repairs.holds = relax, lambda *_: True
+    repairs.starts = SimpleNamespace(together=lambda limits: [None])
+    named = []
+    repairs._reason = lambda repair: named.append(repair.parts) or Reason("tension", "", "", 1.0, 2.0, "", "")
+    repairs._together()
+    found = [repair.parts for repair in repairs.found.values()]
+    assert found
+    for parts in found:
+        columns, amounts = [names.index(limit) for limit in parts], np.array(list(parts.values()))
+        assert len(parts) <= 2
+        assert (rows[:, columns] @ amounts >= 1.0 - 1e-9).all()
+    repairs.reasons()
+    assert named
+    for parts in (parts for parts in named if len(parts) > 1):
+        assert all((rows[:, names.index(limit)] * part).min() < 1.0 - 1e-9 for limit, part in parts.items())
+
+
 CLIP = """
 schema_version: 1
 finger:
@@ -137,6 +203,16 @@ supports: {palm: {type: palm, point: [0, 0], normal_angle: 0}}
 contacts: {friction: 0.6, normal_force_max: 30, middle: auto, tip: on}
 gravity: {mode: out_of_plane, magnitude: 9.81, tilt: balance}
 """
+
+
+@pytest.mark.deep
+def test_limits_that_repair_nothing_cost_few_iterations():
+    """Runs that do not end where violations stand still take 722 for the same mass."""
+    result = optimize_grasp(scene_of(drawn("one", 857), 4), raise_on_failure=False)
+    assert [(reason.name, reason.needed) for reason in result.reasons] == [
+        ("mass", pytest.approx(0.09378481, rel=1e-5))
+    ]
+    assert result.statistics["total_iterations"] < 500
 
 
 @pytest.mark.deep

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.grasp.certificate.drives import WoundTendons
+from continuum_grasp.grasp.certificate.drives import WoundTendons, _softened, _unsoftened
 from continuum_grasp.grasp.certificate.friction import TendonFriction
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
@@ -98,6 +98,29 @@ def test_pulled_and_released_tendons_are_those_of_the_free_rod(friction, way):
         assert wound == pytest.approx(13.8255721e-3, rel=2e-4)
 
 
+@pytest.mark.parametrize("arm", [OFFSET, -OFFSET])
+def test_the_mean_tension_is_that_along_the_finger(arm):
+    scene, arrays, _, _ = free_rod(20.0, 0.3, 1.0, elements=2)
+    setup = scene.setups[0]
+    cells, s = TendonFriction(setup, FingerShape(setup, arrays)), np.linspace(0.0, L, 20_001)
+    shares = cells.shares(arm, 0.5 * (s[1:] + s[:-1]))
+    assert shares.min() < 0.8 or shares.max() > 1.25
+    assert cells.mean(arm) == pytest.approx(shares.mean(), rel=1e-5)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_tendons_slide_from_a_milliradian_of_bend_beyond_a_cell_on(side):
+    """The turn beyond the middle of cells of a finger whose curvature falls from the base on: 1.5 mrad in all."""
+    scene, arrays, _, _ = free_rod(1.0, 0.1, 1.0, elements=3)
+    setup = scene.setups[0]
+    arrays["finger.q"] = side * 3e-3 / L * np.array([1.0, 2 / 3, 1 / 3, 0.0])
+    cells = TendonFriction(setup, FingerShape(setup, arrays))
+    left = 1.0 - 0.5 * (cells.edges[1:] + cells.edges[:-1]) / L
+    turns = 1.5e-3 * left**2
+    assert turns.max() > 1e-3 > turns.min()
+    np.testing.assert_allclose(cells.pulled, side * np.minimum(turns / 1e-3, 1.0), rtol=1e-9)
+
+
 LEAST_PULL, LEFT = 1e-6 * 60.0, (20.0, 0.0)
 COMPLIANCE, BEND = 1.0 / SERIES + L / AXIAL, 1.2
 PATH, RADIUS = OFFSET * BEND, 0.008
@@ -160,6 +183,19 @@ def test_the_path_of_a_tendon_follows_stiffness_that_changes():
     first = moments[0] * L / EI * math.log(1.0 / (1.0 - slope * 0.5)) / slope
     second = moments[1] * L / EI * (math.log((1.0 - slope * 0.5) / 0.1) / slope + 0.4 / 0.4)
     assert found == pytest.approx(OFFSET * (first + second), rel=1e-10)
+
+
+@pytest.mark.parametrize(("part", "count"), [(0.999, 1), (1.001, 2)])
+def test_a_tendon_is_taut_from_a_millionth_of_the_greatest_tension_on(part, count):
+    assert wound(LENGTH_DRIVE, (20.0, part * LEAST_PULL)).in_tension.sum() == count
+
+
+def test_a_tendon_goes_slack_as_that_of_the_simulated_winch():
+    length = np.linspace(-2.0, 2.0, 41) * 20e-6
+    exact = np.array([float(soft(x)) for x in length])
+    np.testing.assert_allclose(_softened(length), exact, atol=1e-15)
+    some = exact > 1e-12
+    np.testing.assert_allclose(_unsoftened(exact, some), np.where(some, length, 0.0), atol=1e-12)
 
 
 # -- stability: a locked tendon is a spring on the angle of the tip ---------------------------------------------------
@@ -337,6 +373,37 @@ def test_tendons_that_slid_back_may_bend_a_finger_far():
     assert np.abs(held["finger.lengths"][:, None] * shape.curvatures).max() > math.pi
     for name, value in residuals(found.scene, found.arrays).items():
         assert value < LIMITS[name], name
+
+
+@pytest.mark.parametrize(
+    ("drive", "friction"),
+    [
+        (LENGTH_DRIVE, 0.1),
+        (MOTOR.replaced(**PULLEY), 0.0),
+        (MOTOR.replaced(position_gain=2.0), 0.1),
+    ],
+)
+def test_sensitivities_of_grasps_with_drives_are_those_of_grasps_solved_anew(drive, friction):
+    scene = mug(drive, friction, friction_states="pulled")
+    found = {one.name: one.derivative for one in optimize_grasp(scene).sensitivity}
+
+    def difference(change, step):
+        ends = [optimize_grasp(scene.changed(change(h))).tension for h in (-step, step)]
+        return (ends[1] - ends[0]) / (2.0 * step)
+
+    base = scene.finger.base.position
+    expected = {
+        # The palm has the friction of contacts too, so that it keeps its own here.
+        "mass of the object": difference(lambda h: {"object.mass": 0.3 + h}, 1e-4),
+        "friction between fingers and object": difference(
+            lambda h: {"contacts.friction": 0.5 + h, "supports.palm.friction": 0.5}, 1e-4
+        ),
+        "object along y": difference(lambda h: {"finger.base.position": [base[0], base[1] - h]}, 1e-5),
+    }
+    # The places at which the finger is looked at for clearance move with it, which its sensitivity leaves out: 1e-4
+    # without drives and friction too, a little more or less by the machine's rounding.
+    for name, value in expected.items():
+        assert found[name] == pytest.approx(value, rel=3e-4), name
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -12,12 +13,17 @@ from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.model_error import model_error
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
+from continuum_grasp.model import FingerModel
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene import Damping
+from continuum_grasp.scene import Damping, Finger
 from continuum_grasp.scene.finger import PointMass, Rod, Tendons
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.loads import ForceLoad, MomentLoad
 from continuum_grasp.scene.objects import Circle
+from continuum_grasp.simulation import equilibrium_under
+from continuum_grasp.simulation.statics import Search
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 
@@ -170,6 +176,17 @@ def test_a_grasp_holds_whatever_the_friction_moments_and_names_the_worst():
 
 
 @pytest.mark.deep
+def test_no_vertex_of_all_states_is_worse_than_what_the_search_found():
+    """Of a grasp whose pulled and released states lead to a vertex that is not the worst."""
+    found = optimize_grasp(mug(((0.02, 0.005),)))
+    own = {key: value for key, value in found.arrays.items() if not key.startswith("held.")}
+    responder = Responder(found.scene, own, Budget.of(found.scene.solver))
+    every = [responder.to(np.concatenate([np.zeros(OBJECT), z])) for z in product((-1.0, 1.0), repeat=8)]
+    assert all(response.holds for response in every)
+    assert found.robustness.robust.held == 100
+
+
+@pytest.mark.deep
 def test_what_is_stored_of_friction_states_is_verified():
     arrays = dict(held().arrays)
     for key, change in (
@@ -180,6 +197,64 @@ def test_what_is_stored_of_friction_states_is_verified():
         assert not certify(held().scene, {**arrays, key: change * arrays[key]}).passed
     twice = {**arrays, "held.finger.friction_states": 1.01 * arrays["held.finger.friction_states"]}
     assert "friction states within their range" in [check.name for check in certify(held().scene, twice).failed]
+
+
+def simulated(scene, arrays):
+    """Model of the grasp's finger under its contact forces, as a simulation has it, and these forces."""
+    setup = scene.setups[0]
+    finger, loads, values = setup.finger, [], []
+    turn = finger.base.angle
+    for k, name in enumerate(arrays["contact_names"]):
+        if str(name).startswith("finger."):
+            normal, (n, f, _) = arrays["contact_normals"][k], arrays["contact_forces"][k]
+            at = min(float(arrays["contact_stations"][k]), finger.rod.length)
+            loads += [ForceLoad(at=at, force=(0.0, 0.0)), MomentLoad(at=at, moment=0.0, input=True)]
+            values.append((n * normal + f * np.array([-normal[1], normal[0]]), -finger.thickness_radius * f))
+    shared = {key: getattr(finger, key) for key in ("rod", "masses", "tendons", "damping", "base", "rest_curvature")}
+    model = FingerModel(
+        Finger(**shared), loads=tuple(loads), family=setup.family, elements=tuple(arrays["finger.lengths"].tolist()),
+        gravity=(0.0, 0.0), tip_force=False, bending_range=setup.bending_range, input_rates=False,
+    )  # fmt: skip
+    assert turn == model.finger.base.angle
+    u = np.concatenate([arrays["finger.tensions"], [couple for _, couple in values]])
+    return model, u, np.concatenate([force for force, _ in values])
+
+
+@pytest.mark.deep
+def test_histories_of_a_simulation_end_where_the_grasp_says():
+    """Random ways of the tensions: what friction they leave is among the states for which the grasp holds."""
+    found = held()
+    scene = found.scene
+    responder = Responder(scene, found.arrays, Budget.of(scene.solver))
+    rng = np.random.default_rng(4)
+    seen = []
+    for _ in range(6):
+        arrays = found.arrays
+        shares = [*rng.uniform(0.6, 1.4, 3), 1.0]
+        for _ in range(2):
+            model, u, w = simulated(scene, arrays)
+            sliding, q, states = np.zeros(16), np.zeros(model.n), np.zeros(16)
+            # The last step is that to the tensions of the grasp, under the forces that it has there.
+            for share in [0.3, 0.6, *shares]:
+                # A stop follows the curvature from where it was.
+                given = model, share * u, share * w, np.array(model.p_nominal)
+                at = Search(*given, np.append(states - sliding, 1.0)).find(q, True, 1)
+                states, sliding, q = at.friction_states, bent(model, at.q, u), at.q
+            response = responder.to(np.concatenate([np.zeros(OBJECT), states]))
+            arrays = {**found.arrays, **response.arrays}
+        assert response.holds
+        seen.append(states)
+        model, u, w = simulated(scene, arrays)
+        at = equilibrium_under(model, u, w, guess=q, reached_by="state", friction_states=states)
+        line = arrays["finger.backbone"]
+        tip = np.array(model.tip(at.q, u, [])).ravel()
+        assert np.linalg.norm(tip - line[-1, 1:3]) < 1e-6 * L
+    assert np.ptp(seen, axis=0).max() > 0.5
+
+
+def bent(model, q, u):
+    """Curvatures per those at which branches slide."""
+    return np.array(model.sliding()(q, u, [])).ravel()
 
 
 @pytest.mark.deep

@@ -157,6 +157,12 @@ def test_model_error_of_arcs_falls_with_the_square_of_their_number():
     assert 3.0 < off[1] / off[2] < 6.0
 
 
+@pytest.mark.parametrize("family", ["arc", "matched_clothoid"])
+def test_more_elements_leave_less_moment_out(family):
+    left = [optimize_grasp(make_scene(family, elements=n)).certificate.model_error.moment for n in (2, 4, 8)]
+    assert left[0] > 1.5 * left[1] > 2.0 * left[2]
+
+
 @pytest.mark.parametrize(("name", "small"), [("mug", True), ("mug_arcs", False), ("mug_lying", True)])
 def test_shipped_scenes_warn_where_the_model_is_coarse(name, small):
     result = optimize_grasp(CONFIGS / f"{name}.yaml")

@@ -35,6 +35,7 @@ from continuum_grasp.scene import (
     Circle,
     Disturbances,
     Finger,
+    FingerContacts,
     GraspContacts,
     MomentLoad,
     ObjectiveWeights,
@@ -192,6 +193,28 @@ def test_sections_of_a_finger_that_bends_to_its_limit():
 # -- what follows from a solution --------------------------------------------------------------------------------
 
 
+def test_sensitivities_against_solving_again():
+    scene = make_scene(elements=2)
+    result = optimize_grasp(scene)
+    found = {s.name: s.derivative for s in result.sensitivity}
+    step = 1e-4
+    for name, low, high in (
+        ("friction between fingers and object", _finger_friction(scene, -step), _finger_friction(scene, step)),
+        ("mass of the object", make_scene(mass=0.3 - step), make_scene(mass=0.3 + step)),
+        ("object along y", make_scene(base_y=-0.055 + step), make_scene(base_y=-0.055 - step)),
+    ):
+        numeric = (optimize_grasp(high).tension - optimize_grasp(low).tension) / (2 * step)
+        assert found[name] == pytest.approx(numeric, rel=5e-3), name
+
+
+def _finger_friction(scene, change):
+    contacts = FingerContacts(friction=scene.contacts.friction + change)
+    return scene.model_copy(update={"finger": scene.finger.model_copy(update={"contacts": contacts})})
+
+
+# -- what follows from a solution --------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize("tendons", ["retensioned", "locked"])
 def test_resisted_disturbance_against_the_fine_rod(tendons):
     """The problem's few elements against the fine rod of the quality indices, which shares no code with them."""
@@ -241,6 +264,21 @@ def test_modes_are_what_the_switches_leave():
         object=Circle(shape="circle", diameter=0.08, mass=0.3, position=(0.04, 0.0), free=Freedom(y=(-0.01, 0.01)))
     )
     assert [("palm" in mode) for mode in contact_modes(free)] == [True, False]
+
+
+@pytest.mark.deep
+def test_the_best_of_the_modes_is_the_answer():
+    """What `auto` finds is no worse than each choice made by hand."""
+
+    def tension(middle, tip):
+        contacts = GraspContacts(friction=0.5, normal_force_max=30.0, middle=middle, tip=tip)
+        gravity = UPRIGHT.model_copy(update={"tilt": "ignore"})
+        result = optimize_grasp(make_scene(contacts=contacts, gravity=gravity), raise_on_failure=False)
+        return result.tension if result.solved else math.inf
+
+    chosen = tension("auto", "auto")
+    assert chosen <= min(tension("on", "on"), tension("on", "off"), tension("off", "on")) * (1 + 1e-6)
+    assert math.isfinite(chosen)
 
 
 def test_more_starts_lead_to_the_same_grasp_of_a_box():

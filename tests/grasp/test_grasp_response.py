@@ -19,7 +19,7 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, NoGravity, OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
 from continuum_grasp.scene.parts import OffsetPolygon
-from continuum_grasp.scene.supports import Palm
+from continuum_grasp.scene.supports import Palm, Point
 
 RADIUS = 0.04
 WRENCHES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, RADIUS))
@@ -275,3 +275,28 @@ def test_rolling_of_two_discs_and_of_surfaces_that_fit():
     assert object_share == pytest.approx(0.04 / 0.046)
     assert rolled(25.0, -25.0, 0.04)[0] == pytest.approx(40.0)  # as good as fast to each other
     assert rolled(math.inf, 3.0, 0.04) == (0.0, 1.0, 0.0)
+
+
+def test_a_disc_between_pegs_and_a_wrapping_finger_resists_all_disturbances():
+    """A finger with a tangent middle contact."""
+    kappa = -1 / 0.06
+    scene = GraspScene(
+        finger=make_finger((-0.10, 0.046, -math.pi / 2)),
+        object=Circle(shape="circle", diameter=0.08, mass=0.1, position=(0.0, 0.0)),
+        supports={"p": Point(type="point", position=(-0.03, -0.05)), "q": Point(type="point", position=(0.03, -0.05))},
+        contacts=GraspContacts(friction=0.5, normal_force_max=30.0, middle="on", tip="off"),
+        gravity=NoGravity(mode="none"),
+    )
+    arrays = arrays_of(
+        [
+            ("finger.middle", (0.0, 0.04), (0.0, 1.0), (1.0, 0.0, 0.0), 0.10),
+            ("p", (-0.024, -0.032), (-0.6, -0.8), (0.625, 0.0, 0.0), math.nan),
+            ("q", (0.024, -0.032), (0.6, -0.8), (0.625, 0.0, 0.0), math.nan),
+        ],
+        fingers={
+            "finger": straight_finger(
+                (-0.10, 0.046, -math.pi / 2), (0.0, 5.0), (0.0, kappa, 0.0), (0.10, LENGTH - 0.10)
+            )
+        },
+    )
+    assert Quality(scene, arrays).resistance.least > 0.0

@@ -15,7 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import Status, Trials, optimize_grasp
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.robust.errors import drawn, scaled
+from continuum_grasp.grasp.robust.errors import InError, corners, drawn, scaled
 from continuum_grasp.grasp.robust.joint import robust_problem
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.starts.values import start_from
@@ -164,6 +164,16 @@ def test_what_is_found_next_to_other_errors_is_what_is_found_from_the_grasp(name
     assert near.anew - sum(not one.holds for one in found) < len(errors) / 2
 
 
+def test_an_object_on_a_support_is_moved_back_to_it() -> None:
+    scene = make_scene()
+    arrays = {"contact_names": np.array(["finger.tip", "palm"]), "object.pose": np.array([0.04, 0.0, 0.0])}
+    lies = InError(scene, arrays)
+    assert lies.pose_in_error(np.array([0.002, 0.003, 0.1, 0.05, 0.0, 0.0])) == pytest.approx((0.042, 0.003, 0.1))
+    assert lies.left == (1, 2)  # x follows
+    # Offsets across the palm change nothing.
+    assert len(lies.distinct(corners(Robust(position=0.002, radius=0.05, mass=0.1)))) == 8
+
+
 @pytest.mark.parametrize("name", ["mug", "pinch", "oval_flask", "mug_handle", "groove"])
 def test_a_grown_object_has_all_its_outlines_grown(name: str) -> None:
     body = load(CONFIGS / f"{name}.yaml").object
@@ -172,6 +182,14 @@ def test_a_grown_object_has_all_its_outlines_grown(name: str) -> None:
         np.testing.assert_allclose(other.outline(), 1.1 * np.asarray(part.outline()), atol=1e-12)
     assert grown.com == pytest.approx(tuple(1.1 * c for c in body.com))
     assert grown.pose == body.pose
+
+
+def test_corners_have_the_least_friction_and_both_ends_of_all_else() -> None:
+    found = corners(Robust(position=0.002, mass=0.1, friction=0.2))
+    ends = list(product((-0.002, 0.002), (-0.002, 0.002), (-0.1, 0.1)))
+    assert sorted(tuple(row) for row in found[:, [0, 1, 5]]) == sorted(ends)
+    assert (found[:, 4] == -0.2).all()
+    assert not found[:, 2:4].any()
 
 
 @pytest.mark.parametrize("name", few(["mug_arcs", "pinch_above"], 1))

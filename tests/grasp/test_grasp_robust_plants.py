@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import fsolve, linprog
 
 from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.robust.response import _reserve
 from continuum_grasp.grasp.robust.share import USUAL
 from continuum_grasp.scene.grasp_options import Robust
 from continuum_grasp.scene.load import load
@@ -141,6 +144,28 @@ def test_the_share_of_plants_with_usual_errors_is_that_of_plants_of_another_hand
     assert (share < 0.6) if free == 0.0 else (share > 0.8)
     # 200 plants are a sample; slopes and planes of the cones are good to 0.02.
     assert abs((held > -1e-3).mean() - share) < 0.02 + 3.0 * np.sqrt(share * (1.0 - share) / len(held))
+
+
+@pytest.mark.parametrize(
+    ("converged", "reserve", "violations", "deepest", "stands"),
+    [
+        (True, -0.1, [], 0.0, True),
+        (False, 0.1, [], 1e-6, True),
+        (False, 0.1, [], 1e-5, False),
+        (False, 0.1, ["object force balance"], 0.0, False),
+        (False, -0.1, [], 0.0, False),
+        (False, np.nan, [], 0.0, False),
+    ],
+)
+def test_where_a_solver_was_stopped_is_a_posture_if_it_violates_nothing(
+    converged, reserve, violations, deepest, stands
+):
+    """An optimum is one in any case; another point only says that cones are not left, not by how much they are."""
+    attempt = SimpleNamespace(converged=converged, x=np.array([reserve]), violations=violations, numbers=None)
+    near = SimpleNamespace(look=lambda *_: (deepest, {}))
+    solver = SimpleNamespace(problem=SimpleNamespace(x=SimpleNamespace(at={"reserve": slice(0, 1)})), near=near)
+    found = _reserve(solver, load(CONFIGS / "mug_arcs.yaml"), attempt)
+    assert found == (reserve if stands else -np.inf)
 
 
 @pytest.mark.deep

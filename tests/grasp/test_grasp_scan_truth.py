@@ -9,14 +9,17 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.truth import answers
 from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.starts.candidates import find_candidates
 from continuum_grasp.grasp.starts.scan import touching as scan
+from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.starts.supports import object_poses
-from tests.grasp.test_grasp_starts import finger_at, starts_of
+from tests.grasp.test_grasp_starts import finger_at, starts_of, touching
 from tests.grasp.test_grasp_starts import scene_of as scene_at
 
 NARROW = (217, 289, 471, 653, 763, 818, 856, 906, 925, 946, 976, 1381, 1544, 1687, 1753, 1898, 1940, 2454, 2650, 2707)
@@ -79,6 +82,49 @@ def test_a_scan_with_four_times_the_places_has_no_other_basins(seed, monkeypatch
     known = estimates(seed)
     monkeypatch.setattr(scan, "PLACES", 4 * scan.PLACES)
     assert known == pytest.approx(estimates(seed), rel=0.01)
+
+
+def rod(curvature, force, direction):
+    """Shape of a rod of length and E I one under a force at its tip, from its curvature at the base: d kappa / ds =
+    -(tangent x force).
+    """
+    pull = force * np.exp(1j * direction)
+
+    def slopes(s, y):
+        tangent = 1j * np.exp(1j * y[0])
+        return [y[1], -(np.conj(tangent) * pull).imag, tangent.real, tangent.imag]
+
+    return solve_ivp(slopes, (0.0, 1.0), [0.0, curvature, 0.0, 0.0], rtol=1e-9, atol=1e-9, dense_output=True).sol
+
+
+def rods_on_discs(count):
+    """Random rods whose tips press on a disc at the edge of the friction cone, and where it is, per length."""
+    rng = np.random.default_rng(5)
+    while count:
+        force, direction = math.exp(rng.uniform(-2.0, 4.4)), rng.uniform(-math.pi, math.pi)
+        shape = rod(rng.uniform(-9.0, 9.0), force, direction)
+        at = np.linspace(0.0, 1.0, 65)
+        turn, curvature, x, y = shape(at)
+        normal = np.exp(1j * (direction + rng.choice([-1, 1]) * (math.atan(0.5) - rng.uniform(0.0, 0.06))))
+        center = complex(x[-1], y[-1]) - 0.22 * normal
+        ahead = (normal * np.conj(1j * np.exp(1j * turn[-1]))).real < -0.05
+        clear = np.abs(x[:-1] + 1j * y[:-1] - center).min() > 0.22
+        if ahead and clear and np.abs(curvature).max() < 14.0 and np.abs(turn).max() < 5.0:
+            count -= 1
+            yield x + 1j * y, center
+
+
+def test_a_rod_that_its_tip_bends_is_near_a_posture_of_the_scan():
+    away = []
+    for points, center in rods_on_discs(20):
+        body = {"shape": "circle", "diameter": 0.08, "position": (0.2 * center.real, 0.2 * center.imag)}
+        model = {"family": "matched_clothoid", "elements": 4, "bending_range": 6.28}
+        scene = touching(body, "tip", base=(0.0, 0.0, 0.0)).changed({"fidelity": model})
+        found = find_candidates(scene, scene.setups[0], [(0.0, 0.0, 0.0)], scene.object.pose, {"f.tip"})
+        at = np.tile(np.linspace(0.0, 1.0, 65), (len(found), 1))
+        away.append(np.abs(sample(found.knots, found.curvatures, at) - points).max(axis=1).min())
+    # One is bent more at its tip than two clothoids can be.
+    assert sorted(away)[-2] < 0.05
 
 
 @pytest.mark.parametrize("moved", ["object", "base"])

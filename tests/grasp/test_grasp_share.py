@@ -16,6 +16,7 @@ from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.load import load
 from tests.grasp_scenes import CONFIGS
 from tests.made_up_grasps import held
+from tests.marks import few
 
 
 @pytest.mark.parametrize("size", [1, 2, 4])
@@ -109,3 +110,18 @@ def test_a_plant_with_one_error_holds_as_one_solved_in_full():
     near = _Plants(grasp.scene, grasp.arrays, sides).reserves(points) >= HOLDS
     assert near.tolist() == held_in_full(grasp, points @ sides).tolist()
     assert 3 <= near.sum() <= 7  # of ten: the grasp is at the edge of a cone
+
+
+SCENES = [("mug", 0.2), ("mug", 0.0), ("oval_flask", 0.0), ("box_edge", 0.0), ("pinch", 0.0), ("egg", 0.0)]
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("name", "reserve"), few(SCENES, 2))
+def test_plants_hold_as_those_that_are_solved_in_full(name, reserve):
+    grasp = optimize_grasp(load(CONFIGS / f"{name}.yaml").changed({"contacts.reserve": reserve}))
+    sides = usual_sides(grasp.scene)
+    points = drawn_evenly(len(sides))[::31]
+    near = _Plants(grasp.scene, grasp.arrays, sides).reserves(points) >= HOLDS
+    solved = held_in_full(grasp, points @ sides)
+    assert np.mean(near == solved) >= 0.9
+    assert abs(near.mean() - solved.mean()) <= 0.1

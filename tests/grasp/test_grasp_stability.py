@@ -129,6 +129,33 @@ def test_the_eigenvalue_is_that_of_the_continuous_rod(radius, half, share):
     assert found.eigenvalue == pytest.approx(ritz(radius, half, load), rel=1e-3)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize(("part", "stable"), [(0.9, False), (1.1, True)])
+def test_the_end_of_a_face_is_a_corner_up_to_the_tolerance_of_places(part, stable, side):
+    """A tip beside the end of a face, by a part of 1e-6 of its length: about a corner it buckles at a lower load."""
+    half, top, end = 0.02, 0.04, part * 1e-6 * L
+    face, corner = (
+        brentq(lambda load, c=c: column(load)[0, 0] * half**2 + 2 * column(load)[0, 1] * half + column(load)[1, 1]
+               - c * load * half, 0.1 * EI / L**2, 30.0 * EI / L**2)
+        for c in (0.0, 1.0)
+    )  # fmt: skip
+    assert corner < 0.9 * face
+    load = math.sqrt(corner * face)
+    low, high = sorted((side * end, -0.05 * side))
+    body = Polygon(
+        shape="polygon", vertices=((low, 0.0), (high, 0.0), (high, top), (low, top)),
+        mass=0.0, position=(0.0, L + half), center_of_mass=(0.5 * (low + high), 0.5 * top),
+    )  # fmt: skip
+    palm = Palm(point=(0.0, L + half + top), normal_angle=-math.pi / 2)
+    scene = cases.make_scene(cases.make_finger(half=half), body, supports={"palm": palm})
+    contacts = [
+        ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
+        *((f"palm.{k}", (x, L + half + top), cases.UP, (0.5 * load, 0, 0), cases.NONE, 0)
+          for k, x in ((1, low), (2, high))),
+    ]  # fmt: skip
+    assert certify(scene, cases.stored(scene, {"finger": {}}, contacts)).stability.stable is stable
+
+
 @pytest.mark.parametrize("half", [0.0, 0.006, 0.02])
 @pytest.mark.parametrize("shape", ["face", "corner"])
 def test_a_column_under_a_fixed_object(shape, half):

@@ -17,6 +17,8 @@ from continuum_grasp.grasp.starts.scan.task import ALLOWED
 from continuum_grasp.grasp.starts.starts import combinations, make_starts, overlaps
 from continuum_grasp.grasp.starts.supports import support_contacts, touching_supports
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.parts import OffsetPolygon
+from tests.marks import few
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
 LENGTH = 0.2
@@ -67,6 +69,15 @@ def world_curve(finger):
     s, z, phi = trace(np.array(finger.knots), np.array(finger.curvatures))
     x, y, turn = finger.base
     return s, complex(x, y) + np.exp(1j * turn) * z, phi + turn
+
+
+def outline(part, count=1200):
+    """Fine points on the outline of a part."""
+    if not isinstance(part, OffsetPolygon) or part.radius > 0.0:
+        z = np.array([complex(*p) for p in part.outline(count)])
+    else:
+        z = np.array([complex(*p) for p in part.vertices])
+    return np.concatenate([np.linspace(a, b, 12, endpoint=False) for a, b in zip(z, np.roll(z, -1), strict=True)])
 
 
 def height_above(part, point, normal):
@@ -239,6 +250,67 @@ def test_mirrored_scenes_have_mirrored_starts(kind):
         assert two.contacts[name].point == pytest.approx((-contact.point[0], contact.point[1]), abs=1e-9)
 
 
+def reachable(rng, shape, kind):
+    """A scene made round a posture: a random curve, and the object put against it; None where it lies on it."""
+    half = float(rng.choice([0.0, 0.02, 0.04]))
+    knots = np.array([0.0, rng.uniform(0.2, 0.8), 1.0])
+    bent = np.array([rng.uniform(-3.0, 5.0), rng.uniform(-2.0, 5.0), 0.0])
+    part = scene_of(shape, {"f": finger_at(9.0, 9.0, 0.0)}).object.parts[0]
+    ring = outline(part, 240) / LENGTH
+    normal = np.exp(1j * rng.uniform(0.0, math.tau))
+    place = ring[np.argmax((ring * np.conj(normal)).real)]
+
+    def clear(z, turn, shift, last):
+        edges = np.roll(ring, -1) - ring
+        local = (z - shift) / turn
+        rel = (local[:, None] - ring) * np.conj(edges) / np.abs(edges)
+        near = np.abs(rel - np.clip(rel.real, 0.0, np.abs(edges))).min(axis=1)
+        gap = np.where((rel.imag > 0.0).all(axis=1), -near, near) - half
+        return gap[:-last].min() > -1e-4 if last else gap
+
+    if kind == "tip":
+        bent[1:] = bent[0] + (bent[1] - bent[0]) * knots[1], bent[1]
+        _, z, phi = trace(knots, bent, 30)
+        turn = -1j * np.exp(1j * (phi[-1] + rng.uniform(-1.2, 1.2))) / normal
+        shift = z[-1] - half * turn * normal - turn * place
+        return (bent, turn, shift, half) if clear(z, turn, shift, 1) else None
+    bent[2] = bent[1]
+    s, z, phi = trace(knots, bent, 30)
+    k = int(np.argmin(np.abs(s - knots[1])))
+    turn = np.exp(1j * phi[k]) / normal
+    shift = z[k] - half * turn * normal - turn * place
+    if kind == "middle":
+        return (bent, turn, shift, half) if clear(z[::3], turn, shift, 1) else None
+    tries = np.linspace(-12.0, 20.0, 60)
+    curves = [trace(knots, np.array([bent[0], bent[1], t]), 20) for t in tries]
+    gaps = clear(np.array([c[1][-1] for c in curves]), turn, shift, 0)
+    for j in np.flatnonzero((gaps[:-1] > 0.0) & (gaps[1:] <= 0.0)):
+        good = clear(curves[j][1][::3], turn, shift, 1)
+        ahead = clear(curves[j][1][-1:] + 1e-3 * 1j * np.exp(1j * curves[j][2][-1]), turn, shift, 0)
+        if good and ahead[0] < gaps[j] - 1e-4:
+            return bent, turn, shift, half
+    return None
+
+
+@pytest.mark.parametrize("kind", TOUCHES)
+@pytest.mark.parametrize(
+    "shape", few(["rounded box", "superellipse", "polygon", "stadium", "circle", "ellipse", "box"], 3)
+)
+def test_postures_are_found_where_there_are_some(shape, kind):
+    rng = np.random.default_rng(5)
+    hits, made = 0, 0
+    while made < 8:
+        found = reachable(rng, SHAPES[shape], kind)
+        if found is None:
+            continue
+        _, turn, shift, half = found
+        made += 1
+        place = {"position": (shift.real * LENGTH, shift.imag * LENGTH), "angle": float(np.angle(turn))}
+        start = starts_of(touching({**SHAPES[shape], **place}, kind, half * LENGTH, (0.0, 0.0, 0.0)), count=2)[0]
+        hits += start.label == "scan"
+    assert hits >= 7
+
+
 def test_box_on_a_floor_touches_at_both_ends_of_its_face():
     scene = scene_of(
         {**SHAPES["box"], "position": (0.0, 0.03)},
@@ -297,6 +369,28 @@ def test_what_cannot_be_reached_has_no_starts():
     body = {"shape": "circle", "diameter": 0.08, "position": (0.4, 0.0)}
     fixed = scene_of(body, {"f": finger_at(0.0, 0.0, 0.0)})
     assert starts_of(fixed) == []
+
+
+def test_pinching_fingers_start_in_balance():
+    scene = scene_of(
+        SHAPES["superellipse"],
+        {
+            "a": finger_at(-0.15, -0.06, -0.5 * math.pi, contacts={"middle": "off"}),
+            "b": finger_at(-0.15, 0.06, -0.5 * math.pi, contacts={"middle": "off"}),
+        },
+        gravity={"mode": "planar", "vector": (0.0, -9.81)},
+    )
+    start = starts_of(scene)[0]
+    check_touching(scene, start)
+    force, moment = 0.1 * -9.81j, 0.0
+    for name, contact in start.contacts.items():
+        n, f, _ = start.forces[name]
+        normal = np.exp(1j * contact.normal_angle)
+        force -= (n + 1j * f) * normal
+        moment -= (np.conj(complex(*contact.point)) * (n + 1j * f) * normal).imag
+        assert abs(f) <= 0.5 * n + 1e-9
+    assert abs(force) < 0.02 * 0.981
+    assert abs(moment) < 0.02 * 0.981 * 0.05
 
 
 def pushing(sideways, force):

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp import Status, certify, optimize_grasp
 from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.robust.search import tried_states
@@ -64,3 +64,13 @@ def test_a_search_that_stops_early_is_not_certified(monkeypatch):
     found = optimize_grasp(sticking(), raise_on_failure=False)
     assert found.status is Status.NOT_SOLVED
     assert "friction states next to the worst that are missing" in found.message
+
+
+@pytest.mark.deep
+def test_a_grasp_whose_worst_vertex_is_not_stored_fails():
+    found = optimize_grasp(sticking())
+    fewer = {key: value[:2] if key.startswith("held.") else value for key, value in found.arrays.items()}
+    assert certify(found.scene, found.arrays).passed
+    missing = certify(found.scene, fewer)["friction states next to the worst that are missing"]
+    assert missing.value > 0.0
+    assert not missing.passed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import shapely
@@ -10,11 +12,13 @@ from scipy.interpolate import CubicSpline
 from benchmarks.bench_grasp_elements import outcome
 from benchmarks.grasp_images import drawn
 from continuum_grasp.grasp import certify, optimize_grasp
-from continuum_grasp.grasp.problem import solver_run
+from continuum_grasp.grasp.problem import solver_run, structure, surroundings
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import ROUND, distance_from
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.parts import OffsetPolygon, corners_of
 from tests.marks import few
 
 # An L, 60 mm by 60 mm of bars 25 mm wide, whose foot is away from the palm; from its center of mass.
@@ -74,6 +78,17 @@ def test_a_contact_goes_on_where_a_face_ends(monkeypatch):
     assert stopped.objective > 1.05 * best.objective
 
 
+def test_both_sides_of_a_gate_are_in_the_way():
+    """Between the teeth of a comb, 10 mm apart and nearer to one; each tooth is in pieces of its own."""
+    teeth = [(1e-2 * (k // 2), 3e-2 * ((k + 1) // 2 % 2)) for k in range(12)]
+    pieces = OffsetPolygon(corners_of([*teeth, (0.05, -0.01), (0.0, -0.01)])).pieces
+    assert len(pieces) > structure._NEAREST
+    middle = np.array([[0.0149, 0.03]])
+    seen = surroundings._beside(pieces, structure._NEAREST, middle, SimpleNamespace(length=1.0))
+    nearest = sorted((float(gap[0]), float(circle[0, 0])) for circle, gap in seen)[:2]
+    assert nearest == [pytest.approx((0.0049, 0.01)), pytest.approx((0.0051, 0.02))]
+
+
 @pytest.mark.parametrize("seed", few([126, 5, 181, *range(5), *range(6, 24)], 3))
 def test_grasps_of_random_outlines_hold_and_infeasible_ones_are_not_held_by_brute_force(seed):
     """By equations, depths by shapely, and a scan of all postures with linear programs, which share nothing with it."""
@@ -96,6 +111,33 @@ def test_an_oval_of_many_corners_is_held_as_the_ellipse_that_it_is_drawn_on(corn
         search.run()
         found.append(search.best.attempt.objective)
     assert found[1] == pytest.approx(found[0], rel=0.03)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_corner_keeps_its_distance_from_a_finger_that_slides(side):
+    """To second order, from an arc of a finger that bends away from the corner or around it, turned as it is."""
+    radius, turn, corner = 0.3, np.exp(0.7j), 0.2 - 0.1j
+    nearest = corner + 0.05 * turn  # of the finger
+    center = nearest + side * radius * turn
+
+    def along(at):
+        places = center - side * radius * turn * np.exp(side * 1j * np.asarray(at) / radius)
+        return np.column_stack([places.real, places.imag])
+
+    normal = turn.real, turn.imag
+    circles = np.array([[corner.real, corner.imag, *normal, 1.0 / ROUND]] * 3).T
+    circles[2:4, 1] = np.array([1.0, -1.0]) * normal[::-1]  # not opposite to the finger
+    surroundings._bend_corners(
+        circles, along([[-0.01], [0.0], [0.01]])[None].repeat(3, 0), np.array([True, True, False])
+    )
+    assert circles[4, 0] == pytest.approx(side / radius, rel=1e-3)
+    assert circles[4, 1:] == pytest.approx(1.0 / ROUND)
+    for move in (3e-3 * turn * 1j, 3e-3 * turn * (1.0 - 2j)):
+        place = nearest + move
+        (away,) = np.array(distance_from([place.real, place.imag], circles[:, 0])).ravel()
+        true = side * (abs(corner - center - move) - radius)
+        assert away == pytest.approx(true, abs=1e-7)
+        assert abs(abs(place - corner) - true) > 5e-5  # what the place alone would keep
 
 
 def test_a_corner_that_slides_along_the_finger_between_guarded_places_leaves_a_grasp():

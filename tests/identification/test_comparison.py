@@ -315,6 +315,21 @@ def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
     assert [one.index("x (mm)"), one.index("x"), one.index("y (left)")] == [1, 1, 2]
 
 
+def test_a_comparison_is_drawn_with_points_on_the_finger():
+    from continuum_grasp.plotting.identification import plot_series, plot_shapes
+
+    tip = np.array([on_arc(m, LENGTH) for m in MOMENTS]).T
+    poses = Poses([Reading("x", tip[0]), Reading("y", tip[1] + 0.01)], {"tip_moment": MOMENTS}, [True, True, False])
+    found = cg.compare(cg.Scene(**ROD), poses)
+    (ax,) = plot_shapes(found)
+    dots = [one.get_offsets() for one in ax.collections if one.get_label() in ("measured", "measured, hold-out")]
+    assert np.array(np.vstack(dots)) == pytest.approx(tip.T + np.array([0.0, 0.01]), abs=1e-9)
+    ends = [line.get_xydata()[-1] for line in ax.lines if len(line.get_xydata()) > 2]
+    assert np.array(ends[:3]) == pytest.approx(tip.T, abs=1e-7)
+    above, below = plot_series(found)[:2]
+    assert (above.get_ylabel(), below.get_ylabel()) == ("y at tip [mm]", "error [mm]")
+
+
 def test_the_command_compares_and_identify_without_parameters_does_the_same(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rod.yaml").write_text(TEXT)

@@ -64,6 +64,15 @@ def test_a_line_is_measured_at_its_ends():
     assert found[[0, -1]].tolist() == [4, 4]
 
 
+@pytest.mark.parametrize("slopes", [(1.0, 3.0), (2.0, 2.0), (5.0, 1.0)])
+def test_repeats_make_the_sum_of_variances_least(slopes):
+    """Two experiments that show one unknown each: the sum of 1 / (w m^2) is least for w as the inverse of m."""
+    each = np.array([np.diag([slopes[0] ** 2, 0.0]), np.diag([0.0, slopes[1] ** 2])])
+    found = allotted(each, np.zeros((2, 2)), 2, [(np.arange(2), 120)])
+    inverse = 1.0 / np.array(slopes)
+    assert found / 120 == pytest.approx(inverse / inverse.sum(), abs=1 / 120)
+
+
 # -- poses ------------------------------------------------------------------------------------------------------------
 
 
@@ -197,3 +206,19 @@ def test_the_command(tmp_path):
     assert run.exit_code == 0, run.output
     assert "+/- inf" in run.output
     assert CliRunner().invoke(app, [*seen, "--apply", str(config)]).exit_code == 2
+
+
+@pytest.mark.deep
+def test_promised_intervals_hold():
+    """Of 200 rods that the design did not know, with noise: errors per promised deviation scatter by one."""
+    estimate = [{"name": "bending_stiffness"}, {"name": "clamp_angle"}]
+    given = scene(estimate, propose=6)
+    plan = design_experiments(given)
+    moment, rng, missed = np.array(moments(plan)), np.random.default_rng(0), []
+    for _ in range(200):
+        stiffness, clamp = STIFFNESS * rng.uniform(0.8, 1.25), rng.uniform(-0.1, 0.1)
+        angle = clamp + moment * LENGTH / stiffness + SIGMA * rng.standard_normal(moment.size)
+        fit = cg.identify(given, Poses([Reading("angle", angle, sigma=SIGMA)], {"tip_moment": moment}))
+        scaled = plan.deviations * [(stiffness / STIFFNESS) ** 2, 1.0]
+        missed.append((fit.values - [stiffness, clamp]) / scaled)
+    assert np.sqrt(np.mean(np.square(missed), axis=0)) == pytest.approx([1.0, 1.0], abs=0.15)

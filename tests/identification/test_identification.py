@@ -116,6 +116,25 @@ def test_holdout_is_predicted_and_not_fitted():
 
 
 @pytest.mark.deep
+def test_known_deviations_weight_unlike_data():
+    """Angles with a tenth of the weight change the estimate as weighted least squares of both estimates says."""
+    tips = tip_data(noise=1e-3, seed=3)
+    readings = [Reading("y", tips[:, 1], sigma=1e-3), Reading("bend", tips[:, 2] + 0.05, sigma=1.0)]
+    conditions = {"load_1_y": -LOADS}
+    both = cg.identify(loaded_scene(), Poses(readings, conditions), parameters=["bending_stiffness"])
+    alone = cg.identify(loaded_scene(), Poses(readings[:1], conditions), parameters=["bending_stiffness"])
+    assert both.values == pytest.approx(alone.values, rel=1e-3)
+
+
+@pytest.mark.deep
+def test_data_in_another_unit_are_refused():
+    data = Poses([Reading("y", 1e3 * tip_data()[:, 1])], {"load_1_y": -LOADS})
+    fit = cg.identify(loaded_scene(), data, parameters=["bending_stiffness"])
+    assert fit.status == "implausible"
+    assert any("positions are in mm, read as m" in cause for cause in fit.causes)
+
+
+@pytest.mark.deep
 def test_unknown_deviations_come_from_the_residuals():
     tips = np.array([elastica(load) for load in np.linspace(0.0, 0.6, 40)])
     rng = np.random.default_rng(5)
@@ -202,6 +221,14 @@ def test_a_parameter_without_effect_is_said_so():
     assert np.isinf(fit.deviations[1])
     assert np.isfinite(fit.deviations[0])
     assert np.isnan(fit.correlation[0, 1])
+
+
+@pytest.mark.deep
+def test_as_many_numbers_as_parameters_leave_no_uncertainty_to_tell():
+    fit = cg.identify(bare_scene(), rung(frequency(1)), parameters=["bending_stiffness"])
+    assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=1e-3)
+    assert np.isinf(fit.deviations[0])
+    assert any("nothing is left" in warning for warning in fit.warnings)
 
 
 @pytest.mark.deep

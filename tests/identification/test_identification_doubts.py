@@ -10,8 +10,8 @@ import scipy.stats
 from scipy.optimize import brentq
 
 from continuum_grasp.identification.blocks import Block, Entry
-from continuum_grasp.identification.doubts import _outliers, _sets
-from continuum_grasp.identification.inference import model_error_warnings
+from continuum_grasp.identification.doubts import _outliers, _series, _sets
+from continuum_grasp.identification.inference import infer, model_error_warnings
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.unknowns import Unknown
 
@@ -73,3 +73,31 @@ def test_outliers_are_found_among_many_and_not_in_normal_noise():
     (found,) = _outliers(Problem([Level(noise)], [ONE]), noise, noise.size)
     assert int(found.split()[0]) >= 38
     assert found.endswith("worst: level 70")
+
+
+@pytest.mark.parametrize(("share", "warned"), [(0.999, False), (1.001, True)])
+def test_parameters_are_hardly_seen_from_a_deviation_of_half_their_size_on(share, warned):
+    """Of a mean of nine numbers that scatter by one, the deviation is a third."""
+    residuals = np.sqrt(9.0 / 8.0) * np.array([1.0, -1.0] * 4 + [0.0])
+    size = share * np.sqrt(9.0 / 8.0) * np.sqrt(8.0 / 8.0 / 9.0) / 0.5
+    one = ONE._replace(typical=size / share**2)
+    found = infer([one], np.array([size / share**2]), np.ones((9, 1)), residuals).warnings
+    assert any("hardly see" in text for text in found) == warned
+
+
+@pytest.mark.parametrize(("share", "warned"), [(0.9999, False), (1.0001, True)])
+def test_parameters_are_hardly_distinguished_from_a_correlation_of_99_percent_on(share, warned):
+    r = 0.99 * share
+    jacobian = np.vstack([np.linalg.cholesky(np.array([[1.0, r], [r, 1.0]])).T, np.zeros((8, 2))])
+    residuals = np.append(np.zeros(2), 1e-3 * np.array([1.0, -1.0] * 4))
+    unknowns = [ONE, ONE._replace(name="other")]
+    found = infer(unknowns, np.ones(2), jacobian, residuals).warnings
+    assert any("can hardly be distinguished" in text for text in found) == warned
+
+
+@pytest.mark.parametrize(("instants", "judged"), [(29, False), (30, True)])
+def test_correlation_along_a_path_is_judged_from_thirty_instants_on(instants, judged):
+    drift = np.linspace(-1.0, 1.0, instants)
+    block = Level(drift)
+    block.moves = True
+    assert bool(_series(Problem([block], [ONE]), drift)) == judged

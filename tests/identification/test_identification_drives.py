@@ -19,7 +19,7 @@ from continuum_grasp.identification.segments import base_of, patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.simulation.initial import initial_state
 from tests.control_cases import DRIVES
-from tests.identification_cases import at_tip, slope_error
+from tests.identification_cases import at_tip, coverage, slope_error
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, STIFFNESS
 from tests.truth.tendon_motion import MovingFinger
 
@@ -150,6 +150,25 @@ def test_a_slow_loop_of_the_chain_of_guides_gives_its_friction_and_elasticity():
     alone = Poses(readings, data.conditions)
     apart = cg.identify(scene, alone, parameters=["tendon_friction"])
     assert apart.errors[2].rms > 20.0 * fit.errors[2].rms
+
+
+@pytest.mark.deep
+def test_intervals_of_friction_and_pretension_cover_the_truth():
+    scene = driven(WINCHES, "lengths", []).changed({"fidelity.elements": 1})
+    wound = np.array([2e-3, 6e-3, 3e-3, 1e-3, 5e-3, 2e-3])
+    conditions = {"length_1": wound, "length_2": -wound}
+    data = Poses(read(("tension", 1), ("tension", 2), count=wound.size), conditions, sequence=True)
+    unknowns = read_unknowns(scene, ["tendon_friction", "drive_pretension"])
+    truth = [one.start for one in unknowns]
+    values = PosesBlock(scene, data, unknowns).predict(np.array(truth))[0].reshape(-1, 2)
+    exact = Poses(
+        [Reading("tension", values[:, 0], of=1), Reading("tension", values[:, 1], of=2)],
+        conditions,
+        sequence=True,
+    )
+    hits = coverage([PosesBlock(scene, exact, unknowns)], unknowns, truth, 0.05, 60)
+    # 95 %, three standard deviations of 60 repeats
+    assert np.all(hits >= 52)
 
 
 # -- commands that show the unknowns ----------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Estimate, Poses, Reading
+from continuum_grasp.model import FingerModel
 from tests.identification_cases import bare_scene, frequency, rung
 from tests.rods import rod_scene
 
@@ -76,6 +77,18 @@ def test_modulus_and_stiffness_of_a_cone_from_its_shapes():
     assert factor["bending_stiffness"] == pytest.approx(1.3, rel=2e-3)
     for fit in (modulus, factor):
         assert fit.apply().finger.rod.youngs_modulus == pytest.approx(2.6e6, rel=2e-3)
+
+
+def test_changes_are_those_of_the_run_time_parameters():
+    """The model with factors as arguments is the model of the scene that has them."""
+    factors = {"bending_stiffness": 1.2, "linear_density": 0.7, "rotary_inertia": 2.0}
+    finger = cone_scene().finger
+    arguments = FingerModel(finger, family="clothoid", elements=3, parameters=tuple(factors))
+    changed = FingerModel(finger.changed({"rod.factors": factors}), family="clothoid", elements=3)
+    assert list(arguments.p_nominal) == [1.0, 1.0, 1.0]
+    x, w = np.linspace(-1.0, 2.0, arguments.nx), np.zeros(arguments.nw)
+    expected = np.array(arguments.forward_dynamics(x, [0.01], w, list(factors.values())))
+    assert np.array(changed.forward_dynamics(x, [0.01], w, [])) == pytest.approx(expected, rel=1e-9)
 
 
 def test_friction_of_a_list_of_tendons_is_that_of_all():

@@ -11,9 +11,9 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.identification import Poses, Reading, TipPath
 from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.doubts import doubts_of_laws
+from continuum_grasp.identification.doubts import _of_law, _widths, doubts_of_laws
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, built_once, elastica, loaded_scene
@@ -157,6 +157,23 @@ def test_rows_and_origins_of_shapes_at_rest(names, seeds):
             )  # one step leads near
 
 
+@pytest.mark.parametrize(("share", "reported"), [(0.99, False), (1.01, True)])
+def test_a_law_matters_from_a_thousandth_of_the_motion_on(share, reported):
+    """Motions that are off by so much along the derivative by the law, and not at all beside it."""
+    releases = Releases(SLENDER)
+    problem = releases.problem
+    values = np.array([one.start for one in releases.unknowns])
+    predictions, jacobian = problem.predict(values)
+    solution = Solution(values, predictions, jacobian, np.ones(predictions.size), 0, 0)
+    laws = ("quadratic_damping", "softening_ratio")
+    slope, other = (_of_law(name, problem, solution)[0][1] for name in laws)
+    others = np.column_stack([jacobian, other])
+    slope -= others @ np.linalg.lstsq(others, slope, rcond=None)[0]
+    moved = predictions.reshape(-1, 2) - predictions.reshape(-1, 2).mean(axis=0)
+    problem.measured = predictions + share * 1e-3 * np.linalg.norm(moved) / np.linalg.norm(slope) * slope
+    assert bool(doubts_of_laws(problem, solution)) == reported
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -177,6 +194,32 @@ def test_stiffness_and_memory_of_shapes_at_rest(make, words, side):
     warnings = [one for one in fit.warnings if "law" in one or "memory" in one]
     assert len(warnings) == (words is not None)
     assert all(words in one for one in warnings)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("rows", [6, 12, 24])
+def test_noise_alone_makes_no_law_of_shapes_at_rest_wrong(rows):
+    """At most one false alarm in a hundred, there and back; the models are built once."""
+    scene, half = rod_scene(ROD, "arc", 2, gravity=(0.0, 0.0)), rows // 2
+    moments = 0.1 * np.concatenate([np.linspace(0.0, 1.0, half), np.linspace(0.95, 0.0, rows - half)])
+    poses = Poses([Reading("bend", moments * LENGTH / STIFFNESS)], {"tip_moment": moments})
+    unknowns, found = read_unknowns(scene, KNOWN[:1]), 0
+    problem = Problem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
+    clean = problem.measured
+    for seed in range(300):
+        problem.measured = clean + 4e-3 * np.random.default_rng(seed).standard_normal(rows)
+        found += bool(doubts_of_laws(problem, problem.solve(lambda share: None)))
+    assert found <= 3
+
+
+@pytest.mark.parametrize(("back", "judged"), [(3, False), (4, True)])
+def test_the_direction_of_loading_is_judged_from_four_rows_each_way_on(back, judged):
+    bends = np.concatenate([np.linspace(0.0, 1.0, 8), np.linspace(0.9, 0.1, back)])
+    scene = rod_scene(ROD, "arc", 1, gravity=(0.0, 0.0))
+    poses = Poses([Reading("bend", bends)], {"tip_moment": 0.1 * bends})
+    unknowns = read_unknowns(scene, KNOWN[:1])
+    problem = Problem([PosesBlock(scene, poses, unknowns)], unknowns)
+    assert bool(_widths(problem, bends)) == judged
 
 
 @pytest.mark.parametrize("softening", [None, {"curvature": 0.5, "stiffness_ratio": 0.5}])

@@ -15,7 +15,7 @@ from continuum_grasp.identification import Estimate, Reading, TipPath
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Fidelity, Scene, Timing
-from tests.identification_cases import ROD, at_tip, path_of, release, slope_error
+from tests.identification_cases import ROD, at_tip, coverage, path_of, release, slope_error
 from tests.rods import rod_scene
 
 CONFIGS = Path(__file__).parents[2] / "configs/simulate"
@@ -115,6 +115,26 @@ def test_an_error_of_the_model_below_the_noise_is_said(elements, said):
 
 
 @pytest.mark.deep
+def test_two_arcs_pay_for_their_stiffness_with_a_wrong_modulus():
+    arcs = [
+        path.__class__(**{**vars(path), "scene": scene_of(g, 2, "arc")})
+        for g, path in zip(GRAMS, paths(2, 0.0, (4, "clothoid")), strict=True)
+    ]
+    fit = cg.identify(scene_of(0, 2, "arc"), arcs, parameters=NAMES[:2])
+    assert 0.85 < fit["youngs_modulus"] / TRUTH["stiffer"] < 0.95
+
+
+@pytest.mark.deep
+def test_intervals_cover_the_truth_at_their_rate():
+    """40 noisy repeats of the four releases; the bounds are 3.3 binomial standard deviations."""
+    repeats, unknowns = 40, read_unknowns(scene_of(0), NAMES)
+    data = paths(2, 0.0, (2, "matched_clothoid"))
+    blocks = [PathBlock(path.scene, path, unknowns) for path in data]
+    hits = coverage(blocks, unknowns, [TRUTH["stiffer"], TRUTH["damping"], TRUTH["turned"]], 2e-3, repeats)
+    assert np.abs(hits / repeats - 0.95).max() < 3.3 * math.sqrt(0.95 * 0.05 / repeats)
+
+
+@pytest.mark.deep
 def test_a_mass_that_was_not_fitted_is_predicted_within_the_noise():
     data = paths(2, 2e-3, (2, "matched_clothoid"))
     data[3] = TipPath(**{**vars(data[3]), "fitted": False})
@@ -123,6 +143,14 @@ def test_a_mass_that_was_not_fitted_is_predicted_within_the_noise():
     assert error.rms == pytest.approx(2e-3, rel=0.25)
     assert error.count == 80
     assert fit.sigma[0] == pytest.approx(2e-3, rel=0.1)
+
+
+@pytest.mark.deep
+def test_tip_mass_and_stiffness_from_one_path():
+    (data,) = paths(2, 1e-3, (2, "matched_clothoid"), grams=(20,))
+    fit = cg.identify(scene_of(0), data, parameters=[*NAMES, Estimate(name="tip_mass", start=0.01)])
+    assert fit.intervals[3, 0] < 0.020 < fit.intervals[3, 1]
+    assert fit.deviations[3] < 1e-3
 
 
 @pytest.mark.deep

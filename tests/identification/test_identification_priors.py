@@ -160,6 +160,29 @@ def test_intervals_cover_the_truth_whatever_the_color_of_the_noise(color):
     assert (hits["independent"] < 0.6) == (color != "white")
 
 
+@pytest.mark.deep
+def test_intervals_of_a_release_cover_the_truth_where_noise_hangs_together():
+    """90 % intervals of stiffness and damping, by fits of the whole motion to noise that is correlated by 0.9."""
+    scene = rod_scene(ROD, "arc", 1, finger={"damping": {"material": 5e-4}}, initial={"q": [0.6]})
+    t, rng, repeats = 0.01 * np.arange(1, 151), np.random.default_rng(8), 60
+    unknowns = read_unknowns(scene, ["bending_stiffness", "material_damping"])
+    problem = Problem([PathBlock(scene, TipPath(t, at_tip(0.0 * t, 0.0 * t)), unknowns)], unknowns)
+    truth = np.array([one.start for one in unknowns])
+    clean, hits = problem.predict(truth)[0], {"series": np.zeros(2), "independent": np.zeros(2)}
+    for _ in range(repeats):
+        noise = lfilter([1.0], [1.0, -0.9], rng.standard_normal((t.size + 100, 2)), axis=0)[100:]
+        problem.measured = clean + 3e-4 * noise.ravel()
+        solution = problem.solve(lambda share: None)
+        rows = solution.jacobian / solution.sigma[:, None], (solution.predictions - problem.measured) / solution.sigma
+        for name, series in (("series", problem.series), ("independent", [])):
+            found_by = infer(unknowns, solution.values, *rows, series=series)
+            hits[name] += np.abs(solution.values - truth) <= stdtrit(found_by.freedom, 0.95) * found_by.deviations
+    # Two standard deviations of 60 repeats are 0.08.
+    assert np.all(hits["series"] / repeats > 0.8)
+    assert np.all(hits["series"] / repeats <= 0.98)
+    assert np.any(hits["independent"] / repeats < 0.75)
+
+
 def test_the_prior_of_a_start_is_read_from_a_configuration(tmp_path):
     file = tmp_path / "log.csv"
     file.write_text("t,x,y\n" + "".join(f"{0.01 * k},0.0,0.4\n" for k in range(20)))

@@ -135,6 +135,14 @@ def test_horizontal_predicts_hanging_and_standing(ring_downs):
     assert 0.004 < ratio < 0.014  # damping ratios of the late window, as published
 
 
+@pytest.mark.deep
+def test_stiffness_and_density_are_not_distinguished_by_a_ring_down():
+    scene = cg.load(CONFIGS / "strip_ring_down.yaml")
+    fit = cg.identify(scene, FOLDER / "beam_free_vibration", parameters=[scene.estimate[0], "linear_density"])
+    assert any("can hardly be distinguished" in warning for warning in fit.warnings)
+    assert abs(fit.correlation[0, 1]) > 0.999
+
+
 # -- a foam rod and a soft robot: weak data --------------------------------------------------------------------------
 
 
@@ -185,6 +193,11 @@ def test_pulls_to_some_sides_tell_where_the_tip_is_after_those_to_others():
     assert distances(fit, fitted=True, tip=False) < 3.7e-3  # 4.0 mm without the zeros of the outer tendons
     assert distances(fit, fitted=False, tip=False) < 3.7e-3  # 4.1 mm without base_x
     assert any("friction with memory" in warning for warning in fit.warnings)
+
+
+def test_foam_rod_does_not_tell_its_weight():
+    fit = identified("foam_rod", "pool_noodle_static/poses.csv", parameters=["bending_stiffness", "linear_density"])
+    assert any("only a combination of bending_stiffness and linear_density" in one for one in fit.warnings)
 
 
 def test_tendon_steps_tell_a_friction_in_bending_and_none_of_tendons():

@@ -89,6 +89,18 @@ def test_friction_stays_within_the_cone(count):
         assert on_edge @ friction(on_edge, v)[1] <= 1e-9 * np.linalg.norm(v) / LAW.presliding
 
 
+def test_a_wild_slip_keeps_the_state_in_the_unit_disc():
+    friction = Friction(2)
+
+    def slip(t):
+        return np.array([0.3 * math.sin(40 * t) + 0.1 * math.sin(171 * t), 0.2 * math.cos(55 * t)])
+
+    found = solve_ivp(lambda t, z: friction(z, slip(t))[1], (0.0, 0.3), [0.0, 0.0], rtol=1e-9, atol=1e-10)
+    sizes = np.linalg.norm(found.y, axis=0)
+    assert sizes.max() <= 1.0 + 1e-7
+    assert sizes.max() > 0.99
+
+
 @pytest.mark.parametrize("speed", [1e-5, 1e-2, 2.0])
 def test_a_steady_slip_has_all_of_the_friction_along_it(speed):
     friction, way = Friction(2), np.array([0.6, -0.8])

@@ -15,6 +15,7 @@ from continuum_grasp.export import export_c
 from continuum_grasp.scene import Damping, Fidelity, Finger, Rod, Scene
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.load import load
+from tests.control_cases import TARGET, rod_scene
 from tests.finger_cases import LENGTHS, LOADS, Case, State, errors, worst
 from tests.quadratic_family import ENTRY, NAME
 
@@ -88,10 +89,43 @@ def test_shape_converges_with_the_order_that_it_states():
     assert math.log2(coarse / fine) == pytest.approx(6.0, abs=1.0)
 
 
+@pytest.mark.deep
+def test_simulation_without_damping_conserves_energy_and_draws(tmp_path):
+    undamped = FINGER.model_copy(update={"damping": Damping()})
+    timing = {"duration": 0.1, "step": 0.01, "method": "reference"}
+    motion = cg.simulate(hanging(1, finger=undamped, actuation=None, initial={"q": (2.0, 1.0, 0.0)}, time=timing))
+    total = motion.kinetic + motion.potential
+    np.testing.assert_allclose(total, total[0], atol=1e-8 * motion.kinetic.max())
+    assert len(motion.save_pictures(tmp_path)) > 0
+
+
 def test_a_tolerance_chooses_it_and_is_satisfied():
     chosen = cg.choose_fidelity(hanging(1, fidelity=Fidelity(family=NAME, tolerance=1e-3)))
     assert chosen.best.choice.family == NAME
     assert chosen.best.shape <= 1e-3
+
+
+@pytest.mark.deep
+def test_a_controller_reaches_the_target(tmp_path):
+    scene = rod_scene(
+        finger=FINGER,
+        gravity=(0.0, 0.0),
+        fidelity=Fidelity(family=NAME, elements=1, accuracy=1e-3, bending_range=2.0),
+        controller={
+            "period": 0.02,
+            "horizon": {"stages": 5, "stage": 0.02},
+            "cost": {"tip": {"running": 2e3, "terminal": 20.0}, "effort": 0.01},
+            "bounds": {"curvature": 4.0},
+            "input": {"moment_max": 0.3},
+        },
+        reference={"tip": TARGET},
+        estimator=None,
+        duration=0.6,
+        plant={"fidelity": {"family": NAME, "elements": 1, "accuracy": 1e-3}},
+    )
+    loop = cg.run_closed_loop(scene)
+    assert np.linalg.norm(loop.tip[-1] - np.array(TARGET)) < 0.1 * np.linalg.norm(loop.tip[0] - np.array(TARGET))
+    assert len(loop.save_pictures(tmp_path)) > 0
 
 
 def test_the_c_package_passes_its_own_vectors(tmp_path):

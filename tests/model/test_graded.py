@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from continuum_grasp import FingerModel
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene import Damping, Finger, PointMass, Rod
+from continuum_grasp.scene import Damping, Finger, MomentLoad, PointMass, Rod
 from tests.finger_cases import evaluate, relative_error
 from tests.marks import few
 
@@ -106,6 +106,17 @@ def test_the_shape_is_the_integral_of_the_curvature(elements):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
+def test_what_is_known_bends_as_elasticity_and_actuation_say(family):
+    """The force that is missing for rest is elastic force less actuation, each by its own function."""
+    model = FingerModel(graded(), family=family, elements=3, gravity=(0, 0), input_rates=False)
+    x, u, _ = point(model)
+    q = x[: model.n]
+    missing, _ = model.statics(q, u, np.zeros(model.nw), [])
+    elastic, actuation = (evaluate(getattr(model, name), q, u, []) for name in ("elastic", "actuation"))
+    assert np.abs(np.array(missing)[:, 0] - (elastic - actuation)).max() < 1e-13 * np.abs(elastic).max()
+
+
+@pytest.mark.parametrize("family", FAMILIES)
 def test_equal_sections_are_the_uniform_rod(family):
     """Cut into three sections of one size, with tendons as a list: all functions as without."""
     rod = {**MATERIAL, "sections": [{"to": to, "diameter": 0.012} for to in (0.1, 0.13, LENGTH)]}
@@ -150,6 +161,20 @@ def test_a_stiffness_at_run_time_is_a_factor():
     expected = evaluate(FingerModel(stiffer, elements=3, input_rates=False).forward_dynamics, x, u, w, [])
     # The material's damping stays that at the base.
     assert relative_error(evaluate(model.forward_dynamics, x, u, w, [1.2, 1.0]), expected) < 1e-11
+
+
+def test_an_inner_couple_that_is_an_input_acts_as_the_load():
+    """On elements that end at the couple and right behind it, both forms have the same equilibria to their order."""
+    load = MomentLoad(at=0.1, moment=0.02, input=True)
+    model = FingerModel(graded(tendons=None), loads=(load,), elements=2, input_rates=False, family="matched_clothoid")
+    free = FingerModel(graded(tendons=None), loads=(load,), elements=2, family="clothoid")
+    assert model.u_names == free.u_names == ["tip_moment [N m]", "load_1_moment [N m]"]
+    q = np.zeros(free.n)
+    plain = FingerModel(graded(tendons=None), loads=(load.replaced(input=False),), elements=2, family="clothoid")
+    none = np.zeros(plain.nw)
+    none[-1] = 0.02
+    given = evaluate(plain.external_force, q, [0.0], none, [])
+    assert evaluate(free.actuation, q, [0.0, 0.02], []) == pytest.approx(given, rel=1e-12)
 
 
 REFUSED = {

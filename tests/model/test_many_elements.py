@@ -234,6 +234,19 @@ def test_derivatives_go_through_the_sweeps(family):
     assert found == pytest.approx((ahead - behind) / (2 * step), rel=1e-6, abs=1e-6 * np.abs(found).max())
 
 
+@pytest.mark.deep
+def test_energy_of_thirty_two_elements_is_conserved():
+    count = 2 * COUNT
+    model = FingerModel(Finger(rod=ROD, masses=FULL["masses"][:1]), family="clothoid", elements=count)
+    core = cg.compile(model)
+    start = np.concatenate([np.linspace(3.0, 0.0, model.n), np.zeros(model.n)])
+    # The fastest mode is four thousand times as fast as the first: its steps resolve a short swing.
+    states = core.rollout(start, 200, 1e-4, substeps=20)
+    kinetic, potential = core.batch("energy", states, None)
+    assert kinetic.max() >= 0.01 * np.ptp(potential) > 0.0
+    assert np.ptp(kinetic + potential) <= 1e-9 * np.ptp(potential)
+
+
 @pytest.mark.parametrize(
     ("family", "count"), [("arc", 1), ("arc", 2), ("clothoid", 2), ("arc", 4), ("arc", 16), ("arc", 40)]
 )

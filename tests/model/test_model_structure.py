@@ -141,6 +141,15 @@ def test_what_is_not_needed_is_not_in_the_code(family, name):
     assert after < before or (name in FREE[family] and after == before)
 
 
+def test_zeros_leave_no_trace():
+    """Written out as zero or not written: the same code."""
+    zeros = Finger(
+        rod=ROD, masses=(PointMass(at=0.6, mass=0.0), PointMass(at=0.2, mass=0.0)), damping=Damping(material=0.0)
+    )
+    for family in FAMILIES:
+        assert count(zeros, family) == count(Finger(rod=ROD), family)
+
+
 def test_instruction_counts_of_two_arcs():
     """The bounds that speed rests on: everything in, and a bare finger; constants folded."""
     rod = RodValue(length=0.6, linear_density=0.02, bending_stiffness=0.05)
@@ -230,6 +239,20 @@ def test_a_parameter_at_run_time_is_the_folded_one(family, name):
     else:
         finger, value = with_value(name, SCALARS[name], finger), [SCALARS[name]]
     same_everywhere(runtime, FingerModel(finger, elements=lengths, gravity=gravity, **options), value)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_all_parameters_at_once(family):
+    names = tuple(n for n in NAMES if not (family == "matched_clothoid" and n == "tendon_friction"))
+    runtime = FingerModel(EVERYTHING, family=family, elements=2, parameters=names)
+    assert runtime.p_nominal == [
+        v
+        for n in names
+        for v in {"gravity": [0.0, -9.81], "element_lengths": [0.3, 0.3]}.get(
+            n, [dict(zip(SCALARS, (0.8, 0.5, 3e-4, 0.01, 0.02, 0.7, 0.01, 0.0, 0.2, 0.1), strict=True)).get(n)]
+        )
+    ]
+    same_everywhere(runtime, FingerModel(EVERYTHING, family=family, elements=2), runtime.p_nominal)
 
 
 MAKES = [
@@ -413,6 +436,12 @@ def test_wrong_scenes_are_explained_with_the_key(name):
     assert caught.value.key == key
 
 
+def test_an_initial_state_is_for_the_scene_as_it_is():
+    scene = SCENE.model_copy(update={"initial": Initial(q=(0.1, 0.2)), "fidelity": Fidelity(family="arc", elements=2)})
+    assert FingerModel(scene).n == 2
+    assert FingerModel(scene, elements=3).n == 3
+
+
 def test_numbers_of_numpy_are_numbers():
     scalars = {
         "elements": np.int64(3),
@@ -423,3 +452,8 @@ def test_numbers_of_numpy_are_numbers():
     model = FingerModel(FULL, contacts=np.array([0.2, 0.4]), gravity=np.array([0, -9]), **scalars)
     assert (len(model.lengths), model.nw, model.ranges[0]) == (3, 6, 2.0)
     assert FingerModel(FULL, elements=np.array([0.2, 0.4])).lengths == (0.2, 0.4)
+
+
+def test_a_piecewise_rest_curvature_needs_fixed_lengths():
+    with pytest.raises(InputError, match="piecewise rest curvature"):
+        FingerModel(FULL, family="arc", parameters=("element_lengths",))

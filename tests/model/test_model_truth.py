@@ -97,6 +97,19 @@ def test_any_base_and_any_gravity(family, angle, gravity):
     assert error <= BOUND[family], name
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_each_load_alone(family):
+    case, model = shared_model(family, 3, RANGE)
+    at, finger = state(model, 1.3), case.reference(model)
+    rod = Rod(finger, at.q, at.qd, matched_tip(finger, *case.drive(model, at.u)), NODES)
+    assert model.nw == 2 * 2 + 3 * 2 + 1
+    for w, label in zip(np.eye(model.nw), model.w_names, strict=True):
+        forces, moments = case.forces(model, rod, w)
+        truth = to_numpy(rod.applied(forces, moments=moments))
+        value = evaluate(model.external_force, at.q, at.u, w, model.p_nominal)
+        assert relative_error(value, truth) <= BOUND[family], label
+
+
 MAKE_UPS = {
     "bare": {"rest_curvature": 0.0, "masses": (), "damping": Damping()},
     "tip mass": {"masses": (PointMass(at=0.6, mass=0.5),), "rest_curvature": 0.0},

@@ -180,6 +180,27 @@ def test_area_and_lag_are_found_from_a_motion():
     assert found.values == pytest.approx([1.3 * 4e-5, 1.4 * 0.05], rel=1e-4)
 
 
+@pytest.mark.deep
+def test_a_controller_reaches_the_tip_of_a_pressure():
+    # Constant curvature: the tip is on the circle of that angle.
+    angle = 0.8
+    loop = cg.load(
+        "configs/mpc/chambers.yaml", {"reference.tip": tip_of(angle), "plant.stiffness": 1.0, "duration": 1.2}
+    )
+    assert loop.lag == 0.06
+    found = cg.run_closed_loop(loop)
+    assert set(found.status) == {"solved"}
+    assert np.linalg.norm(found.tip[-1] - tip_of(angle)) < 2e-4
+    # Pressures that hold it: M = EI angle / L.
+    stiffness = loop.finger.rod.stiffness
+    held = found.u[-1] @ [-PER_PASCAL, PER_PASCAL]
+    assert held == pytest.approx(stiffness * angle / LENGTH, rel=0.02)
+
+
+def tip_of(angle):
+    return [-LENGTH * (1.0 - math.cos(angle)) / angle, LENGTH * math.sin(angle) / angle]
+
+
 @needs("cc")
 def test_an_exported_step_is_the_motion_of_simulate(tmp_path):
     timing = {"duration": 0.2, "step": 0.002, "method": "reference"}

@@ -169,6 +169,17 @@ def test_positions_follow_the_moment_that_acts_not_the_one_that_is_commanded(fam
     assert model.energy(x, elsewhere, [])[1] == pytest.approx(float(own.energy(x, elsewhere, [])[1]), rel=1e-12)
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_curvatures_are_the_slopes_of_the_angle(family):
+    model = System(finger(), family=family, elements=2)
+    x, u, step = model.state(q=np.linspace(0.4, 1.1, model.n)), [0.006], 1e-5
+    kappa = numbers(model.curvature(x, u, []))
+    nodes = [0.05, 0.15] if family == "arc" else [step, 0.1, 0.2 - step]
+    for s, value in zip(nodes, kappa, strict=True):
+        near = np.array(model.sections([s - step, s + step])(x, u, [])[1]).ravel()
+        assert (near[1] - near[0]) / (2 * step) == pytest.approx(value, rel=1e-3)
+
+
 # names and states
 
 

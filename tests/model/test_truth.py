@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from tests.truth import Rod, TruthFinger, christoffel_bias, ctx
+from tests.truth import Rod, TruthFinger, christoffel_bias, ctx, matched_tip
 
 DIGITS = ctx.mpf(10) ** -30
+
+
+TWO_PI = 2 * ctx.pi
 
 # Everything a finger can have, on elements of unequal lengths.
 FULL = {
@@ -67,6 +70,35 @@ def test_straight_arc_has_the_inertia_known_by_hand():
     assert close(rod.mass[0, 0], 3 * length**3 / 20 + ctx.mpf("0.2") * length / 3)
 
 
+def test_two_straight_arcs_have_the_constant_terms_of_the_corrected_appendix():
+    a, b = ctx.mpf("0.25"), ctx.mpf("0.4")
+    mass = Rod(TruthFinger([a, b]), [0, 0]).mass
+    assert close(mass[0, 0], (3 * a**3 + 15 * a**2 * b + 30 * a * b**2 + 20 * b**3) / 60)
+    assert close(mass[0, 1], b**2 * (2 * a + 3 * b) / 24)
+    assert close(mass[1, 1], b**3 / 20)
+
+
+@pytest.mark.parametrize("angles", [("0.4", "-0.9"), ("-1.3", "2.0"), ("2.0943951", "2.0943951")])
+def test_two_arcs_have_the_mass_matrix_of_the_corrected_equation_36(angles):
+    t1, t2 = (ctx.mpf(v) for v in angles)
+    l1, l2, rho, rho_i = ctx.mpf("0.2"), ctx.mpf("0.35"), ctx.mpf("0.02"), ctx.mpf("1e-5")
+    c1, s1, c2, s2 = ctx.cos(t1), ctx.sin(t1), ctx.cos(t2), ctx.sin(t2)
+
+    def alone(t):
+        return 1 / (3 * t**2) + 2 * (1 + ctx.cos(t)) / t**4 - 4 * ctx.sin(t) / t**5
+
+    base = l1 / t1**2 * ctx.matrix([1 - c1 - t1 * s1, t1 * c1 - s1])
+    vx, vy = c1 * base[0] + s1 * base[1], -s1 * base[0] + c1 * base[1]
+    cross = 2 * l2 * ((s2 - t2) * vy - (1 - c2) * vx) / t2**2
+    m11 = rho * l2 * (vx**2 + vy**2 + cross + 2 * l2**2 * (t2 - s2) / t2**3) + rho_i * l2
+    m11 += rho * l1**3 * alone(t1) + rho_i * l1 / 3
+    m12 = rho * l2**2 * ((t2 * s2 + 2 * c2 - 2) * vy + (t2 * (c2 + 1) - 2 * s2) * vx) / t2**3
+    m12 += rho * l2**3 * ((1 - c2) / t2**4 - s2 / t2**3 + 1 / (2 * t2**2)) + rho_i * l2 / 2
+    m22 = rho * l2**3 * alone(t2) + rho_i * l2 / 3
+    mass = Rod(TruthFinger([l1, l2], mass_per_length=rho, rotary_inertia=rho_i), [t1, t2]).mass
+    assert close(mass, ctx.matrix([[m11, m12], [m12, m22]]))
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_bias_follows_from_the_mass_matrix(family):
     q, qd = STATES[family]
@@ -121,3 +153,29 @@ def test_prescribed_curvature_moves_like_a_free_one():
     assert close(matched.acceleration(forces, "0.02"), qdd[:2, :])
     assert close(matched.kinetic, free.kinetic)
     assert close(matched.potential, free.potential)
+
+
+def test_rest_curvature_does_not_depend_on_the_mesh():
+    finger = full("arc")
+    rest = [2 * ctx.mpf("0.1") - ctx.mpf("1.5") * ctx.mpf("0.03"), -ctx.mpf("1.5") * ctx.mpf("0.21")]
+    rod = Rod(finger, [0, 0])
+    assert max(abs(v) for v in rod.elastic) < DIGITS
+    assert max(abs(bend - known) for bend, known in zip(rod.bends(), rest, strict=True)) < DIGITS
+    assert matched_tip(finger, "0.01")[0] == ctx.mpf("0.01") / ctx.mpf("0.05")
+
+
+@pytest.mark.parametrize(
+    ("family", "q"),
+    [
+        ("arc", [TWO_PI, -TWO_PI]),
+        ("clothoid", [2 * TWO_PI / ctx.mpf("0.13"), 0, 2 * TWO_PI / ctx.mpf("0.21")]),
+        ("matched_clothoid", ["1e-300", "1e-9"]),
+    ],
+)
+def test_quadrature_has_converged(family, q):
+    qd = ["1.5"] * len(q)
+    coarse, fine = (Rod(full(family), q, qd, TIP, nodes=nodes) for nodes in (40, 60))
+    for name in ("mass", "bias", "gravity"):
+        assert close(getattr(coarse, name), getattr(fine, name), ctx.mpf(10) ** -38)
+    s = ctx.mpf("0.3")
+    assert close(coarse.jacobian(s), fine.jacobian(s), ctx.mpf(10) ** -38)

@@ -180,6 +180,26 @@ def test_multiplier_is_the_gain_from_a_wider_bound():
     assert gain == pytest.approx(force, rel=0.02)
 
 
+@pytest.mark.deep
+def test_simulation_of_the_inputs_is_the_plan():
+    """The package's simulator, with error control, on the scene that a user would write."""
+    form = {"form": "linear", "rate_max": 400.0}
+    scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"degree": 5})
+    found = plan(scene)
+    tensions = tuple(cg.Samples(times=tuple(found.t), values=tuple(c), interpolation="linear") for c in found.u.T)
+    played = cg.Scene(
+        finger=HAND,
+        gravity=scene.gravity,
+        fidelity=scene.fidelity,
+        actuation=cg.Actuation(tensions=tensions),
+        initial=cg.Initial(pose="rest"),
+        time=cg.Timing(duration=scene.duration, step=scene.duration / 1500, method="reference"),
+    )
+    moved = cg.simulate(played)
+    assert moved.tip[::100] == pytest.approx(found.tip, abs=2e-6)
+    assert found.deviation.tip < 1e-6
+
+
 def test_held_inputs_give_the_plan_in_an_independent_integrator():
     found = plan(two_arcs(solver={"degree": 5}))
     model = found.prediction

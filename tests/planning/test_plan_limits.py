@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,11 +10,15 @@ import numpy as np
 import pytest
 from plan_cases import small
 
-from continuum_grasp.planning import diagnosis, fine
+from continuum_grasp.errors import InputError
+from continuum_grasp.nlp import Status, Violation
+from continuum_grasp.planning import PlanStatus, diagnosis, fine
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.solve import _result
+from continuum_grasp.scene.plan import PlanScene
 
 LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, 4
 """Of the hand-made plan: finger [m], greatest deviation per length [1], nodes, and parts of an interval."""
@@ -113,6 +117,67 @@ def test_a_check_says_so_beyond_its_limit_alone(monkeypatch, limit, text, made):
         assert any(said.startswith(text) for said in (*found.warnings, found.message)) is beyond
 
 
+def test_what_no_check_is_about_goes_unsaid(monkeypatch):
+    """A tip off between nodes, soft bounds, the first state's bound, drift of what need not stay."""
+    first = at(0, 0.0, 0.0, 9.0)
+    assert not verdict(monkeypatch, off(1.0, row=PARTS + 1)).warnings
+    assert not verdict(monkeypatch, at(3, 0.0, 0.0, 0.0, 9.0)).warnings
+    assert not verdict(monkeypatch, first).warnings
+    for how in ({**HELD, "friction": False}, {**HELD, "method": "collocation"}):
+        assert verdict(monkeypatch, off(0.0), **how, drift=1.0).status == "optimal"
+
+
+@pytest.mark.parametrize("given", [None, 3])
+@pytest.mark.parametrize("sudden", [True, False])
+def test_more_steps_than_can_be_taken_are_refused_with_what_to_try(monkeypatch, given, sudden):
+    motion = Motion(small(method="single_shooting", intervals=4, solver={"substeps": given} if given else {}))
+    monkeypatch.setattr(PlanScene, "sudden", sudden)
+    for rate, refused in ((-40.0, False), (-1e12, True)):
+        motion.__dict__.pop("_rates", None)
+        motion.__dict__["prediction"] = SimpleNamespace(eigenvalues=lambda *_, rate=rate: np.array([rate + 0j]))
+        if not refused:
+            assert motion.steps == (given or 9, 2)  # 0.1 % of a mode of 40/s over 25 ms
+            continue
+        with pytest.raises(InputError, match=r"up to 1e\+12 1/s, for which each of 4 intervals needs more") as caught:
+            _ = motion.steps
+        assert caught.value.key == ("solver.substeps" if given else "method")
+        assert ("method: collocation" in str(caught.value)) is not sudden
+        assert ("leave out solver.substeps" if given else "raise intervals") in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("rate", "interval", "method", "substeps"),
+    [
+        # A step times the fastest rate is at most 0.1: four parts of 0.1 s have steps for 4/s each, 2 to 200.
+        (0.0, 0.1, "rk4", 2),
+        (7.99, 0.1, "rk4", 2),
+        (8.01, 0.1, "rk4", 3),
+        (799.9, 0.1, "rk4", 200),
+        (800.1, 0.1, "rodas", 50),
+        # Beyond, steps of 0.5 ms at most, four at least.
+        (1e9, 4e-3, "rodas", 4),
+        (1e9, 7.999e-3, "rodas", 4),
+        (1e9, 8.001e-3, "rodas", 5),
+    ],
+)
+def test_stiffness_chooses_method_and_steps_of_the_fine_simulation(monkeypatch, rate, interval, method, substeps):
+    asked = []
+    monkeypatch.setattr(fine, "_rollout", lambda model, method, steps: asked.append((method, steps)) or run)
+
+    def run(begin, parts, count, h, *_):
+        asked.append((count, h))
+        return np.zeros((1, parts + 1, 1)), [parts]
+
+    monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
+    system = SimpleNamespace(structure=SimpleNamespace(has_law=lambda kind: False))
+    model = SimpleNamespace(fastest_rate=lambda *_: rate, nu=1, np=0, system=system)
+    scene = SimpleNamespace(input_limits=((0.0,), (1.0,)), load_varies=False, input=SimpleNamespace(form="held"))
+    path = Path(np.zeros((3, 1)), np.zeros((3, 1)), 2 * interval)
+    assert len(fine.simulated(scene, model, path, np.zeros(1))) == 9
+    assert asked[0] == (method, 8 * substeps)
+    assert asked[1] == (substeps, pytest.approx(interval / 4 / substeps))
+
+
 GOALS = [
     ({}, 1e-5 * 0.1 * 0.3, 1e-5 * 0.5),
     ({"weight": 1.0}, 0.01 * 0.3, 0.05),
@@ -145,6 +210,38 @@ def test_a_shape_is_met_by_an_arc_through_its_points():
     assert diagnosis.missed_goals(problem, w, weighted=False) == ([], pytest.approx(0.0, abs=1e-9))
 
 
+def diagnosed(monkeypatch, strengths, *, error=1.0, excess=0.0):
+    """What is said of strengths of limits, an error of a goal, and an excess of a bound of the state."""
+    speed = Violation("speed", 3, excess, "m/s", "bounds.speed", excess)
+    block = SimpleNamespace(key="bounds.speed", violation=lambda _: speed, rows=np.zeros((4, 1)))
+    monkeypatch.setattr(diagnosis, "missed_goals", lambda *_, **__: (["goal tip"] if error else [], error))
+    monkeypatch.setattr(diagnosis, "_strengths", lambda *_: strengths)
+    monkeypatch.setattr(diagnosis, "_nearest", lambda *_: "")
+    bounds = SimpleNamespace(values=lambda *_: None)
+    problem = SimpleNamespace(
+        assembly=SimpleNamespace(blocks=[block]), bounds=bounds, path=lambda _: SimpleNamespace(duration=2.0)
+    )
+    found = diagnosis.diagnose(problem, SimpleNamespace(x=None, g=None))
+    return "nothing" if found is None else " and ".join((*found.violated, found.message))
+
+
+REASONS = [
+    ("share of the strongest limit", "the input limit stops it and the duration stops it",
+     lambda p: ({"duration": 0.6 * p, "input": 3.0}, {})),
+    ("strength near the goal", "the input limit stops it", lambda p: ({"input": 1e-6 * p}, {"error": 0.5})),
+    ("strength far from it", "the speed limit stops it", lambda p: ({"speed": 3e-6 * p}, {"error": 3.0})),
+    ("excess of a bound", "a bound of the state cannot be satisfied: speed is left by 1e-05 m/s at t = 2 s",
+     lambda p: ({}, {"error": 0.0, "excess": 1e-5 * p})),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "made"), [row[1:] for row in REASONS], ids=[row[0] for row in REASONS])
+def test_a_reason_is_named_beyond_its_limit_alone(monkeypatch, text, made):
+    for part, named in ((0.999, False), (1.001, True)):
+        strengths, how = made(part)
+        assert (text in diagnosed(monkeypatch, strengths, **how)) is named
+
+
 LEVERS = [
     ("input", lambda f: {"input": {"moment_max": 0.02 * f}}),
     ("input rate", lambda f: {"input": {"moment_max": 0.3, "rate_max": 0.5 * f}}),
@@ -169,3 +266,52 @@ def test_the_strength_of_a_limit_is_what_widening_it_gains(name, changes):
     wider, narrower = (nearest(1.0 + sign * step)[1].objective for sign in (1.0, -1.0))
     strengths = diagnosis._strengths(*nearest(1.0))
     assert strengths[name] == pytest.approx((narrower - wider) / (2 * step), rel=5e-3)
+
+
+@pytest.mark.parametrize(("method", "limit"), [("collocation", 1e-6), ("single_shooting", 1e-5)])
+def test_an_attempt_is_a_plan_up_to_its_violation(method, limit):
+    search = Search(small(method=method, intervals=2))
+    for share, good in ((0.999, True), (1.001, False)):
+        search.best = None
+        search._solved = lambda *_, v=share * limit, **__: SimpleNamespace(violation=v, converged=True, objective=1.0)
+        assert search._try("made up", np.zeros(1)) is good
+        assert (search.best is not None) is good
+
+
+@pytest.fixture(scope="module")
+def searched():
+    search = Search(small(intervals=5))
+    search.run()
+    assert search.best is not None
+    return search
+
+
+STATUSES = [
+    (PlanStatus.OPTIMAL, "solved", {}),
+    (PlanStatus.FEASIBLE, "but the iterations were used up before the optimum", {"converged": False}),
+    (PlanStatus.FEASIBLE, "(solver.max_total_iterations) before the search was complete", {"cut": "iterations"}),
+    (PlanStatus.FEASIBLE, "(solver.time_limit) before the search was complete", {"cut": "clock"}),
+    (PlanStatus.NOT_SOLVED, "no plan was found: the iterations were used up", {"found": False}),
+    (PlanStatus.NOT_SOLVED, "(solver.max_total_iterations)", {"found": False, "cut": "iterations"}),
+    (PlanStatus.STOPPED, "(solver.time_limit)", {"found": False, "cut": "clock"}),
+    (PlanStatus.INFEASIBLE, "stops it", {"found": False, "diagnosis": True}),
+    (PlanStatus.STOPPED, "(solver.time_limit)", {"found": False, "diagnosis": True, "cut": "clock"}),
+]
+
+
+@pytest.mark.parametrize(("status", "text", "how"), STATUSES)
+def test_a_plan_says_in_a_word_how_the_search_ended(monkeypatch, searched, status, text, how):
+    best = searched.best
+    if not how.get("converged", True) or not how.get("found", True):
+        best = replace(best, status=Status.ITERATION_LIMIT, outcome="Maximum_Iterations_Exceeded")
+    cut = how.get("cut", "")
+    monkeypatch.setattr(searched, "attempts", [("direct", best)])
+    monkeypatch.setattr(searched, "relaxed", [("direct", best)])
+    monkeypatch.setattr(searched, "best", best if how.get("found", True) else None)
+    monkeypatch.setattr(searched, "budget", SimpleNamespace(cut=cut, stopped=cut == "clock"))
+    if how.get("diagnosis"):
+        monkeypatch.setattr(searched, "diagnosis", SimpleNamespace(message="what stops it", advice="", violated=("x",)))
+    found = _result(searched)
+    assert found.status is status
+    assert text in found.message
+    assert found.solved is (best is searched.best)

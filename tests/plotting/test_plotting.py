@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import stat
 import subprocess
 import sys
@@ -222,6 +223,12 @@ def test_files_of_a_simulation(motion: Motion, tmp_path: Path) -> None:
         assert 0.005 < np.mean(gray < 250) < 0.5
 
 
+@pytest.mark.parametrize("suffix", ["pdf", "svg"])
+def test_other_formats(motion: Motion, tmp_path: Path, suffix: str) -> None:
+    file = save_picture(plotting.plot_energy(motion), tmp_path / f"energy.{suffix}")
+    assert file.stat().st_size > 1000
+
+
 def test_one_instant_and_a_run_that_ended_in_nan(tmp_path: Path) -> None:
     Motion(count=1).save_pictures(tmp_path)
     broken = Motion()
@@ -315,6 +322,12 @@ def test_mp4_gives_ffmpeg_every_frame(
     assert height % 2 == 0
     assert said[said.index("-r") + 1] == "10"
     assert path.stat().st_size == 11 * 3 * width * height
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
+def test_mp4(motion: Motion, tmp_path: Path) -> None:
+    content = motion.animate(tmp_path / "a.mp4", width=160).read_bytes()
+    assert content[4:8] == b"ftyp"
 
 
 GLOBAL_STATE = """

@@ -7,9 +7,10 @@ import math
 import subprocess
 import sys
 
+import mpmath
 import numpy as np
 import pytest
-from scipy import integrate, optimize
+from scipy import integrate, optimize, special
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
@@ -171,6 +172,24 @@ def shot(scene, near):
     return np.array(base.position) - base_of(root)[5:]
 
 
+@pytest.mark.parametrize("load", [1e-3, 0.3, 5.0, 300.0])
+def test_the_bent_cantilever_is_that_of_thirty_digits(load):
+    pose = closed_forms.bent_by_tip_force(load)
+    with mpmath.workdps(40):
+        gap = mpmath.mpf(math.pi / 2 - pose.angle)
+
+        def integrals(g):
+            m = mpmath.cos(g / 2) ** 2
+            start = mpmath.asin(mpmath.sqrt(1 / (2 * m)))
+            return mpmath.ellipk(m) - mpmath.ellipf(start, m), mpmath.ellipe(m) - mpmath.ellipe(start, m)
+
+        root = mpmath.sqrt(load)
+        bracket = (gap * (1 - mpmath.mpf("1e-6")), gap * (1 + mpmath.mpf("1e-6")))
+        gap = mpmath.findroot(lambda g: integrals(g)[0] - root, bracket, solver="anderson")
+        across = float(1 - 2 * integrals(gap)[1] / root)
+    assert pose.across == pytest.approx(across, abs=1e-12)
+
+
 @pytest.mark.parametrize("load", [0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 100.0])
 def test_tip_force_agrees_with_elliptic_integrals(load):
     found, pose = solve_elastica(unit(force(1.0, (0.0, load)))), closed_forms.bent_by_tip_force(load)
@@ -229,6 +248,15 @@ def test_stability_ends_at_the_critical_load(case, change):
     assert straight.elastic_energy == pytest.approx(0.0, abs=1e-20)
 
 
+def test_critical_lengths_have_their_known_values():
+    zero = special.jn_zeros(0, 1)[0]
+    zero = optimize.brentq(lambda x: special.jv(-1.0 / 3.0, x), 1.0, zero)
+    assert closed_forms.greenhill_length(1.0, 1.0, 1.0) == pytest.approx(
+        (9.0 / 4.0 * zero**2) ** (1.0 / 3.0), rel=1e-13
+    )
+    assert closed_forms.greenhill_length(1.0, 0.0, 1.0, tip_mass=1.0) == pytest.approx(0.5 * math.pi, rel=1e-13)
+
+
 @pytest.mark.parametrize("angle", [0.3, 1.5, 2.8])
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_column_buckles_to_the_side_that_is_asked_for(angle, side):
@@ -259,6 +287,12 @@ def test_a_guess_chooses_the_branch(kind):
     assert again.tip == pytest.approx(first.tip, abs=1e-11)
 
 
+def test_beyond_the_last_load_the_rod_keeps_its_rest_shape():
+    scene = unit(force(0.4, (1.0, 9.0)), couple(0.55, 2.0), finger={"rest_curvature": 0.7})
+    s = np.linspace(0.55, 1.0, 20)
+    assert solve_elastica(scene).curvature(s) == pytest.approx(np.full(20, 0.7), abs=1e-12)
+
+
 SHOT = {
     "own weight": unit(gravity=(3.0, -12.0), angle=0.4),
     "hanging with a tip mass": unit(gravity=(2.0, -9.81), angle=HANGING, tip_mass=0.8),
@@ -282,6 +316,21 @@ def test_shooting_arrives_at_the_same_tip(case):
     assert found.tip == pytest.approx(shot(scene, found), abs=2e-10 * scene.finger.rod.length)
 
 
+def test_own_weight_agrees_with_scipys_collocation():
+    found, start = solve_elastica(unit(gravity=(0.0, -12.0))), np.linspace(0.0, 1.0, 101)
+
+    def rate(s, y):
+        return np.array([y[1], 12.0 * (1.0 - s) * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])])
+
+    def ends(a, b):
+        return np.array([a[0], b[1], a[2], a[3]])
+
+    guess = np.vstack([-start, start - 1.0, start, 0.0 * start])
+    run = integrate.solve_bvp(rate, ends, start, guess, tol=1e-10, max_nodes=100000)
+    assert run.success
+    assert found.tip == pytest.approx(run.y[2:, -1], abs=1e-9)
+
+
 @pytest.mark.parametrize("case", [mixed, graded])
 def test_energy_changes_by_the_displacement_under_the_load(case):
     step, scene = 1e-4, case(follows=False)
@@ -297,6 +346,14 @@ def test_energy_changes_by_the_displacement_under_the_load(case):
             assert -moved == pytest.approx(found.position(at)[axis], abs=1e-7)
     turned = slope(lambda h: [MomentLoad(at=0.35, moment=h)])
     assert -turned == pytest.approx(float(found.angle(0.35)) + 0.7, abs=1e-6)
+
+
+def test_energy_is_that_of_its_parts():
+    found, s = solve_elastica(unit(gravity=(1.0, -7.0), tip_mass=0.3)), np.linspace(0.0, 1.0, 20001)
+    height = integrate.simpson(found.position(s) @ [-1.0, 7.0], x=s) + 0.3 * found.tip @ [-1.0, 7.0]
+    elastic = integrate.simpson(0.5 * found.curvature(s) ** 2, x=s)
+    assert found.elastic_energy == pytest.approx(elastic, rel=1e-12)
+    assert found.energy == pytest.approx(elastic + height, rel=1e-12)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
@@ -347,6 +404,25 @@ def test_sampled_loads_and_inputs_have_their_values_at_time_zero(interpolation, 
     problem = read_problem(scene)
     assert problem.dead == ((1.0, pytest.approx(complex(*value), rel=1e-14)),)
     assert dict(problem.couples).get(1.0, 0.0) == pytest.approx(moment, rel=1e-14)
+
+
+@pytest.mark.deep
+def test_the_finger_model_agrees_with_the_elastica(without_compiler):  # noqa: F811
+    """Clothoids, the short ones over the jumps of curvature that continuous curvatures cannot follow."""
+    jumps, half, errors = (0.15, 0.1875, 0.375), 1e-4, []
+    edges = [0.0, 0.0375, 0.075, *jumps[:2], 0.225, 0.2625, 0.3, 0.3375, jumps[2], 0.4125, 0.45, 0.525, 0.6]
+    for halved in (False, True):
+        if halved:
+            edges = sorted([*edges, *(0.5 * (a + b) for a, b in itertools.pairwise(edges))])
+        split = sorted([*set(edges).difference(jumps), *(at + sign * half for at in jumps for sign in (-1, 1))])
+        scene = mixed(elements=np.diff(split).tolist(), fidelity={"accuracy": 1e-10})
+        truth, found = solve_elastica(scene), equilibrium(scene)
+        backbone = found.backbone(13) - truth.position(np.linspace(0.0, 0.6, 13))
+        errors.append(np.abs(backbone).max() / 0.6)
+    assert len(found.model.lengths) == 29
+    assert errors[0] < 2e-6
+    assert errors[1] < 2e-7
+    assert order(errors)[0] > 3.2  # 3.4: the short elements, which are not halved, have a share of their own
 
 
 @pytest.mark.deep
@@ -420,6 +496,26 @@ def test_what_leaves_no_length_for_an_element_makes_none():
     lengths = FingerModel(rod_scene(UNIT, None, None, loads=many)).lengths
     assert len(lengths) <= 64
     assert min(lengths) >= 0.02 - 1e-9
+
+
+@pytest.mark.parametrize("family", ["clothoid", "arc"])
+def test_tendon_friction_makes_the_order_two(family, without_compiler):  # noqa: F811
+    tendons = {"offset": 0.01, "max_tension": 500.0, "friction": 0.1}
+    errors = [
+        worst(
+            rod_scene(
+                UNIT,
+                family,
+                elements,
+                gravity=(0.0, -2.0),
+                finger={"tendons": tendons},
+                actuation={"tensions": [150.0, 0.0]},
+                initial={"pose": "straight", "reached_by": "pulling"},
+            )
+        )
+        for elements in (2, 4, 8)
+    ]
+    assert np.all(np.abs(order(errors) - 2.0) < 0.2)
 
 
 @pytest.mark.parametrize("s", [-1e-9, 1.0 + 1e-9])

@@ -116,6 +116,17 @@ def test_the_hand_fingers_lumped_values_are_those_of_its_comments():
     assert rod.inertia_per_length == pytest.approx(6450 * second_moment + disc_inertia / pitch, rel=1e-2)
 
 
+@pytest.mark.parametrize("grams", [0, 10, 20, 50])
+def test_releases_start_alike(grams):
+    """Held by the same net force at the tip, whatever the tip mass."""
+    scene = load(ROOT / f"configs/simulate/nitinol_release_{grams:03d}g.yaml")
+    weight = 9.81 * sum(mass.mass for mass in scene.finger.masses)
+    assert sum(mass.mass for mass in scene.finger.masses) == pytest.approx(grams * 1e-3)
+    (hold,) = scene.initial.held_by
+    assert hold.at == scene.finger.rod.length
+    assert hold.force == pytest.approx((0.0, 0.2 + weight))
+
+
 def _as_booleans(value):
     """A value as YAML 1.1 reads and writes it, in which the words on and off are booleans."""
     if isinstance(value, dict):

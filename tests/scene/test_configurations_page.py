@@ -133,6 +133,32 @@ def test_every_key_is_in_a_shipped_configuration_or_has_an_example():
     assert known - shipped == {key for row in EXAMPLES for key in row["keys"]}
 
 
+_LENGTH = "finger.rod.length: wrong type: expected a length [m] such as 0.012 or 12 mm, got text"
+
+
+CHANGES = {
+    "finger.rod.length=600 MM": f"{_LENGTH} '600 MM' (units: m, cm, mm, um, in)",
+    "finger.rod.length='1,200 mm'": (
+        f"{_LENGTH} '1,200 mm' (write a decimal point, not a comma, and no separators of thousands)"
+    ),
+    "initial.pose=strait": (
+        "initial.pose: not one of the choices: expected 'straight', 'rest' or 'equilibrium', got text 'strait'; "
+        "did you mean 'straight'?"
+    ),
+    "finger.masses=[{at: 70 cm, mass: 20 g}]": "finger.masses[0].at: 0.7 m is beyond the finger's length of 0.6 m",
+    "time={duration: 1 s, step: 300 ms}": (
+        "time.duration: duration must be a whole number of steps, got 1.0 s in steps of 0.3 s"
+    ),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_errors_say_key_expectation_and_remedy(change):
+    with pytest.raises(InputError) as caught:
+        load(HANGING, [change])
+    assert str(caught.value) == f"--set {change}: {CHANGES[change]}"
+
+
 def test_the_warning_is_what_one_gets():
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

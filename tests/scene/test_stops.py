@@ -68,6 +68,20 @@ def test_what_cannot_be_is_refused(name):
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("keys", "what"),
+    [
+        ({"stops": {"curvature": 20.0, "stiffness_ratio": 50.0}}, "stops"),
+        ({"tendons": [{"offset": 0.01, "max_tension": 1.0, "friction": 0.1}]}, "tendon friction"),
+    ],
+)
+def test_a_matched_tip_carries_neither_stops_nor_friction(keys, what):
+    with pytest.raises(InputError) as caught:
+        cg.Scene(finger=cg.Finger(rod=ROD, **keys), gravity=(0.0, 0.0), fidelity={"family": "matched_clothoid"})
+    assert str(caught.value).startswith(f"Scene: fidelity.family: matched_clothoid cannot carry {what} (the moment")
+    assert str(caught.value).endswith(": use clothoid or arc")
+
+
 def test_a_couple_that_holds_is_no_input():
     keys = {"finger": cg.Finger(rod=ROD), "gravity": (0.0, 0.0)}
     couple = {"kind": "moment", "at": 0.1, "moment": 0.01, "input": True}

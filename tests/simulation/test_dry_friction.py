@@ -56,6 +56,19 @@ def way(*turns: float, step: float = 0.05) -> np.ndarray:
     return np.concatenate([[turns[0]], *parts])
 
 
+def test_a_finger_without_it_pays_nothing():
+    plain, sticks = (cg.FingerModel(finger(of), family="clothoid", elements=2) for of in ((), BRANCHES))
+    assert (plain.nx, sticks.nx) == (2 * plain.n, 2 * plain.n + 8)
+
+    def kinks(model):
+        f = model.forward_dynamics
+        return sum(f.instruction_id(k) in (ca.OP_FMIN, ca.OP_FMAX) for k in range(f.n_instructions()))
+
+    assert (kinks(plain), kinks(sticks)) == (0, 16)
+    given = cg.FingerModel(Finger(rod=plain.finger.rod), family="clothoid", elements=2)
+    assert plain.instructions == given.instructions < sticks.instructions <= given.instructions + 17 * 8
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize(("family", "elements"), MODELS)
 def test_loops_of_a_moment_are_those_of_the_law(family, elements):
@@ -154,6 +167,28 @@ def test_quadratic_damping_takes_more_of_larger_swings():
     assert (1.0 + size[:-1]) * np.exp(-size[:-1]) == pytest.approx((1.0 - size[1:]) * np.exp(size[1:]), rel=1e-4)
     assert size[1] / size[0] < size[6] / size[5] - 0.02
     assert cg.modes(made).damping_ratios == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.deep
+def test_slow_motions_follow_the_loop_at_any_rate():
+    """Rate independence: a force that goes to and fro in 4 s and in 8 s, against statics."""
+    levels = [0.0, 5.0, 1.0, 4.0, 1.0]
+    path = equilibrium_path(
+        scene(family="clothoid", loads=[{"kind": "force", "at": LENGTH, "force": (1.0, 0.0)}]), way(*levels, step=0.25)
+    )
+    at_turns = [path[k].tip for k in np.cumsum([0, 20, 16, 12, 12])]
+    for duration in (4.0, 8.0):
+        times = np.linspace(0.0, duration, 5)
+        force = {"times": times, "values": [(v, 0.0) for v in levels], "interpolation": "linear"}
+        moving = scene(
+            finger=finger(material=0.002),
+            family="clothoid",
+            loads=[{"kind": "force", "at": LENGTH, "force": force}],
+            time={"duration": duration, "step": 0.01},
+        )
+        found = cg.simulate(moving)
+        tips = found.tip[np.round(times / 0.01).astype(int)]
+        assert tips == pytest.approx(np.array(at_turns), abs=0.005 * LENGTH * 4.0 / duration)
 
 
 @pytest.mark.deep

@@ -6,8 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from tests.simulation.test_winches import HOLDING, MOTOR, model
-from tests.tendon_cases import OFFSET, bend
+import continuum_grasp as cg
+from tests.simulation.test_winches import HOLDING, MOTOR, model, scene
+from tests.tendon_cases import LENGTH, OFFSET, STIFFNESS, bend
 from tests.truth.geared_chain import drum_angle
 
 RADIUS = 0.008
@@ -93,3 +94,34 @@ def test_it_neither_makes_nor_takes_energy(drive, stiffness, play):
         missing.append(abs(gained + lost - (0.05 - 1e-5 * x[at + 1]) * x[at + 1]) / scale)
     assert np.median(missing) < 1e-13
     assert max(missing) < 1e-5  # in the corners the root is one of three steps
+
+
+def test_the_mirror_image_moves_alike():
+    made = model(geared(HOLDING, 20.0, 0.05), friction=0.2)
+    for x in states(made, 20, 7):
+        one, other = (
+            np.array(made.forward_dynamics(side * x, [side * 0.05], [side * 0.1, 0.2], [])).ravel() for side in (1, -1)
+        )
+        assert one == pytest.approx(-other, abs=1e-9 * np.abs(one).max())
+
+
+def test_a_stiffer_gear_approaches_one_that_does_not_yield():
+    """The finger is behind by half the play, and by the torque per stiffness, as far as servo and cables let it."""
+    ends = {}
+    drive = {**HOLDING, "position_gain": 2.0, "rate_gain": 0.01, "pretension": 6.0}
+    ramp = {"times": [0.0, 0.3], "values": [0.0, 0.9]}
+    for stiffness in (None, 20.0, 2000.0):
+        own = drive if stiffness is None else geared(drive, stiffness, 1e-3)
+        motion = cg.simulate(scene(own, {"angles": [ramp]}, 0.6, tendons={"friction": 0.1}))
+        ends[stiffness] = motion
+    first, second = (ends[None].tensions[-1, k] for k in (0, 1))
+    compliance = 3e-5 + LENGTH / 1e4
+    for stiffness, motion in ends.items():
+        if stiffness is None:
+            continue
+        behind = 0.5e-3 + RADIUS * (first - second) / stiffness
+        gear = 2.0 * RADIUS**2 / compliance
+        bends = STIFFNESS / LENGTH * (RADIUS / OFFSET) ** 2
+        share = 1.0 / (1.0 + bends / gear + bends / 2.0) * RADIUS / OFFSET
+        lost = bend(motion.model, ends[None].q[-1]) - bend(motion.model, motion.q[-1])
+        assert lost == pytest.approx(share * behind, rel=0.2), stiffness

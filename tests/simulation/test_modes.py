@@ -62,6 +62,11 @@ def test_clamped_free_frequencies_have_the_errors_of_the_table(family, elements,
         assert error == pytest.approx(float(printed), abs=10.0**-digits)
 
 
+@pytest.mark.parametrize(("family", "highest"), [("matched_clothoid", 22.3), ("arc", 37.6)])
+def test_the_highest_frequency_of_two_unknowns(family, highest):
+    assert pulsations(rod_scene(UNIT, family, 2, gravity=FREE))[-1] == pytest.approx(highest, abs=0.05)
+
+
 @pytest.mark.parametrize("mass_ratio", [0.1, 1.0, 10.0, 100.0])
 def test_a_tip_mass_lowers_the_frequencies_as_the_rods_equation_says(mass_ratio):
     expected = beam_pulsations(3, mass_ratio)
@@ -70,6 +75,11 @@ def test_a_tip_mass_lowers_the_frequencies_as_the_rods_equation_says(mass_ratio)
     assert found[0] / expected[0] - 1.0 == pytest.approx(0.0, abs=5e-6)
     two = pulsations(rod_scene(UNIT, "matched_clothoid", 2, gravity=FREE, tip_mass=mass_ratio))
     assert two[0] == pytest.approx(expected[0], rel=2e-3)
+
+
+def test_the_two_independent_truths_agree():
+    for mass_ratio in (0.0, 1.0):
+        assert ritz(mass_ratio, 0.0)[:2] == pytest.approx(beam_pulsations(2, mass_ratio), rel=1e-7)
 
 
 @pytest.mark.parametrize("mass_ratio", [0.0, 2.0])

@@ -205,6 +205,23 @@ def test_moving_inputs_and_forces_against_an_independent_integration(family):
     assert np.abs((reference - truth) / scale).max() < 1e-6
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_slow_force_is_followed_in_equilibrium(family):
+    """Within 60 s, inertia out of play: material damping delays every shape by some eta / E I, 0.1 s here.
+
+    The weight stiffens or softens the finger, which changes the delay by up to a quarter.
+    """
+    lifted = {"times": [0.0, 60.0], "values": [[0.0, 0.0], [0.0, 0.6]]}
+    keys = {"finger": {"damping": {"material": 5e-3}}, "initial": {"pose": "equilibrium"}}
+    found = simulate(nitinol(family, duration=60.0, step=0.1, loads=[force(0.6, lifted)], **keys))
+    delay = 5e-3 / found.scene.finger.rod.stiffness
+    for k in (0, 150, 300, 450, 600):
+        value = 0.6 * float(smoothstep(max(found.t[k] - delay, 0.0), 60.0)[0])
+        still = equilibrium(nitinol(family, loads=[force(0.6, (0.0, value))]))
+        assert found.tip[k] == pytest.approx(still.tip, abs=5e-4)
+    assert found.tip[-1, 1] - found.tip[0, 1] > 0.3
+
+
 TENDONS = {"offset": 0.005, "max_tension": 60.0, "time_constant": 0.02}
 
 
@@ -223,6 +240,59 @@ def test_a_tension_step_ends_in_equilibrium(family):
     t, lag = found.t, TENDONS["time_constant"]
     moment = 0.05 * (1.0 - (1.0 + t / lag) * np.exp(-t / lag))
     assert found.x[:, -2] == pytest.approx(moment, abs=0.05 * 0.03)
+
+
+# hard cases
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_very_short_element(family, monkeypatch):
+    """1 % of the length, no damping: modes of tens of kilohertz, and a motion that is hardly disturbed by them."""
+    monkeypatch.setenv("CC", "cc")
+    found = {
+        method: simulate(nitinol(family, (0.594, 0.006), duration=0.3, step=1e-3, method=method))
+        for method in ("auto", "rk4")
+    }
+    assert found["rk4"].statistics["method"] == "rk4"
+    if family != "matched_clothoid":  # which does without the stiffest mode
+        assert found["auto"].statistics["method"] == "rodas"
+        assert found["rk4"].statistics["substeps"] >= 128
+    energy = found["rk4"].kinetic + found["rk4"].potential
+    assert np.abs(energy - energy[0]).max() < 1e-5 * found["rk4"].kinetic.max()
+    assert distance(found["auto"].tip, found["rk4"].tip) < 0.02
+    assert all(one.warnings == () for one in found.values())
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_tip_mass_of_a_hundred_rods(family):
+    """Drawn aside while hanging, 3 s: finite, no energy lost, and about the pendulum of the rod's length."""
+    mass = 100 * NITINOL["length"] * NITINOL["density"] * math.pi * 1e-6
+    initial = {"pose": "equilibrium", "held_by": [force(0.6, (1.0, 0.0))]}
+    found = simulate(nitinol(family, duration=3.0, angle=HANGING, tip_mass=mass, initial=initial))
+    assert found.warnings == ()
+    energy = found.kinetic + found.potential
+    assert np.abs(energy - energy[0]).max() < 1e-4 * found.kinetic.max()
+    crossings = np.flatnonzero(np.diff(np.sign(found.tip[:, 0])))
+    half_period = np.mean(np.diff(found.t[crossings]))
+    assert half_period < math.pi * math.sqrt(0.6 / 9.81)
+    assert half_period > 0.7 * math.pi * math.sqrt(0.6 / 9.81)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_starting_exactly_straight_is_as_smooth_as_starting_nearly_straight(family):
+    straight = simulate(nitinol(family, duration=0.2, tip_mass=0.02))
+    n = straight.n
+    for tiny in (1e-300, 1e-12, 1e-8):
+        nearly = simulate(nitinol(family, duration=0.2, tip_mass=0.02, initial={"q": [tiny] * n}))
+        assert np.abs(nearly.x - straight.x).max() <= 1e3 * tiny + 1e-11 * np.abs(straight.x).max()
+    assert np.all(straight.x[0] == 0.0)
+    assert np.all(np.isfinite(straight.x))
+    # The first step is a parabola: M qdd + G = 0.
+    model = straight.model
+    q = np.zeros(n)
+    first = -np.linalg.solve(np.array(model.mass_matrix(q, [0.0], [])), np.array(model.gravity(q, [0.0], [])).ravel())
+    assert straight.x[1, :n] == pytest.approx(0.5 * first * 1e-6, rel=0.02)
 
 
 # hard cases
@@ -337,6 +407,17 @@ def test_an_interrupted_motion_comes_with_its_error(method, monkeypatch):
     assert np.array_equal(partial.x, simulate(scene).x[: len(partial.t)])
 
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_an_output_step_far_above_the_stability_limit_is_divided(family):
+    fine = simulate(nitinol(family, duration=1.0, step=1e-3, method="rk4"))
+    coarse = simulate(nitinol(family, duration=1.0, step=0.1, method="rk4"))
+    substeps, radius = coarse.statistics["substeps"], coarse.statistics["spectral_radius"]
+    assert substeps >= 3
+    assert radius * 0.1 / substeps < 2.7
+    assert len(coarse.t) == 11
+    assert coarse.tip == pytest.approx(fine.tip[::100], abs=2e-3)
+
+
 # starts that a matched tip cannot have
 
 MOMENT = 0.02
@@ -428,6 +509,16 @@ def test_the_rest_pose_is_the_preshape(family, curvature):
     found = simulate(nitinol(family, duration=2e-3, **keys))
     bends = found.model.bending(found.q[0], found.acting[0], found.model.p_nominal)
     assert np.array(bends).ravel() == pytest.approx([0.3 * curvature] * 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("family", ["arc", "matched_clothoid"])
+def test_one_unknown_is_enough(family):
+    """The period of small swings follows from mass and stiffness."""
+    found = simulate(nitinol(family, 1, duration=0.1, gravity=FREE, initial={"q": [1e-4]}))
+    model = found.model
+    mass = float(model.mass_matrix([0.0], [0.0], []))
+    stiffness = float(model.elastic([1.0], [0.0], [])) - float(model.elastic([0.0], [0.0], []))
+    assert found.x[:, 0] == pytest.approx(1e-4 * np.cos(math.sqrt(stiffness / mass) * found.t), abs=1e-9)
 
 
 COSTLY = [path for path in CONFIGS if path.stem in ("hold_mug", "spirob", "spirob_units", "swing_against_disc")]

@@ -142,6 +142,17 @@ def test_supports_bear_the_weight_that_statics_gives_them(support, expected):
     assert sum(forces.values()) == pytest.approx(0.1 * G * sum(expected.values()), rel=2e-3)
 
 
+@pytest.mark.deep
+def test_a_box_tips_over_the_end_of_an_edge():
+    """Its center of mass is beside the edge: it turns, where over the edge it would rest."""
+    shape = {"shape": "box", "width": 0.06, "height": 0.02}
+    edge = {"edge": {"type": "line", "start": [-0.1, 0.0], "end": [0.0, 0.0]}}
+    keys = {"supports": edge, "gravity": [0.0, -G]}
+    rests, tips = (body({**shape, "position": [x, 0.01]}, step=2e-3, **keys) for x in (-0.02, 0.01))
+    assert abs(rests.object_pose[-1, 2]) < 1e-3
+    assert tips.object_pose[100, 2] < -0.3
+
+
 # a finger against a fixed disc
 
 BASE = {"position": [0.0, 0.0], "angle": -math.pi / 2}
@@ -221,6 +232,25 @@ def test_stiffer_contacts_come_to_the_rigid_answer_with_order_one():
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.deep
+@pytest.mark.parametrize("method", ["rodas", "reference"])
+def test_methods_agree_where_the_finger_hits_and_slides(method):
+    keys = {"friction": 0.3, "family": "matched_clothoid", "duration": 0.5}
+    explicit, other = (
+        simulate(pressing(3e3, **keys, time={"duration": 0.5, "step": 1e-3, "method": m})) for m in ("rk4", method)
+    )
+    assert explicit.contacts.normal_force.max() > 0.1
+    assert other.tip == pytest.approx(explicit.tip, abs=3e-5)
+    assert other.contacts.normal_force[-1] == pytest.approx(explicit.contacts.normal_force[-1], rel=0.02)
+
+
+def test_a_stiffer_contact_is_given_more_steps():
+    time = {"duration": 0.1, "step": 2e-3, "method": "rk4"}
+    soft, hard = (simulate(pressing(k, time=time, damping=0.0)).statistics for k in (1e3, 1e6))
+    assert hard["spectral_radius"] > 5 * soft["spectral_radius"]
+    assert hard["substeps"] > soft["substeps"]
+
+
 # a grasp
 
 
@@ -254,6 +284,14 @@ def test_a_grasp_that_was_found_holds_in_motion():
     moved = found.object_pose[-1] - found.object_pose[0]
     assert np.abs(moved[[0, 1, 3]]).max() < 1.5e-3
     assert np.ptp(found.object_pose[found.t > 0.35, 3]) < 2e-5
+
+
+@pytest.mark.deep
+def test_without_tension_the_same_mug_drops():
+    found = simulate(
+        load(ROOT / "configs/simulate/hold_mug.yaml", {"actuation.tensions": [1.0, 1.0], "time.duration": 0.3})
+    )
+    assert found.object_pose[-1, 3] < -0.1
 
 
 # what is stored, and what is refused

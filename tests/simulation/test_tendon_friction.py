@@ -86,6 +86,18 @@ def test_a_sheath_plays_before_the_finger():
     assert np.ptp(np.array(found)[held]) < 1e-3
 
 
+def test_releasing_leaves_what_is_beyond_the_front_as_it_was():
+    """1/T(s) is the play of 1/T at the base, of radius mu e s/EI: 20 N, then 12 N."""
+    pulled = Loaded(model(0.1, elements=12, presliding=1e-6))
+    for tension in way([0.5, 20.0, 12.0], 0.5):
+        angle = pulled.move([tension, 0.0])
+    assert angle == pytest.approx(1.94506789, rel=2e-3)
+    front = (1 / 12.0 - 1 / 20.0) / (2 * 0.1 * OFFSET / STIFFNESS) / LENGTH
+    middle = (np.arange(24) + 0.5) / 24
+    assert np.all(pulled.states[middle < front - 0.05] < -0.99)
+    assert np.all(pulled.states[middle > front + 0.05] > 0.5)
+
+
 def test_a_path_of_equilibria_remembers():
     """Pulled to 20 N in steps, let out to 12 and to 0.3 N; no step matters, as long as they go one way."""
     given = cg.Scene(
@@ -129,6 +141,19 @@ def test_nested_loops_close():
         after = loaded.move([tension, 0.0])
     assert after == pytest.approx(before, abs=1e-9)
     assert loaded.states == pytest.approx(states, abs=1e-6)
+
+
+def test_small_cycles_shake_down():
+    """They do not add up without end, as they do with Dahl's law."""
+    loaded = Loaded(model(0.2, friction_cells=1))
+    for tension in way([0.5, 12.0], 0.5):
+        loaded.move([tension, 0.0])
+    ends = []
+    for _ in range(15):
+        for force in (-0.035, -0.05, -0.065, -0.05):
+            angle = loaded.move([12.0, 0.0], (force, 0.0))
+        ends.append(angle)
+    assert abs(ends[-1] - ends[-2]) < 1e-7
 
 
 def test_cycles_of_a_force_creep_as_far_as_those_of_the_chain():
@@ -178,6 +203,18 @@ def test_what_starts_at_rest_stays_there_whatever_its_history():
     assert 1.5 * y - 0.5 * y**3 == pytest.approx([0.9, -0.5, 0.3, 0.9])
 
 
+@pytest.mark.deep
+def test_wound_up_tendons_do_not_creep():
+    to = [{"times": [0.0, 0.3, 0.6], "values": [0.0, s * 0.012, s * 0.007]} for s in (1.0, -1.0)]
+    keys = {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
+    drive = {"kind": "length", "time_constant": 0.02, "pretension": 2.0}
+    own, time = finger(0.2, **keys, drive=drive), {"duration": 15.0, "step": 0.02}
+    motion = cg.simulate(cg.Scene(finger=own, actuation={"lengths": to}, time=time, **SCENE))
+    still = motion.t >= 5.0  # it rings before
+    assert np.ptp(motion.tensions[still, 0]) < 1e-4
+    assert np.ptp(motion.x[still, -4:], axis=0) == pytest.approx(np.zeros(4), abs=1e-4)
+
+
 @pytest.mark.parametrize("beyond", [0.0, 20e-6, -20e-6])
 def test_derivatives_hold_where_the_law_bends(beyond):
     """Straight, at the ends of the range of friction states, and where a tendon goes slack."""
@@ -196,6 +233,20 @@ def test_derivatives_hold_where_the_law_bends(beyond):
     for k, h in enumerate(size):
         by = (accelerations(h * np.eye(made.nx)[k]) - accelerations(-h * np.eye(made.nx)[k])) / (2.0 * h)
         assert slope[:, k] == pytest.approx(by, rel=1e-4, abs=1e-8 * np.abs(slope).max())
+
+
+def test_friction_costs_what_it_is_worth():
+    def cost(**tendons):
+        own = cg.FingerModel(finger(**tendons), family="clothoid", elements=2)
+        return own.instructions, own.nx
+
+    free, lagged = cost(friction=0.0), cost(friction=0.0, time_constant=0.02)
+    assert cost(friction=0.0, friction_cells=4, presliding=1e-5) == free
+    one, two = (cost(friction=0.1, friction_cells=cells, time_constant=0.02) for cells in (1, 2))
+    assert one[0] <= lagged[0] + 200
+    assert two[0] <= lagged[0] + 340
+    # tensions and rates of both tendons in place of a moment and its rate, and a state per cell
+    assert (one[1], two[1]) == (lagged[1] + 2 + 2, lagged[1] + 2 + 4)
 
 
 def test_a_sheath_is_one_more_cell():

@@ -34,6 +34,17 @@ def test_the_chain_vibrates_as_a_cantilever_does():
     assert pulsation == pytest.approx(exact, rel=2e-3)
 
 
+def test_the_chain_stays_where_it_rests():
+    chain = MovingFinger(LENGTH, STIFFNESS, OFFSET, 0.2, sides=(1.0,), hinges=24, time_step=1e-3)
+    for tension in (*range(1, 13), *range(11, 6, -1)):
+        chain.move([("tension", float(tension))])
+    chain._before = chain.bends, chain.rates
+    angle = chain.angle
+    for _ in range(20):
+        chain.advance([("tension", 7.0)])
+    assert chain.angle == pytest.approx(angle, abs=1e-8)
+
+
 @pytest.mark.parametrize(
     ("friction", "angle", "tip", "tension"), [(0.15, 0.007, 2.2e-3, 0.33), (0.3, 0.019, 3e-3, 0.66)]
 )

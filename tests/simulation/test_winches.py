@@ -12,7 +12,7 @@ from continuum_grasp.scene import Tendons
 from continuum_grasp.simulation import equilibrium_under
 from continuum_grasp.simulation.slack import slack_times, tension_warnings
 from tests import control_cases
-from tests.tendon_cases import LENGTH, OFFSET, PASSIVE
+from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, bend
 
 CABLE = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
 SERVO = {"kind": "length", "time_constant": 0.02}
@@ -49,6 +49,16 @@ def pulled(model, found, u):
     """Tensions at rest."""
     x = [*found.q, *np.zeros(model.n), *model.drives_at(found.q, u, found.friction_states), *found.friction_states]
     return np.array(model.tensions()(x, u, [])[0]).ravel()
+
+
+@pytest.mark.parametrize("elements", [2, 8])
+def test_length_pulled_is_that_of_the_closed_form(elements):
+    """It is bend (e + EI / (e EA)) + c0 T, of a tendon that slides in at 20 N under friction 0.1."""
+    made = model(SERVO, elements=elements, friction=0.1)
+    u = [13.8255721e-3, -0.02]
+    found = equilibrium_under(made, u, np.zeros(made.nw), reached_by="pulling")
+    assert bend(made, found.q) == pytest.approx(2.58201009, rel=5e-5)
+    assert pulled(made, found, u) == pytest.approx([20.0, 0.0], rel=5e-3)
 
 
 @pytest.mark.parametrize(("at", "gain"), [(LENGTH, 18.0), (LENGTH / 2, 4.5)])
@@ -140,6 +150,14 @@ def test_a_winch_that_pulls_too_hard_is_reported():
     assert f"tendon 1 exceeds max_tension = 5 N at t = {first:g} s" in " ".join(motion.warnings)
 
 
+def test_mirrored_windings_move_mirrored():
+    ends = []
+    for lengths in ([PULL, -0.01], [-0.01, PULL]):
+        motion = cg.simulate(scene(SERVO, {"lengths": lengths}, 0.5, tendons={"friction": 0.15}))
+        ends.append(motion.q[-1])
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-7)
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize("cable", [1e4, 1e5])
 @pytest.mark.parametrize("friction", [0.0, 0.15])
@@ -168,6 +186,22 @@ def test_dry_friction_with_a_memory_holds_a_load_without_current():
         crept.append(angle[motion.t == 2.0][0] - angle[-1])
     assert abs(crept[0]) < 1e-6
     assert crept[1] > 1e-3
+
+
+@pytest.mark.parametrize(
+    "drive", [SERVO, {**SERVO, "rate_max": 0.1}, MOTOR, {**MOTOR, "arrangement": "per_tendon"}, HOLDING]
+)
+def test_drives_cost_what_they_are_worth(drive):
+    """Friction with one and with two cells per element, over commanded tensions that lag and have no friction."""
+    lagged = {"offset": OFFSET, "max_tension": 60.0, "time_constant": 0.02}
+    free = cg.FingerModel(cg.Finger(**PASSIVE, tendons=lagged), family="clothoid", elements=2).instructions
+
+    def cost(**tendons):
+        return cg.FingerModel(finger(drive, **tendons), family="clothoid", elements=2).instructions - free
+
+    assert cost() <= 75
+    assert cost(friction=0.1, friction_cells=1) <= 200
+    assert cost(friction=0.1) <= 340
 
 
 REFUSED = {

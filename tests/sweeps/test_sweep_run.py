@@ -89,6 +89,21 @@ def test_a_scene_that_ends_its_process_is_a_row_and_no_other_is_lost(tmp_path, m
     assert calls(tmp_path / "log")[DEADLY] == 4  # each twice
 
 
+@pytest.mark.deep
+def test_the_same_rows_whoever_does_the_work(tmp_path):
+    config = masses(20)
+    made = [
+        sweep(config, folder=tmp_path / "one", workers=1, evaluate=held),
+        sweep(config, folder=tmp_path / "three", workers=3, evaluate=held),
+        with_threads(config, tmp_path / "threads"),
+    ]
+    with ProcessPoolExecutor(2) as executor:
+        made.append(sweep(config, folder=tmp_path / "pool", executor=executor, evaluate=held))
+    for other in made[1:]:
+        for name in set(made[0].columns) - {"seconds"}:
+            np.testing.assert_array_equal(made[0][name], other[name])
+
+
 @pytest.mark.parametrize("cut", [1, 2, 40, 10_000])
 def test_a_torn_or_damaged_table_is_mended(cut, tmp_path, monkeypatch):
     config = masses(12)

@@ -57,3 +57,13 @@ def test_the_same_verdicts_alone_on_processes_and_on_a_busy_machine(tmp_path):
     same(alone, sweep(SCENES, folder=tmp_path / "two", workers=2, keep="none"))
     with busy():
         same(alone, sweep(SCENES, folder=tmp_path / "busy", workers=2, keep="none"))
+
+
+@pytest.mark.deep
+def test_the_same_verdicts_on_a_cluster(tmp_path):
+    pytest.importorskip("distributed")
+    from tests.sweeps.test_sweep_cluster import cluster
+
+    with cluster(tmp_path, 2) as (address, _), busy():
+        spread = sweep(SCENES, folder=tmp_path / "spread", scheduler=address, keep="none")
+    same(spread, sweep(SCENES, folder=tmp_path / "two", workers=2, keep="none"))

@@ -1,0 +1,108 @@
+"""The numbers of grasp quality: each decides otherwise on either side of it, or keeps a promise."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+from grasp_hand_made import arrays_of, make_scene
+
+from continuum_grasp.grasp.quality import lp
+from continuum_grasp.grasp.quality.contact_set import ContactSet
+from continuum_grasp.grasp.quality.lp import Cones, solve_lp
+from continuum_grasp.grasp.quality.resistance import _Limits
+from continuum_grasp.scene.objects import Box
+
+
+def believed(excess, monkeypatch):
+    """Whether an optimum is believed that breaks a bound of one by a part of one and the number."""
+
+    class Solver:
+        def __call__(self, **problem):
+            return {"x": ca.DM([(1.0 + excess) / (1.0 - excess)])}
+
+        def stats(self):
+            return {"return_status": "Optimal"}
+
+    fake = SimpleNamespace(DM=ca.DM, sparsify=ca.sparsify, Sparsity=ca.Sparsity, conic=lambda *_: Solver())
+    monkeypatch.setattr(lp, "ca", fake)
+    return solve_lp([-1.0], np.zeros((0, 1)), [], [], 0.0, 1.0).optimal
+
+
+def test_points_that_break_a_limit_are_no_optima(monkeypatch):
+    """A hundred times what the solver is asked for."""
+    assert believed(0.99e-7, monkeypatch)
+    assert not believed(1.01e-7, monkeypatch)
+
+
+def disc():
+    return Cones(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+
+
+# -- limits of disturbances ----------------------------------------------------------------------------------------
+
+
+def limits_of(**changes):
+    """The limits of one contact that presses with a newton, and of one finger."""
+    limits = object.__new__(_Limits)
+    values = {
+        "names": ("a.tip",),
+        "setups": (SimpleNamespace(name="a"),),
+        "scale": 1.0,
+        "forces": np.array([[1.0, 0.0, 0.0]]),
+        "friction": np.ones(1),
+        "normal_max": np.ones(1),
+        "low": np.zeros(1),
+        "high": np.full(1, math.inf),
+        "spare": np.zeros(1),
+        "ranges": np.array([[-9.0, 9.0]]),
+        "reach": np.full(4, math.inf),
+        "_cuts": None,
+    }
+    vars(limits).update(values | changes)
+    return limits
+
+
+def names_a_limit(**changes):
+    limits = limits_of(**changes)
+    return bool(limits._reached(limits.forces, np.zeros(1), np.zeros(4)))
+
+
+def is_limited(most):
+    """Whether a disturbance counts as limited that changes a contact's force by this multiple of its greatest one."""
+    one, no = np.ones((1, 1)), np.zeros((3, 1))
+    unit = SimpleNamespace(forces=np.array([[[1.0], [0.0]]]), differences=one, pose=no, bends=0.0 * one)
+    limits = limits_of(ranges=np.array([[-most, most]]), unit=unit, retensioned=unit, free=np.zeros(0, int))
+    return math.isfinite(limits.greatest(np.ones(1))[0])
+
+
+def is_no_corner(away):
+    """Whether a contact so far from the corner of a box, per size of the box, is on a face."""
+    box = Box(shape="box", width=0.06, height=0.08, mass=0.3, position=(0.0, 0.0))  # of size 0.05
+    contact = ("a", (0.03, 0.04 - away * 0.05), (1.0, 0.0), (1.0, 0.0, 0.0), math.nan)
+    scene = make_scene(object=box)
+    return ContactSet(scene, arrays_of([contact])).curvature(0) == 0.0
+
+
+LIMITS = [
+    ("force that is left before a contact parts", 1e-6,
+     lambda x: not names_a_limit(forces=np.array([[1.0, 0.0, 0.0]]), low=np.array([1.0 - x]))),
+    ("friction that is left before a contact slips", 1e-6,
+     lambda x: not names_a_limit(forces=np.array([[1.0, 1.0 - x, 0.0]]))),
+    ("force that is left before a contact is pressed too hard", 1e-6,
+     lambda x: not names_a_limit(high=np.array([1.0 + x]))),
+    ("tension that is left, per range", 1e-6,
+     lambda x: not names_a_limit(ranges=np.array([[-1.0, x / (1.0 - x)]]))),
+    ("multiple of a contact's force that counts as unlimited", 1e4, lambda x: not is_limited(x)),
+    ("distance from a corner", 1e-6, is_no_corner),
+    ("violation of a cone", 1e-8, lambda x: disc().cut(np.array([1.0 + x, 0.0]))),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("limit", "decides"), [row[1:] for row in LIMITS], ids=[row[0] for row in LIMITS])
+def test_quality_is_otherwise_on_either_side_of_a_limit(limit, decides):
+    assert decides(1.001 * limit)
+    assert not decides(0.999 * limit)
