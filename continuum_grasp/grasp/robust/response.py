@@ -37,10 +37,11 @@ from continuum_grasp.scene.grasp import GraspScene
 HOLDS = -GUARDED
 """Least reserve, per force reference, with which all contacts hold: that of the certificate."""
 SETS = 4
-"""Sets of contacts that are tried for one error: two or three are enough where one holds."""
+"""Sets of contacts, and other postures with the same ones, that are tried for one error: two or three are enough where
+one holds."""
 FRUITLESS = 12
-"""Sets of contacts, and starts from the posture with the greatest reserve, that are tried in a row without one that
-holds: such a grasp has other flaws; a set takes 0.6 s."""
+"""Sets of contacts, and errors for which other postures are tried, in a row without one that holds: such a grasp has
+other flaws; a set takes 0.6 s."""
 
 
 @dataclass(frozen=True)
@@ -106,10 +107,12 @@ class Responder:
             self.anew += 1
             attempts.append(solve(options_at=2))
             # Nor does that: where a face lies on a support, its ends share friction in several ways.
-            firmest = max(self._with_contacts(begin), key=lambda response: response.reserve, default=None)
-            if reserve_of(attempts[-1]) < HOLDS and firmest and firmest.holds and self._far < FRUITLESS:
-                attempts.append(solve(x0=firmest.attempt.x))
-                self._far = 0 if reserve_of(attempts[-1]) >= HOLDS else self._far + 1
+            for response in self._unlike(begin) if self._far < FRUITLESS else ():
+                if any(reserve_of(attempt) >= HOLDS for attempt in attempts):
+                    break
+                attempts.append(solve(x0=response.attempt.x))
+            holds = any(reserve_of(attempt) >= HOLDS for attempt in attempts)
+            self._far = 0 if holds else self._far + 1
         attempt = max(reversed(attempts), key=reserve_of)
         reserve, margin, weakest = reserve_of(attempt), np.nan, ""
         if np.isfinite(reserve):
@@ -194,6 +197,19 @@ class Responder:
         away = np.array([response.error for response in known]) - error
         away[:, :2] /= self.scene.object.size
         return known[int((away**2).sum(axis=1).argmin())]
+
+    def _unlike(self, begin: Start) -> Iterator[Response]:
+        """Postures that hold with the contacts of a start: the one with the greatest reserve, then each time that which
+        is least like those before.
+        """
+        left = [response for response in self._with_contacts(begin) if response.holds]
+        left.sort(key=lambda response: response.reserve)
+        points = np.array([response.attempt.x for response in left])
+        apart = np.full(len(left), np.inf)
+        for _ in range(min(SETS, len(left))):
+            chosen = len(left) - 1 - int(np.argmax(apart[::-1]))
+            apart = np.minimum(apart, np.linalg.norm(points - points[chosen], axis=1))
+            yield left[chosen]
 
     def _with_contacts(self, begin: Start) -> list[Response]:
         """The solutions with the contacts of a start."""
