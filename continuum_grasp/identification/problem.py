@@ -118,7 +118,7 @@ class Problem:
 
     @property
     def followed(self) -> list[Any]:
-        """What the next predictions of each set are followed from."""
+        """Shapes and steps of each set from which its next predictions are followed."""
         return [block.followed for block in self.blocks]
 
     @followed.setter

@@ -86,7 +86,7 @@ def test_a_cone_is_met_exactly():
 def cones_of(rng, size, count):
     offsets = 0.3 * rng.normal(size=(count, 2))
     spare = np.linalg.norm(offsets, axis=1) + rng.uniform(0.1, 1.0, count)
-    return Cones.made(rng.normal(size=(count, 2, size)), offsets, 0.3 * np.abs(rng.normal(size=(count, size))), spare)
+    return Cones(rng.normal(size=(count, 2, size)), offsets, 0.3 * np.abs(rng.normal(size=(count, size))), spare)
 
 
 def test_problems_with_many_optima_take_few_rounds(monkeypatch):
@@ -109,7 +109,7 @@ def test_a_point_that_never_gets_into_the_cones_is_no_answer(monkeypatch):
     """Well beyond the 73 rounds of a problem with many optima, and in an end."""
     solved = []
     monkeypatch.setattr(lp, "solve_lp", lambda *problem: solved.append(1) or solve_lp(*problem))
-    cones = Cones.made(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+    cones = Cones(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
     monkeypatch.setattr(Cones, "cut", lambda *_: True)
     found = solve_socp([-1.0, 0.0], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, cones)
     assert found.status == "failed"
@@ -117,7 +117,7 @@ def test_a_point_that_never_gets_into_the_cones_is_no_answer(monkeypatch):
 
 
 def disc():
-    return Cones.made(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+    return Cones(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
 
 
 @pytest.mark.parametrize(("cost", "place"), [(0.8e-7, 0.0), (1.25e-7, 1.0)])

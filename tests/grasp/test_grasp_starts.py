@@ -430,7 +430,7 @@ def test_fingers_on_concentric_circles_overlap_by_what_their_radii_lack(apart):
         return SimpleNamespace(knots=np.array([[0.0, 1.0]]), curvatures=bent, bases=base)
 
     setups = [finger("one"), finger("two")]
-    scene = SimpleNamespace(setups=setups, pairs=[setups])
+    scene = SimpleNamespace(setups=setups, pairs=[(0, 1)])
     found = overlaps(scene, [circle(1.0 / 3.0), circle(1.0 / 3.0 + apart)], [np.zeros(1, int)] * 2)
     assert found == pytest.approx([max(0.04 - apart, 0.0)], abs=1e-3)
 

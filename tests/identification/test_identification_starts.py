@@ -173,7 +173,7 @@ def test_each_set_has_a_clamp_of_its_own():
 class Plateau:
     """Stands in for a problem whose predictions change only where no parameter is more than a decade off its truth."""
 
-    truth = np.array([2e-3, 40.0, 0.3])
+    truth, followed = np.array([2e-3, 40.0, 0.3]), ()
 
     def __init__(self, factors: tuple[float, ...]) -> None:
         self.unknowns = [
