@@ -122,8 +122,8 @@ class Block:
 
     @property
     def followed(self) -> Any:
-        """Shapes and steps of the last prediction, from which the next one is followed. Where it is set anew, it goes on
-        from there, wherever searches have been meanwhile.
+        """Shapes and steps of the last prediction, from which the next one is followed. Where these are set anew, it
+        goes on from there, wherever searches have been meanwhile.
         """
         return None
 

@@ -14,6 +14,7 @@ import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.errors import InputError
+from continuum_grasp.identification.periods import Periods
 from continuum_grasp.identification.replayed import replay
 from continuum_grasp.scene import ControlScene
 from tests.declared import assert_declared
@@ -85,6 +86,13 @@ def test_a_log_of_the_loop_itself_gives_its_estimates_and_commands(tmp_path):
     assert written.estimate == pytest.approx(steady.estimate, abs=1e-4)
     assert written.u == pytest.approx(steady.u, abs=1e-3)
     assert (written.status, written.suspects, written.warnings) == ("consistent", (), ())
+
+
+def test_what_acts_until_an_instant_is_the_command_before():
+    periods = Periods(scene(), run().log)
+    assert np.isnan(periods._applied[0]).all()
+    assert np.array_equal(periods._applied[1:], periods.logged[:-1])
+    assert np.ptp(periods.logged, axis=0).min() > 1.0  # N
 
 
 TAMPERED = [
