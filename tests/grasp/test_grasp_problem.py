@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 from types import SimpleNamespace
 
 import casadi as ca
@@ -17,15 +16,13 @@ from continuum_grasp import nlp
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem import points, surroundings, values
-from continuum_grasp.grasp.problem.equations import equations, expressions
 from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solve_clear
-from continuum_grasp.grasp.problem.structure import FingerSpec, ProblemSpec
+from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.quality.resistance import resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.surfaces import surface_of
@@ -49,6 +46,7 @@ from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.parts import OffsetPolygon, SuperellipsePart
 from continuum_grasp.scene.profile import Profile
 from continuum_grasp.scene.simulate import Fidelity
+from tests.grasp.test_grasp_problem_limits import posed
 
 SHARP = OffsetPolygon(((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03)))
 PARTS = {
@@ -361,21 +359,8 @@ def places_seen(base):
     return needed[0] / half
 
 
-@cache
-def posed():
-    """The problem of a mug, its numbers and unknowns at a start."""
-    scene = make_scene()
-    start = make_starts(scene, contact_modes(scene)[0], 1)[0]
-    problem = expressions(ProblemSpec.of(scene, start.contacts))
-    layout = equations(problem.spec).layout
-    features = values.contact_features(scene, start.contacts)
-    numbers = values.problem_values(layout, scene, start, features)
-    x = points.starting_point(layout, scene, start, features)
-    return problem, numbers, x
-
-
 def test_amounts_of_several_components_have_a_derivative_at_zero():
-    problem, numbers, x = posed()
+    _, problem, numbers, x, _ = posed()
     packed = problem.numbers.pack({**numbers, "effort weight": 0.0, "relaxation weights": np.ones(len(RELAXATIONS))}, 0)
     slope = ca.gradient(problem.objective, problem.x.symbol)
     value, slope = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope])(x, packed)
@@ -384,7 +369,7 @@ def test_amounts_of_several_components_have_a_derivative_at_zero():
 
 
 def test_contact_forces_are_unique_and_cost_next_to_nothing():
-    problem, numbers, x = posed()
+    _, problem, numbers, x, _ = posed()
     forces = np.concatenate([np.r_[at] for name, at in problem.x.at.items() if name.startswith("force, ")])
     bend, slope = ca.hessian(problem.objective, problem.x.symbol)
     function = ca.Function("f", [problem.x.symbol, problem.numbers.symbol], [problem.objective, slope, bend])

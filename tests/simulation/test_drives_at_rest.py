@@ -70,19 +70,6 @@ def test_commands_that_nothing_holds_and_angles_without_bound():
     assert equilibrium_under(model(SERVO), [1e-3, -0.01], [0.0, 0.0]).commands is None
 
 
-@pytest.mark.parametrize("elements", [2, 8])
-def test_a_sheath_before_a_winch_takes_its_share(elements):
-    """It is bend (e + EI / (e EA)) + c0 T as without a sheath, where T exp(-friction sheath) reaches the finger."""
-    sheath, base, mu = 1.5, 20.0, 0.1
-    arriving = base * math.exp(-mu * sheath)
-    angle = math.log(1.0 + mu * OFFSET / STIFFNESS * arriving * LENGTH) / mu
-    wound = angle * (OFFSET + STIFFNESS / (OFFSET * 1e4)) + 3e-5 * base
-    made = model(SERVO, elements=elements, friction=mu, conduit_bend=sheath)
-    found = equilibrium_under(made, [wound, -0.02], np.zeros(made.nw), reached_by="pulling")
-    assert bend(made, found.q) == pytest.approx(angle, rel=5e-5)
-    assert found.tensions == pytest.approx([base, 0.0], rel=5e-3)
-
-
 @pytest.mark.parametrize(("elements", "sheath"), [(2, 0.0), (8, 0.0), (2, 1.5), (8, 1.5)])
 def test_what_a_winch_winds_up_is_the_closed_form_of_the_tension_behind_the_sheath(elements, sheath):
     """It is bend (e + EI / (e EA)) + c0 T with or without a sheath; T exp(-friction sheath) reaches the finger."""
