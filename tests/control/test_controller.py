@@ -69,49 +69,6 @@ def test_the_tip_has_no_offset(make, error):
     assert control.step(seen[-1 - late]).estimate.p[0] == pytest.approx(-error * 0.0471 * 1.2 / 0.6, abs=2e-4)
 
 
-@pytest.mark.parametrize(("first", "later"), [(1, 1), (2, 3)])
-def test_a_command_takes_as_many_linearizations_as_are_set(first, later):
-    asked = {"start_iterations": first, "sqp_iterations": later}
-    control = Controller(swing_scene(controller=asked, **GIVEN), deadline=math.inf)
-    states = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1]])
-    iteration = RealTimeIteration(control.stages)
-    control.reset(u=[0.05])
-    u = [0.05]
-    for k, x in enumerate(states):
-        command = control.step(x, REFERENCE, applied=u)
-        whole = np.append(x, u)
-        if k:
-            iteration.shift()
-        else:
-            iteration.reset(whole, u, rollout=True)
-        for _ in range(later if k else first):
-            iteration.step(whole, REFERENCE)
-        assert command.plan.u == pytest.approx(iteration.plan[1], abs=1e-10)
-        u = command.u
-
-
-def test_a_start_is_spread_over_calls():
-    """Five iterations over three calls: one after the motion, then two and two, then one per call again."""
-    asked = {"start_iterations": 5, "start_calls": 3}
-    control = Controller(swing_scene(controller=asked, **GIVEN), deadline=math.inf)
-    states = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1], [0.0, 0.3, 0.0, 0.1]])
-    iteration = RealTimeIteration(control.stages)
-    u = [0.05]
-    for again in range(2):
-        control.reset(u=u)
-        for k, (x, count) in enumerate(zip(states, (1, 2, 2, 1), strict=True)):
-            command = control.step(x, REFERENCE, applied=u)
-            whole = np.append(x, u)
-            if k:
-                iteration.shift()
-            else:
-                iteration.reset(whole, u, rollout=True)
-            for _ in range(count):
-                iteration.step(whole, REFERENCE)
-            assert command.plan.u == pytest.approx(iteration.plan[1], abs=1e-10), (again, k)
-            u = command.u
-
-
 STATES = np.array([[0.3, 0.2, 0.5, -0.4], [0.1, 0.4, -0.3, 0.2], [-0.2, 0.3, 0.0, 0.1], [0.0, 0.3, 0.0, 0.1]])
 
 

@@ -173,19 +173,22 @@ def test_each_set_has_a_clamp_of_its_own():
 class Plateau:
     """Stands in for a problem whose predictions change only where no parameter is more than a decade off its truth."""
 
-    truth, followed = np.array([2e-3, 40.0, 0.3]), ()
+    truth = np.array([2e-3, 40.0, 0.3])
 
     def __init__(self, factors: tuple[float, ...]) -> None:
         self.unknowns = [
             Unknown(f"p{k}", "1", f"p{k}", 1.0, False, start, 0.0, np.inf, start)
             for k, start in enumerate(self.truth * factors)
         ]
+        self.followed = self.truth * factors
 
     def misfit(self, values: np.ndarray, *, early: bool = False) -> float:
+        self.followed = values
         return float(np.sum(np.minimum(np.abs(np.log10(values / self.truth)).max(), 1.0)))
 
     def solve(self, progress, start: np.ndarray) -> Solution:
         seen = self.misfit(start) < 1.0
+        self.followed = self.truth if seen else start
         return Solution(self.truth if seen else start, np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0, 0)
 
 
@@ -195,12 +198,14 @@ def test_searches_begin_elsewhere_where_no_single_change_is_seen(factors):
     stuck = problem.solve(None, np.array([unknown.start for unknown in problem.unknowns]))
     assert problem.misfit(stuck.values) == 1.0
     assert restarted(problem, stuck).values == pytest.approx(Plateau.truth)
+    assert problem.followed == pytest.approx(Plateau.truth)
 
 
 def test_a_minimum_that_is_the_least_stays():
     problem = Plateau((1.0, 1.0, 1.0))
     first = problem.solve(None, Plateau.truth)
     assert restarted(problem, first) is first
+    assert problem.followed is Plateau.truth  # wherever the scan has been
 
 
 @pytest.mark.parametrize(("share", "local"), [(0.09, False), (0.11, True)])
