@@ -24,7 +24,7 @@ import numpy as np
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
-from continuum_grasp.grasp.quality.lp import FAR, solve_lp
+from continuum_grasp.grasp.quality.conic import FAR, solve_conic
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
@@ -104,7 +104,7 @@ def cannot_balance(scene: GraspScene) -> bool:
 
 
 def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tuple[Array, float]:
-    """Multipliers (6,) with the least sum of h by the cutting planes so far, and this sum; NaN where the LP fails."""
+    """Multipliers (6,) with the least sum of h by the cutting planes so far, and this sum; NaN where there is none."""
     count = len(cuts)
     planes = [np.concatenate([-effect, np.eye(count)[k]]) for k, mine in enumerate(cuts) for effect in mine]
     rows = np.array([*planes, np.concatenate([need, np.zeros(count)])])
@@ -113,7 +113,7 @@ def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tupl
     # Any multipliers are valid.
     far = FAR * used / np.linalg.norm(need)
     cost, upper = np.repeat([0.0, 1.0], [6, count]), np.concatenate([far, np.full(count, np.inf)])
-    optimum = solve_lp(cost, rows, low, high, np.concatenate([-far, np.zeros(count)]), upper)
+    optimum = solve_conic(cost, rows, low, high, np.concatenate([-far, np.zeros(count)]), upper)
     return optimum.x[:6], optimum.objective
 
 
@@ -201,8 +201,8 @@ class _Places:
         if not self.outlines:
             return self._any_normal(y)
         candidates = [self._along(y, outline) for outline in self.outlines]
-        bound, point, angle = max(candidates, key=lambda candidate: candidate[0])
-        return (bound, self._effect(y, point, angle)) if bound > 0.0 else (0.0, np.zeros(6))
+        bound, at = max(candidates, key=lambda candidate: candidate[0])
+        return max(bound, 0.0), np.zeros(6) if at is None else self._effect(y, *at)
 
     def _line(self, point: Array, angle: Array) -> Array:
         """Line of the finger that touches at points with normals, seen from the base."""
@@ -238,13 +238,13 @@ class _Places:
         work = self._work(y, np.array([self.com]), np.array([angle]))
         return float(work[0]), self._effect(y, self.com, angle)
 
-    def _along(self, y: Array, outline: Outline) -> tuple[float, complex, float]:
-        """Upper bound on an outline, and place and normal angle where the most was found."""
+    def _along(self, y: Array, outline: Outline) -> tuple[float, tuple[complex, float] | None]:
+        """Upper bound on an outline, and place and normal angle where the most was found, if more than zero."""
         # The normal jumps at no place inside an interval, whose last place is before a jump.
         ends = np.unique(np.concatenate([np.linspace(0.0, outline.period, _PIECES + 1), outline.breaks]))
         low, high = ends[:-1], ends[1:]
         steep = math.hypot(1.0, self.friction)
-        best, bound, at = 0.0, 0.0, (0j, 0.0)
+        best, bound, at = 0.0, 0.0, None
         for _ in range(_ROUNDS):
             before = np.where(np.isin(high, outline.breaks), np.nextafter(high, low), high)
             first, last = outline.walk(low), outline.walk(before)
@@ -255,7 +255,7 @@ class _Places:
             way = bow * np.abs(last.point - first.point)
             near = np.abs(lines).min(axis=0) - bow * np.abs(lines[1] - lines[0]) <= self.reach
             if not near.any():
-                return (1.0 + SAME) * best, *at
+                return (1.0 + SAME) * best, at
             low, high, turn, way, lines = low[near], high[near], turn[near], way[near], lines[:, near]
             points = np.stack([first.point[near], last.point[near]])
             angles = np.stack([first.angle[near], last.angle[near]])
@@ -276,4 +276,4 @@ class _Places:
             low, high = low[wide], high[wide]
             middle = 0.5 * (low + high)
             low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-        return bound, *at
+        return bound, at

@@ -8,13 +8,12 @@ import math
 import numpy as np
 import pytest
 from grasp_hand_made import LENGTH, arrays_of, make_finger, make_scene, on_disc, straight_finger
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 from scipy.spatial import ConvexHull
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.quality import lp
+from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.quality.contact_set import epsilon_l1
-from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
 from continuum_grasp.grasp.quality.quality import Quality
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.grasp_options import GraspContacts
@@ -41,7 +40,7 @@ def test_linear_problems_end_as_those_of_scipy():
         rows, high = rng.normal(size=(m, n)), rng.normal(size=m) + rng.uniform(-0.5, 2.0)
         low = np.where(np.arange(m) < equal, high, -np.inf)
         cost, least = rng.normal(size=n), (0.0 if k % 2 else -np.inf)
-        ours = solve_lp(cost, rows, low, high, least)
+        ours = solve_conic(cost, rows, low, high, least)
         theirs = linprog(
             cost, rows[equal:], high[equal:], rows[:equal], high[:equal], bounds=[(None if k % 2 == 0 else 0.0, None)]
         )
@@ -55,21 +54,21 @@ def test_linear_problems_end_as_those_of_scipy():
 
 @pytest.mark.parametrize(("cost", "rows"), [([math.nan, 1.0], [[1.0, 1.0]]), ([1.0, 1.0], [[math.nan, 1.0]])])
 def test_a_number_that_is_none_is_refused(cost, rows):
-    with pytest.raises(InputError):  # the solver itself calls such problems optimal
-        solve_lp(cost, rows, 0.0, 1.0, 0.0, 1.0)
     with pytest.raises(InputError):
-        solve_lp([1.0, 1.0], [[1.0, 1.0]], math.nan, 1.0)
+        solve_conic(cost, rows, 0.0, 1.0, 0.0, 1.0)
+    with pytest.raises(InputError):
+        solve_conic([1.0, 1.0], [[1.0, 1.0]], math.nan, 1.0)
 
 
 def test_crossed_bounds_are_infeasible_and_rows_of_rounding_do_no_harm():
-    assert solve_lp([1.0], [[1.0]], 0.0, 1.0, 2.0, 1.0).status == "infeasible"
-    found = solve_lp([-1.0, 0.0], [[1.0, -1.0], [0.0, 1e-16]], 0.0, 0.0, 0.0, 5.0)
+    assert solve_conic([1.0], [[1.0]], 0.0, 1.0, 2.0, 1.0).status == "infeasible"
+    found = solve_conic([-1.0, 0.0], [[1.0, -1.0], [0.0, 1e-16]], 0.0, 0.0, 0.0, 5.0)
     assert found.objective == pytest.approx(-5.0)
 
 
 def test_nothing_is_printed(capfd):
-    solve_lp([1.0, -1.0], [[1.0, 2.0]], 0.0, 1.0, 0.0, 3.0)
-    solve_lp([1.0, -1.0], [[1.0, 2.0]], 7.0, 9.0, 0.0, 1.0)
+    solve_conic([1.0, -1.0], [[1.0, 2.0]], 0.0, 1.0, 0.0, 3.0)
+    solve_conic([1.0, -1.0], [[1.0, 2.0]], 7.0, 9.0, 0.0, 1.0)
     assert capfd.readouterr() == ("", "")
 
 
@@ -77,61 +76,46 @@ def test_a_cone_is_met_exactly():
     matrix = np.zeros((1, 2, 3))
     matrix[0, 0, 0] = matrix[0, 1, 1] = 1.0
     cones = Cones(matrix, np.array([[0.3, -0.1]]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1))
-    found = solve_socp([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
+    found = solve_conic([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
     direction = np.array([2.0, -1.0]) / math.sqrt(5.0)
-    np.testing.assert_allclose(found.x[:2], direction - [0.3, -0.1], atol=1e-4)
-    assert found.objective == pytest.approx(-math.sqrt(5.0) + 0.6 + 0.1, abs=5e-8)
-
-
-def cones_of(rng, size, count):
-    offsets = 0.3 * rng.normal(size=(count, 2))
-    spare = np.linalg.norm(offsets, axis=1) + rng.uniform(0.1, 1.0, count)
-    return Cones(rng.normal(size=(count, 2, size)), offsets, 0.3 * np.abs(rng.normal(size=(count, size))), spare)
-
-
-def test_problems_with_many_optima_take_few_rounds(monkeypatch):
-    """A cost of one unknown alone; without what is worth a point well inside, one of them takes 73 rounds."""
-    solved = []
-    monkeypatch.setattr(lp, "solve_lp", lambda *problem: solved.append(1) or solve_lp(*problem))
-    rng, rounds = np.random.default_rng(0), []
-    for _ in range(40):
-        size, count = int(rng.integers(3, 8)), int(rng.integers(1, 5))
-        cones, before = cones_of(rng, size, count), len(solved)
-        found = solve_socp(
-            -np.eye(size)[0], np.zeros((0, size)), [], [], np.full(size, -5.0), np.full(size, 5.0), cones
-        )
-        rounds.append(len(solved) - before)
-        assert found.optimal
-    assert max(rounds) < 25
-
-
-def test_a_point_that_never_gets_into_the_cones_is_no_answer(monkeypatch):
-    """Well beyond the 73 rounds of a problem with many optima, and in an end."""
-    solved = []
-    monkeypatch.setattr(lp, "solve_lp", lambda *problem: solved.append(1) or solve_lp(*problem))
-    cones = Cones(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
-    monkeypatch.setattr(Cones, "cut", lambda *_: True)
-    found = solve_socp([-1.0, 0.0], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, cones)
-    assert found.status == "failed"
-    assert 100 < len(solved) < 400
-
-
-def disc():
-    return Cones(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
-
-
-@pytest.mark.parametrize(("cost", "place"), [(0.8e-7, 0.0), (1.25e-7, 1.0)])
-def test_being_well_inside_a_cone_is_worth_a_little(cost, place):
-    found = solve_socp([-cost, 0.0], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, disc())
-    assert found.x[0] == pytest.approx(place, abs=1e-6)
+    np.testing.assert_allclose(found.x[:2], direction - [0.3, -0.1], atol=1e-6)
+    assert found.objective == pytest.approx(-math.sqrt(5.0) + 0.6 + 0.1, abs=1e-8)
 
 
 @pytest.mark.parametrize("cost", [1.0, 1e-6])
-def test_being_well_inside_a_cone_is_worth_less_than_the_cost(cost):
-    """The point of a disc that is farthest in one direction."""
-    found = solve_socp([-0.6 * cost, -0.8 * cost], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, disc())
+def test_of_a_disc_the_point_farthest_in_one_direction_is_found(cost):
+    disc = Cones(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+    found = solve_conic([-0.6 * cost, -0.8 * cost], np.zeros((0, 2)), [], [], -9.0, 9.0, disc)
     assert found.x == pytest.approx([0.6, 0.8], abs=2e-4)
-    assert math.isclose(found.objective, -cost, rel_tol=1e-6)
+    assert math.isclose(found.objective, -cost, rel_tol=1e-6, abs_tol=1e-9)
+
+
+def test_optima_within_cones_obey_the_optimality_conditions():
+    """The cost is a sum of the normals of what is active with factors above zero (Karush, Kuhn and Tucker)."""
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        size, count = int(rng.integers(3, 8)), int(rng.integers(1, 5))
+        offset = 0.3 * rng.normal(size=(count, 2))
+        spare = np.linalg.norm(offset, axis=1) + rng.uniform(0.1, 1.0, count)
+        matrix, width = rng.normal(size=(count, 2, size)), 0.3 * np.abs(rng.normal(size=(count, size)))
+        cost = rng.normal(size=size)
+        found = solve_conic(cost, np.zeros((0, size)), [], [], -5.0, 5.0, Cones(matrix, offset, width, spare))
+        vectors, room = matrix @ found.x + offset, width @ found.x + spare
+        lengths = np.hypot(*vectors.T)
+        assert (lengths <= room + 1e-8).all()
+        on = lengths > room - 1e-6
+        # At the tip of a cone all of its tangent planes touch.
+        around = np.exp(2j * np.pi * np.arange(360) / 360)
+        normals = [
+            direction @ matrix[k] - width[k]
+            for k in np.flatnonzero(on)
+            for direction in (
+                [vectors[k] / lengths[k]] if lengths[k] > 1e-6 else np.column_stack([around.real, around.imag])
+            )
+        ]
+        faces = np.concatenate([np.eye(size)[found.x > 5.0 - 1e-6], -np.eye(size)[found.x < -5.0 + 1e-6]])
+        _, left = nnls(np.concatenate([np.reshape(normals, (-1, size)), faces]).T, -cost)
+        assert left < 1e-4
 
 
 # -- wrench space --------------------------------------------------------------------------------------------------

@@ -5,41 +5,40 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
-import casadi as ca
 import numpy as np
 import pytest
 from grasp_hand_made import arrays_of, make_scene
 
-from continuum_grasp.grasp.quality import lp
+from continuum_grasp.grasp.quality import conic
+from continuum_grasp.grasp.quality.conic import solve_conic
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.grasp.quality.lp import Cones, solve_lp
 from continuum_grasp.grasp.quality.resistance import _Limits
 from continuum_grasp.scene.objects import Box
 
 
 def believed(excess, monkeypatch):
     """Whether an optimum is believed that breaks a bound of one by a part of one and the number."""
-
-    class Solver:
-        def __call__(self, **problem):
-            return {"x": ca.DM([(1.0 + excess) / (1.0 - excess)])}
-
-        def stats(self):
-            return {"return_status": "Optimal"}
-
-    fake = SimpleNamespace(DM=ca.DM, sparsify=ca.sparsify, Sparsity=ca.Sparsity, conic=lambda *_: Solver())
-    monkeypatch.setattr(lp, "ca", fake)
-    return solve_lp([-1.0], np.zeros((0, 1)), [], [], 0.0, 1.0).optimal
+    x = (1.0 + excess) / (1.0 - excess)
+    found = SimpleNamespace(status="Solved", x=[x], obj_val_dual=-x)
+    monkeypatch.setattr(conic.clarabel, "DefaultSolver", lambda *_: SimpleNamespace(solve=lambda: found))
+    return solve_conic([-1.0], np.zeros((0, 1)), [], [], 0.0, 1.0).optimal
 
 
 def test_points_that_break_a_limit_are_no_optima(monkeypatch):
-    """A hundred times what the solver is asked for."""
-    assert believed(0.99e-7, monkeypatch)
-    assert not believed(1.01e-7, monkeypatch)
+    assert believed(0.99e-6, monkeypatch)
+    assert not believed(1.01e-6, monkeypatch)
 
 
-def disc():
-    return Cones(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+def shortfall_believed(gap, monkeypatch):
+    """Whether the number 0.5 is believed to be the least one where the dual problem leaves a gap."""
+    found = SimpleNamespace(status="AlmostSolved", x=[0.5], obj_val_dual=0.5 - gap)
+    monkeypatch.setattr(conic.clarabel, "DefaultSolver", lambda *_: SimpleNamespace(solve=lambda: found))
+    return solve_conic([1.0], np.zeros((0, 1)), [], [], 0.0, 1.0).optimal
+
+
+def test_points_that_may_be_bettered_are_no_optima(monkeypatch):
+    assert shortfall_believed(1.4e-6, monkeypatch)
+    assert not shortfall_believed(1.6e-6, monkeypatch)
 
 
 # -- limits of disturbances ----------------------------------------------------------------------------------------
@@ -60,7 +59,6 @@ def limits_of(**changes):
         "spare": np.zeros(1),
         "ranges": np.array([[-9.0, 9.0]]),
         "reach": np.full(4, math.inf),
-        "_cuts": None,
     }
     vars(limits).update(values | changes)
     return limits
@@ -98,7 +96,6 @@ LIMITS = [
      lambda x: not names_a_limit(ranges=np.array([[-1.0, x / (1.0 - x)]]))),
     ("multiple of a contact's force that counts as unlimited", 1e4, lambda x: not is_limited(x)),
     ("distance from a corner", 1e-6, is_no_corner),
-    ("violation of a cone", 1e-8, lambda x: disc().cut(np.array([1.0 + x, 0.0]))),
 ]  # fmt: skip
 
 

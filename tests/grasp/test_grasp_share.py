@@ -9,7 +9,7 @@ from scipy.optimize import linprog
 
 from benchmarks.grasp_images import drawn, mirrored, scene_of
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.quality.lp import FAR
+from continuum_grasp.grasp.quality.conic import FAR
 from continuum_grasp.grasp.robust.response import HOLDS, Responder
 from continuum_grasp.grasp.robust.share import USUAL, _Plants, drawn_evenly, greatest_last, plant_share
 from continuum_grasp.nlp import Budget

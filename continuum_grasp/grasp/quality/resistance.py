@@ -12,12 +12,14 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.drives import LEAST_PULL
 from continuum_grasp.grasp.certificate.held import YIELDS
-from continuum_grasp.grasp.quality.lp import INWARD, Cones, solve_socp
+from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 
 UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
+_LITTLE = 1e-7
+"""Worth of the square of a change of tensions per their span, beside the factor in its unit of force."""
 TURN = 3.0
 """Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""
 
@@ -97,11 +99,10 @@ class _Limits:
         size = contacts.scene.object.size
         # Greatest motions of the object [m, m, rad] and turns of the tips [rad].
         self.reach = displacement_limit * np.array([size, size, 1.0, *(TURN for _ in self.setups)])
-        self._cuts: list[tuple[int, Array]] | None = None
 
     def greatest(self, wrench: Array) -> Answer:
-        """The answer for a wrench (3,) [N, N, N m], by a SOCP over the factor and by how much tensions that are free
-        grow and fall; of all ways to get there, the one that changes them least.
+        """The answer for a wrench (3,) [N, N, N m], by a SOCP over the factor and the changes of tensions that are
+        free; of all ways to get there, the one that changes them least.
         """
         along, differences = self.unit.forces @ wrench, self.unit.differences @ wrench
         motion = np.concatenate([self.unit.pose @ wrench, self.unit.bends @ wrench])
@@ -110,14 +111,13 @@ class _Limits:
         if reach == 0.0:
             return math.inf, ()
         unit, spans = self.scale / reach, np.abs(self.ranges[free]).max(axis=1)
-        both = np.concatenate([spans, -spans])
-        # Unknowns, all from zero: the factor, how much each free difference of tensions grows, and how much it falls.
-        effect = np.zeros((count, 2, 1 + both.size))
+        # Unknowns: the factor, and the change of each free difference of tensions per its span.
+        effect = np.zeros((count, 2, 1 + free.size))
         effect[:, :, 0] = along / reach
-        effect[:, :, 1:] = np.tile(self.retensioned.forces[:, :, free], 2) * both / self.scale
-        moved = np.tile(np.concatenate([self.retensioned.pose, self.retensioned.bends])[:, free], 2) * both
+        effect[:, :, 1:] = self.retensioned.forces[:, :, free] * spans / self.scale
+        moved = np.concatenate([self.retensioned.pose, self.retensioned.bends])[:, free] * spans
         moves = np.column_stack([motion * unit, moved])
-        pulls = np.column_stack([differences * unit, np.tile(np.eye(len(self.setups))[:, free], 2) * both])
+        pulls = np.column_stack([differences * unit, np.eye(len(self.setups))[:, free] * spans])
         matrix = np.zeros_like(effect)  # the lift, second in the cones, stays as it is
         matrix[:, 0] = effect[:, 1]
         cones = Cones(
@@ -126,23 +126,20 @@ class _Limits:
             self.friction[:, None] * effect[:, 0],
             (self.friction * self.forces[:, 0] + self.spare) / self.scale,
         )
-        if self._cuts is not None:  # of the wrench before: tangent planes hold for every one
-            cones.cuts = list(self._cuts)
-        factor_limit = UNLIMITED * float(self.normal_max.max()) / self.scale
         normal, widest = self.forces[:, 0], np.maximum(np.abs(self.ranges).max(axis=1), self.scale)
         rows = np.concatenate([effect[:, 0], moves / self.reach[:, None], pulls / widest[:, None]])
         still = np.ones(motion.size)
         row_low = np.concatenate([(self.low - normal) / self.scale, -still, self.ranges[:, 0] / widest])
         row_high = np.concatenate([(self.high - normal) / self.scale, still, self.ranges[:, 1] / widest])
-        upper = np.concatenate([[factor_limit], self.ranges[free, 1] / spans, -self.ranges[free, 0] / spans])
-        solution = solve_socp(np.append(-1.0, np.full(both.size, INWARD)), rows, row_low, row_high, 0.0, upper, cones)
+        low, high = (np.append(of_factor, self.ranges[free, k] / spans) for k, of_factor in ((0, 0.0), (1, math.inf)))
+        cost, squares = np.append(-1.0, np.zeros(free.size)), np.append(0.0, np.full(free.size, _LITTLE))
+        solution = solve_conic(cost, rows, row_low, row_high, low, high, cones, squares)
         if solution.status == "infeasible":
             return 0.0, self._reached(self.forces, 0.0 * differences, 0.0 * motion)
+        if solution.status == "unbounded" or solution.x[0] * self.scale >= UNLIMITED * self.normal_max.max():
+            return math.inf, ()
         if not solution.optimal:
             return math.nan, ("not computed",)
-        self._cuts = cones.cuts
-        if solution.x[0] >= factor_limit * (1.0 - 1e-9):
-            return math.inf, ()
         forces = self.forces.copy()
         forces[:, :2] += self.scale * (effect @ solution.x)
         return float(solution.x[0] * unit), self._reached(forces, pulls @ solution.x, moves @ solution.x)

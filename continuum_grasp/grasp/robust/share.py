@@ -27,7 +27,7 @@ from continuum_grasp.grasp.problem.values import (
     problem_bounds,
     problem_values,
 )
-from continuum_grasp.grasp.quality.lp import FAR
+from continuum_grasp.grasp.quality.conic import FAR
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.response import HOLDS
 from continuum_grasp.grasp.robust.result import ERRORS
