@@ -1,4 +1,10 @@
-"""From a tolerance to the cheapest model that meets it, chosen once and remembered."""
+"""From a tolerance to the cheapest model that meets it, chosen once and remembered.
+
+1. Find the truth: equilibria of the exact rod in the scene's load cases and, where it moves, its frequencies.
+2. For each family, from few to many elements, measure the error with fine terms: what is left is that of the elements.
+3. Where that is near the tolerance, measure the terms from coarse to fine, until one meets it.
+4. A family ends where a choice costs more than the best so far, by its instructions and stiffest mode.
+"""
 
 from __future__ import annotations
 

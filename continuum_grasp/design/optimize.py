@@ -1,4 +1,11 @@
-"""The best design: a sequential QP method on grasps that are followed, and full searches between."""
+"""The best design: a sequential QP method on grasps that are followed, and full searches between.
+
+1. Search trial designs in full: the start, and points of a Halton sequence; go on from the best.
+2. Descend by SLSQP in a box around it. Its grasps are followed from design to design; of several costs the greatest is
+   minimized, as a bound of all. Where a step loses a grasp, the box shrinks, and this begins anew.
+3. Search in full at the best design: where other grasps are better there, take these, and go on with 2.
+4. With tolerances, find the errors of manufacture that are worst there; one that is new joins the costs, and 2 follows.
+"""
 
 from __future__ import annotations
 

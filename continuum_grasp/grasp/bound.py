@@ -6,7 +6,13 @@ it may have. Balance asks for sum N_i s_i = b with s_i in S_i and 0 <= N_i <= t.
     y . b = sum N_i y . s_i <= t sum h_i(y),    h_i(y) = max(0, max over S_i of y . s),
 
 so y . b / sum h_i(y) bounds t from below, whatever y (weak duality: S. Boyd and L. Vandenberghe, "Convex Optimization",
-2004, section 5.1). The best y comes from cutting planes. At a place p with the normal n and t across it,
+2004, section 5.1). The best y comes from cutting planes (J. E. Kelley, J. SIAM 8 (1960), doi:10.1137/0108053):
+
+1. At y find h_i(y) from above, and the s that comes closest to it, for every contact.
+2. Each s is a plane below h_i; the least sum of all planes so far is a linear problem, whose solution is the next y.
+3. End where the planes leave a gap of `NEAR`, or where it is known on which side of a limit the bound is.
+
+At a place p with the normal n and t across it,
 
     y . s = g . n + mu sqrt((g . t)^2 + v^2),   g = y_force + y_moment (-p_y, p_x),   v = y_lift + y_tilt . p,
 

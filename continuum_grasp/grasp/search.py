@@ -1,4 +1,15 @@
-"""The search: starts of every set of contacts, each answer verified."""
+"""The search: starts of every set of contacts, each answer verified.
+
+1. With more than `COARSE` elements a scene with few is searched first, and its grasps are all the starts (then 6).
+2. Where another objective is sought, or object and bases may move, starts come from the grasps of the simpler scene.
+3. For each set of contacts, the most contacts first, a scan of all postures that touch has basins, which are solved in
+   the order of their estimates.
+4. Sets that no scan covers, and all sets where basins gave nothing, are solved from rough starts, rank by rank.
+5. Of three fingers and more, the best grasp is tried again with one finger as another grasp has it.
+6. Without a grasp the starts that came nearest are tried again without patience; the best grasp is solved to the end.
+
+What ends it early: a proof by `bound` that nothing is better, or that there is nothing, and the budget.
+"""
 
 from __future__ import annotations
 

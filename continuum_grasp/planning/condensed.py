@@ -3,9 +3,17 @@
 Slack cables and dry friction have kinks every few micrometers. Where states are unknowns too, the linearized equations
 of motion lead an interior-point method far from any motion, and whether it comes back is decided by rounding (IPOPT, a
 finger on two winches, 20 intervals: 26 iterations or none in 500, by the flags of the compiler). Here each iterate is a
-motion. A step is that of a QP with the Hessian of Gauss and Newton in a trust region; it counts if it lowers the
-objective plus the l1 norm of what is violated (R. Fletcher, Practical Methods of Optimization, 1987, section 14.4; J.
-Nocedal, S. J. Wright, Numerical Optimization, section 18.5, doi:10.1007/978-0-387-40065-5).
+motion (R. Fletcher, Practical Methods of Optimization, 1987, section 14.4; J. Nocedal, S. J. Wright, Numerical
+Optimization, section 18.5, doi:10.1007/978-0-387-40065-5):
+
+1. Simulate under the inputs at hand, in steps that are fine enough for this motion.
+2. Linearize; eliminate the states; a QP with the Hessian of Gauss and Newton gives a step within the trust region,
+   whose rows are violated at a penalty.
+3. Raise the penalty until the QP takes away its share of what is violated.
+4. Simulate the step; if what is curved spoils it, correct it once by the rows that are violated there.
+5. It counts if the objective plus the l1 norm of what is violated falls by a share of what was predicted; the region
+   grows or shrinks by that share.
+6. End where little is predicted, where the objective creeps, or where the region is too small.
 """
 
 from __future__ import annotations

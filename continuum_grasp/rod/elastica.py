@@ -1,4 +1,11 @@
-"""The exact equilibrium of a planar elastic rod: truth for statics, independent of the finger model."""
+"""The exact equilibrium of a planar elastic rod: truth for statics, independent of the finger model.
+
+1. A first mesh: panels between breaks, short enough for the loads and for what changes along the rod.
+2. From the rest shape follow the equilibrium as all loads grow together, round folds (pseudo-arclength); a guess, where
+   there is one, takes the place of the path.
+3. Where that ends unstable, or is lost, descend the energy.
+4. Refine: halve the panels that do not resolve the shape, solve by Newton's method, until two meshes agree.
+"""
 
 from __future__ import annotations
 

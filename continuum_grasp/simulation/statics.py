@@ -1,4 +1,11 @@
-"""Equilibrium under constant loads, also beyond buckling."""
+"""Equilibrium under constant loads, also beyond buckling.
+
+1. Pseudo-transient continuation from the start: steps of a motion without inertia, whose shift falls with the residual,
+   down to Newton's method (C. T. Kelley, D. E. Keyes, SIAM J. Numer. Anal. 35 (1998), doi:10.1137/S0036142996304796).
+2. Judge the stability: by the least stiffness, or, without a potential, by the poles of the motion.
+3. An unstable one is left along its weakest direction, and 1 follows.
+4. Where tendons with friction are released, the shape decides which way they slid back: again until that settles.
+"""
 
 from __future__ import annotations
 
@@ -126,8 +133,7 @@ class Search:
         mass = self._core.mass_matrix(q, self._u, self._p)
         if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(stiffness)) and np.all(np.isfinite(mass))):
             raise np.linalg.LinAlgError("not finite at the start")
-        # Pseudo-transient continuation (C. T. Kelley, D. E. Keyes, 1998, doi:10.1137/S0036142996304796): steps of a
-        # motion without inertia, K + shift M, whose shift falls with the residual, down to Newton's method.
+        # Steps with K + shift M.
         squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness))
         rate, weakest = float(np.abs(squares).max()), float(squares.real.min())
         shift, (forces, floor), falls = rate, self._scales(q), False

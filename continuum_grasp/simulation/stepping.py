@@ -1,4 +1,10 @@
-"""Steps in time, checked against longer steps."""
+"""Steps in time, checked against longer steps (L. F. Richardson, Phil. Trans. A 210, 1911, doi:10.1098/rsta.1911.0009).
+
+1. Integrate a chunk in the plan's steps, and side by side in steps of twice or four times that length.
+2. Compare the positions that they share; the differences, and how they shrink, give the error of the shortest.
+3. Give up where that is beyond the tolerance, for a plan with shorter steps.
+4. Where asked, take the leading errors off the states that are put out; each length goes on with its own.
+"""
 
 from __future__ import annotations
 

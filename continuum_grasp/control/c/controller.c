@@ -1,4 +1,11 @@
-/* Estimator, real-time iteration, supervisor and fallback. See controller.h. */
+/* Estimator, real-time iteration, supervisor and fallback. See controller.h. One call (controller_step):
+ *
+ * 1. Check what is given; readings that cannot be live are taken as missing.
+ * 2. Estimate state and parameters, ahead to the present.
+ * 3. The supervisor judges sensors, model and call rate, and may detune the cost.
+ * 4. With a state that is known and trusted, iterate on the plan of the call before.
+ * 5. Command its first input within the limits; else go on along the last plan while it lasts; else the safe ramp.
+ */
 
 void controller_start(controller_state *state, const controller_settings *settings, const real *z0, const real *u0,
                       const real *p)

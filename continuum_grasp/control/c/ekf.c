@@ -1,4 +1,13 @@
-/* Extended Kalman filter. See ekf.h. */
+/* Extended Kalman filter. See ekf.h. One call, in covariances U diag(D) U':
+ *
+ * 1. Predict with the input of then, where measurements are late: the step, and its noise by Simpson's rule, go into W;
+ *    Gram-Schmidt gives U and D again (ekf_orthogonalize).
+ * 2. Compare with the measurements: innovations of all rows, and by sensor a leaky gate that rejects outliers, and opens
+ *    where they last (ekf_gate).
+ * 3. Update row by row, enlarging the noise of what is far off (ekf_update).
+ * 4. A state that is not finite, or beyond its limits, starts anew from the last sound prediction (ekf_restart).
+ * 5. ekf_now predicts on to the present, from which a controller plans.
+ */
 
 /* Covariance as at the start: errors are independent. */
 static void ekf_reset_covariance(ekf_state *state, const ekf_settings *settings)

@@ -1,4 +1,11 @@
-/* The functions of rti.h. */
+/* The functions of rti.h.
+ *
+ * 1. rti_prepare linearizes all stages at the plan, and factorizes the QP without bounds.
+ * 2. rti_feedback solves that from the measured state; where no bound is violated, this is the answer.
+ * 3. Else the active set, from that of the QP before or from an estimate (rti_active_set.c).
+ * 4. Where it cycles, the interior point (rti_interior_point.c), whose estimate of the set is tried in between.
+ * 5. The plan moves by the solution; what is still wrong is reported, relative to the cost of moving an input.
+ */
 
 /* Rounds of the active set from a warm start, and from the interior point's estimate. In the closed loop of
  * configs/mpc/steady_tip.yaml a QP takes 4.5 factorizations on average and 12 at most, and needs no interior point; with 6

@@ -1,10 +1,13 @@
 """Why a scene has no grasp: limits are relaxed as little as possible, in one elastic problem, from many starts, and
 the amounts that then suffice, verified and confirmed, are the reason.
 
-Each limit is relaxed alone first: the sum that the elastic problem minimizes has local minima which mix cheap limits.
-Where no usual amount of one limit is enough, all are relaxed at once, and weights that grow as parts vanish drive these
-to zero: reweighted L1 minimization, E. J. Candes, M. B. Wakin, S. P. Boyd, J. Fourier Anal. Appl. 14 (2008),
-doi:10.1007/s00041-008-9045-x.
+1. Each limit is relaxed alone: the sum that the elastic problem minimizes has local minima which mix cheap limits.
+2. All limits are relaxed at once from rough starts; from where that holds, each alone again.
+3. A limit that repairs the scene is relaxed from more starts, closer by its amount, until several agree.
+4. Where no usual amount of one is enough, all are relaxed at once, and weights that grow as parts vanish drive these to
+   zero: reweighted L1 minimization, E. J. Candes, M. B. Wakin, S. P. Boyd, J. Fourier Anal. Appl. 14 (2008),
+   doi:10.1007/s00041-008-9045-x. While more than two are left, the one with the least part is taken out.
+5. What is left is verified by the certificate with just these amounts, for all errors and friction states of the scene.
 """
 
 from __future__ import annotations

@@ -1,7 +1,12 @@
 """The search for a grasp that holds for all errors: corners that fail become part of the problem until none fails.
 
 An exchange method for semi-infinite problems: J. W. Blankenship, J. E. Falk, J. Optim. Theory Appl. 19 (1976),
-doi:10.1007/BF00934096. It begins with a grasp of the scene as it is.
+doi:10.1007/BF00934096:
+
+1. Begin with a grasp of the scene as it is, and the corners of the bounds.
+2. Find the response of the grasp to each error; descend from each to the friction states that lower its reserve.
+3. If all hold, end. Else the worst that fail, `MOST` at once, join the problem of one grasp for all of them.
+4. Solve that from the grasp and its responses; go on with 2, `EXCHANGES` times at most.
 """
 
 from __future__ import annotations

@@ -1,9 +1,12 @@
 """Sets of postures of several fingers that touch with their tips alone: which go together, by the object's balance.
 
-Shapes fix the forces of such fingers, so a table of what each posture does to the object is enough to match them; what
-supports add is the nearest point of their friction cones. What is missing for balance, and what it costs, are smooth
-functions of their curvatures along the curves whose tips touch, of the places of free bases, of the lifts, and of the
-forces at supports: Gauss-Newton steps bring it down for many sets at once, at first with a weight on what it costs.
+1. Shapes fix the forces of such fingers: a table has what each posture does to the object, what it lacks alone, and
+   what it costs; the best that differ stay.
+2. All sets of them are added up; what supports add is the nearest point of their friction cones. The likeliest that
+   differ stay.
+3. What is missing for balance, and what it costs, are smooth functions of the curvatures along the curves whose tips
+   touch, of the places of free bases, of the lifts, and of the forces at supports: Gauss-Newton steps bring it down for
+   many sets at once, at first with a weight on what it costs.
 """
 
 from __future__ import annotations

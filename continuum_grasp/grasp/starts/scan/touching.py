@@ -1,7 +1,13 @@
 """All postures of a finger of two curves that touch an object at one middle contact, with its tip, or with both.
 
-Those with a middle contact form curves over the place of that contact on the outline (of arcs, single points), which
-are scanned at even places; those of two arcs that touch with the tip alone are in `two_arcs`.
+Those with a middle contact form curves over the place of that contact on the outline (of arcs, single points); those of
+two arcs that touch with the tip alone are in `two_arcs`.
+
+1. Even places on each part's outline, from the point on that is farthest from the base.
+2. First curves to each place that are tangent there, on either side and with any turn: a table, then Newton's method.
+3. Places between those where first curves change so fast that what follows would change, too.
+4. Of each first curve a grid of end curvatures; where the gap of the tip changes its sign, or may between three of them
+   (a fold), a bracketed root has the tip touch.
 """
 
 from __future__ import annotations
