@@ -100,10 +100,10 @@ def test_optima_within_cones_obey_the_optimality_conditions():
         matrix, width = rng.normal(size=(count, 2, size)), 0.3 * np.abs(rng.normal(size=(count, size)))
         cost = rng.normal(size=size)
         found = solve_conic(cost, np.zeros((0, size)), [], [], -5.0, 5.0, Cones(matrix, offset, width, spare))
-        vectors, room = matrix @ found.x + offset, width @ found.x + spare
+        vectors, offsets = matrix @ found.x + offset, width @ found.x + spare
         lengths = np.hypot(*vectors.T)
-        assert (lengths <= room + 1e-8).all()
-        on = lengths > room - 1e-6
+        assert (lengths <= offsets + 1e-8).all()
+        on = lengths > offsets - 1e-6
         # At the tip of a cone all of its tangent planes touch.
         around = np.exp(2j * np.pi * np.arange(360) / 360)
         normals = [

@@ -97,11 +97,11 @@ def solve_conic(
     if (low > high).any() or (low == np.inf).any() or (high == -np.inf).any():
         return ConicOutcome("infeasible", nowhere, float("nan"), float("nan"))
     equal, most, least = low == high, (low < high) & np.isfinite(high), (low < high) & np.isfinite(low)
-    curved, room = cones.rows() if cones is not None else (np.zeros((0, n)), np.zeros(0))
+    curved, offsets = cones.rows() if cones is not None else (np.zeros((0, n)), np.zeros(0))
     matrix = np.concatenate([every[equal], every[most], -every[least], curved])
-    limits = np.concatenate([high[equal], high[most], -low[least], room])
+    limits = np.concatenate([high[equal], high[most], -low[least], offsets])
     kinds = [clarabel.ZeroConeT(int(equal.sum())), clarabel.NonnegativeConeT(int(most.sum() + least.sum()))]
-    kinds += [clarabel.SecondOrderConeT(3)] * (room.size // 3)
+    kinds += [clarabel.SecondOrderConeT(3)] * (offsets.size // 3)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     # Numbers are near one already, and rounding must not be scaled up to it: 50 of 1,100 problems of grasps failed.
@@ -115,7 +115,7 @@ def solve_conic(
         return ConicOutcome(status, nowhere, float("nan"), float("nan"))
     x = np.asarray(found.x)
     spare, size = limits - matrix @ x, 1.0 + np.abs(matrix) @ np.abs(x)
-    first = limits.size - room.size
+    first = limits.size - offsets.size
     over = np.concatenate([np.abs(spare[: equal.sum()]), -spare[equal.sum() : first]]) / size[:first]
     width, *vector = spare[first:].reshape(-1, 3).T
     over = np.concatenate([over, (np.hypot(*vector) - width) / size[first::3]])
