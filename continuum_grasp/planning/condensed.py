@@ -184,15 +184,13 @@ class Condensed:
             w[grid.s[k + 1]] = end
         f, g = (np.array(v).ravel() for v in self.problem.assembly.values(w))
         point = _Point(w, float(f[0]), g, 0.0)
-        low, high = self._limits()
-        rows = self._residual(point)
-        point.violated = self.beyond(rows, low, high)
+        point.violated = self.beyond(self._residual(point))
         return point if np.isfinite(point.f) and np.isfinite(point.violated) else None
 
-    def beyond(self, rows: Array, low: Array, high: Array) -> float:
-        """Sum of violations beyond half of the tolerance: along kinks a little always is."""
-        excess = np.maximum(low - rows, rows - high) - 0.5 * self.feasible
-        return float(np.maximum(excess, 0.0).sum())
+    def beyond(self, rows: Array) -> float:
+        """Sum of what rows are violated by."""
+        low, high = self._limits()
+        return float(np.maximum(np.maximum(low - rows, rows - high), 0.0).sum())
 
     def _limits(self) -> tuple[Array, Array]:
         """Bounds of the rows."""
@@ -253,8 +251,7 @@ class _Model:
         solver = ca.conic("qp", qp_solver("method"), {"h": h.sparsity(), "a": c.sparsity()}, {"error_on_fail": False})
         solution = solver(h=h, g=linear, a=c, lba=(low - rows)[near], uba=(high - rows)[near], lbx=lbx, ubx=ubx)
         step = np.clip(np.array(solution["x"]).ravel()[:n], lbx[:n], ubx[:n])
-        ends = rows + self.slope @ step
-        left = problem.beyond(ends, low, high)
+        left = problem.beyond(rows + self.slope @ step)
         forces = np.zeros(near.size)
         forces[near] = np.array(solution["lam_a"]).ravel()
         return step, left, np.concatenate([np.array(solution["lam_x"]).ravel()[:n], forces])

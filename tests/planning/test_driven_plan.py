@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
+from continuum_grasp.planning.condensed import Condensed, _Model
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import first_state_of_plan, smooth_path
 from continuum_grasp.planning.motion import Motion
@@ -21,6 +22,7 @@ from continuum_grasp.scene import Tendons
 from continuum_grasp.scene.plan import PlanScene
 from tests.control_cases import CABLE, DRIVES, HAND
 from tests.marks import few
+from tests.plan_cases import two_arcs
 
 AIM = (-0.0957, 0.1398)
 
@@ -218,6 +220,24 @@ def test_steps_are_the_fewest_that_are_stable(given):
     assert given in (None, steps)
     assert stable(steps, stages)
     assert not any(stable(k, s) for s in (2, stages - 1) for k in ([given] if given else [steps * stages // s - 1]))
+
+
+def test_no_step_seems_worse_than_none():
+    """Rows that are violated by little more or less than counts, of a motion that cannot keep its speed: where steps were
+    chosen by one measure and judged by another, a search ended by rounding, and called its goal out of reach.
+    """
+    asked = two_arcs(method="single_shooting", goal={"bending": (0.4, 0.2), "end": "still"}, bounds={"speed": 2.0})
+    search = Search(asked)
+    w = search.problem.start(smooth_path(search.motion, search.x0, search.first, search.last, 0.0))
+    condensed = Condensed(search.problem, 1e-5, search.feasible)
+    end = condensed.solve(w, search.budget, 100)
+    model = _Model(condensed, condensed._moved(end.x))
+    rng, usual = np.random.default_rng(0), condensed._residual(model._point)
+    for penalty in (3e3, 3e6):
+        for _ in range(10):
+            rows = usual + search.feasible / 2.0 * rng.standard_normal(usual.size)
+            step, left, _ = model.step(1e-4, penalty, rows)
+            assert -model.change(step) + penalty * (condensed.beyond(rows) - left) >= 0.0
 
 
 @pytest.mark.deep
