@@ -17,7 +17,7 @@ from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
-from continuum_grasp.control.ocp.setpoints import missed_setpoints, rms, tracking_of
+from continuum_grasp.control.ocp.setpoints import amount, missed_setpoints, rms, tracking_of
 from continuum_grasp.control.status import spread
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
@@ -303,6 +303,14 @@ class ControlRun(MotionResult):
             counts = ", ".join(f"{n} {word}" for word, n in odd.items())
             warnings.append(f"of {len(self.status)} commands, {counts}")
         warnings += self.missed
+        for bound in self.bounds:
+            k = int(bound.excess.argmax())
+            if bound.excess[k] > _LEFT * bound.scale:
+                beyond = f"{bound.name}: exceeded by {amount(bound.excess[k], bound.unit)} at {self.t[k]:.3g} s"
+                warnings.append(
+                    f"{beyond}; likely cause: a start or a setpoint beyond it, a low penalty, or a finger that differs "
+                    "from the model (more clearance, or a bound that is tighter)"
+                )
         use = self.readings.range_use(self.x, self._inputs, self.w)
         if use.max(initial=0.0) > 1.0:
             warnings.append(
@@ -363,6 +371,8 @@ class ControlRun(MotionResult):
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""
+_LEFT = 1e-3
+"""Share of a bound's scale, of zones the finger's length, by which it is exceeded where there is a warning [1]."""
 _RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 
 

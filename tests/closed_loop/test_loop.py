@@ -467,6 +467,15 @@ def test_a_lost_motion_keeps_what_it_has():
     assert np.all(np.isfinite(partial.x))
 
 
+@pytest.mark.parametrize(("share", "warned"), [(0.999e-3, False), (1.001e-3, True)])
+def test_a_bound_that_the_plant_leaves_is_said(share, warned):
+    done = run()
+    excess = np.full(len(done.t), -0.01)
+    excess[7] = share * FINGER.rod.length
+    found = replace(done, bounds=(*done.bounds, Bound("post", "m", excess, FINGER.rod.length)))
+    assert any(word.startswith("post: exceeded by 0.18 mm at 0.07 s") for word in found.warnings) == warned
+
+
 @pytest.mark.parametrize(
     ("share", "stood", "ended", "outcome"),
     [
