@@ -29,11 +29,11 @@ def begun(table, stages, plant):
     return found
 
 
-def fingers(*names, slip=None, most=20.0, standing=0.0):
+def fingers(*names, slip=None, most=20.0, standing=0.0, gives=0.0):
     """Fingers by hand that touch with their tips, certified for 4 N each, of which half is needed.
 
     Their drives have a fifth more than the grasp takes; contacts may be pressed with ``most`` [N], and are by a share
-    ``standing`` more from the lift on.
+    ``standing`` more from the lift on; the object sinks by ``gives`` [m] though nothing slips.
     """
     contacts = [
         SimpleNamespace(name=f"{n}.tip", normal_force=CERTIFIED, friction_force=0.0, lift=0.0, part=0) for n in names
@@ -66,6 +66,7 @@ def fingers(*names, slip=None, most=20.0, standing=0.0):
             force=CERTIFIED,
             forces={"finger.tip": CERTIFIED},
             standing=standing,
+            gives=gives,
             own_name=lambda own, name=name: own.replace("finger", name),
         )
         for name in names

@@ -16,9 +16,10 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.quality.resistance import Resistance
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import LARGEST, Assignment, object_of
-from continuum_grasp.mission.budget import promised
+from continuum_grasp.mission.budget import lowered_by_pulls, promised
 from continuum_grasp.mission.commands import Commands
 from continuum_grasp.mission.on_pads import standing
+from continuum_grasp.mission.plant import Variation
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
@@ -73,8 +74,8 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
     assigned = tuple(_assigned(mission, result, resistance, setup) for setup in mission.grasp.setups)
     if mission.slip is None:
         return assigned
-    more = standing(assigned)
-    return tuple(replace(assignment, standing=more) for assignment in assigned)
+    more, gives = standing(assigned), [lowered.distance for lowered in lowered_by_pulls(assigned, Variation())]
+    return tuple(replace(each, standing=more, gives=max([0.0, *gives])) for each in assigned)
 
 
 def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:

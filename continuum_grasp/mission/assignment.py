@@ -63,6 +63,8 @@ class Assignment:
     standing: float = 0.0
     """Share by which all fingers press harder than in the grasp from the lift on, since slip is over before they could
     answer it [1]."""
+    gives: float = 0.0
+    """Height that an object which weighs in the plane loses while it is pulled, though nothing slips [m]."""
 
     @property
     def contact(self) -> str:

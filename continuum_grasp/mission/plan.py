@@ -137,7 +137,7 @@ def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Se
     # Page's test sums log-likelihood ratios of twice the limit against none; limits far within noise would take long.
     std, step = max(asked.height or 0.0, 0.1 * asked.sunk), of.control.controller.step
     sunk = max(asked.sunk, 0.5 * std)
-    limits = np.array([sunk, _AGAIN * sunk, asked.down])
+    limits = of.gives + np.array([sunk, _AGAIN * sunk, asked.down])
     more = 0.0 if of.standing else reserve(of)
     firm = firmer(of, more)
     return {

@@ -141,6 +141,14 @@ def test_what_goes_on_creeping_in_a_firm_grip_is_set_down(further, later, down):
     assert down or math.isinf(check.slipped.down)
 
 
+@pytest.mark.parametrize(("lost", "noticed"), [(6e-4, False), (9e-4, True)])
+def test_what_fingers_give_way_along_gravity_is_no_slip(lost, noticed):
+    """An object that weighs in the plane sinks while it is pulled."""
+    slip = Slip(height=1e-4)
+    check, *_ = watched(lambda t: -lost * (t > BEGINS), slip=slip, gives=6e-4)
+    assert (check.slipped is not None) == noticed
+
+
 def test_what_is_not_watched_is_held_as_planned():
     _, _, held, _ = watched(lambda t: math.nan, slip=None)
     check, _, wanted, _ = watched(lambda t: -0.1 * (t > BEGINS), slip=None)
