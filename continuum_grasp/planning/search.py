@@ -209,9 +209,22 @@ class Search:
                 with suppress(NumericalError):
                     states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
                     name, path, barrier = f"{name}, simulated", replace(path, x=states), _NEAR
-            planned = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
-            if not planned and self._approach(name, path, barrier):
+            if self._outside and not self.over and self._approach(name, path, barrier):
                 return
+            if self.interrupted and not self.attempts:
+                raise KeyboardInterrupt
+            planned = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
+            if not planned and not self._outside and self._approach(name, path, barrier):
+                return
+
+    @cached_property
+    def _outside(self) -> bool:
+        """Whether the motion begins beyond a hard bound, which each path has to come back from alike."""
+        motion, bounded = self.motion, self.motion.bounded
+        p = motion.numbers([0.0])[0, : motion.prediction.np]
+        rows = np.array(motion.rows(self.x0, self.scene.initial_input, p)).ravel()
+        beyond = np.maximum(np.array(bounded.least) - rows, rows - np.array(bounded.most))
+        return bool(beyond[motion.hard].max(initial=0.0) > 0.0)
 
     @property
     def over(self) -> bool:
@@ -315,7 +328,7 @@ class Search:
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
             self.diagnosis = diagnosis
         ends = [a.objective for _, a in self.relaxed]
-        return len(ends) > 2 and max(ends) - min(ends) <= _SAME * min(ends)
+        return self._outside or (len(ends) > 2 and max(ends) - min(ends) <= _SAME * min(ends))
 
     @property
     def nearest(self) -> tuple[PlanProblem, Attempt]:

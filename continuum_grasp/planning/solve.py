@@ -88,7 +88,7 @@ def plan(
             result = checked(result, search.motion)
     except KeyboardInterrupt:  # outside the solver, which keeps it until it has ended
         search.interrupted, searched = True, time.perf_counter()
-        if not search.attempts:
+        if not (search.attempts or search.relaxed):
             raise Interrupted("interrupted before anything was found") from None
         result = _result(search)
     ended = time.perf_counter()
@@ -108,7 +108,7 @@ def _result(search: Search) -> Plan:
     problem, attempt, scene, motion = search.problem, search.best, search.scene, search.motion
     if attempt is None:
         status, message, advice, violated = _failure(search)
-        attempt = search.attempts[-1][1]
+        attempt = (search.attempts or search.relaxed)[-1][1]
         if search.diagnosis is not None and not search.budget.stopped:
             problem, attempt = search.nearest
     else:
