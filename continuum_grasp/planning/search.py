@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -28,13 +29,15 @@ from continuum_grasp.planning.guess import (
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import OneWay, PlanProblem
 from continuum_grasp.planning.result import Plan
-from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.scene.plan import DurationRange, Goal, PlanScene
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
 FEASIBLE_MOTION = 1e-5
 """Violation below which constraints count as satisfied where inputs alone are unknowns [1]: a micrometer of a finger of
 1 m, and rates of 1e-5 of their range."""
+_FIRST = 3
+"""Intervals in which a motion that begins beyond a hard bound has to come back [1]; bounds hold from a quarter on."""
 _SIDES = (0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 1.5, -1.5)
 """Amplitudes of the paths, in half bending ranges, bent to one side or the other in between."""
 _STARTS_WITH_ZONES = 5
@@ -101,6 +104,8 @@ class Search:
         Once one has failed, the least distance from the goal is sought first, from that start and the others; where
         there is none left, the problem is solved from there.
         """
+        if self._begins_outside():
+            return
         # A motion that goes on has no rest to come to, and a reference may go to and fro.
         rests = self.scene.goal.end != "moving" and self.scene.objective != "tracking"
         if self.motion.friction_states and rests:
@@ -209,22 +214,35 @@ class Search:
                 with suppress(NumericalError):
                     states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
                     name, path, barrier = f"{name}, simulated", replace(path, x=states), _NEAR
-            if self._outside and not self.over and self._approach(name, path, barrier):
-                return
-            if self.interrupted and not self.attempts:
-                raise KeyboardInterrupt
             planned = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
-            if not planned and not self._outside and self._approach(name, path, barrier):
+            if not planned and self._approach(name, path, barrier):
                 return
 
-    @cached_property
-    def _outside(self) -> bool:
-        """Whether the motion begins beyond a hard bound, which each path has to come back from alike."""
-        motion, bounded = self.motion, self.motion.bounded
-        p = motion.numbers([0.0])[0, : motion.prediction.np]
-        rows = np.array(motion.rows(self.x0, self.scene.initial_input, p)).ravel()
+    def _begins_outside(self) -> bool:
+        """Whether the motion begins beyond a hard bound, and cannot come back within its first intervals, whatever the
+        goal: all paths would say so after a minute.
+        """
+        motion, bounded, scene = copy(self.motion), self.motion.bounded, self.scene
+        u, p = np.tile(scene.initial_input, (_FIRST + 1, 1)), motion.numbers([0.0])[0, : motion.prediction.np]
+        rows = np.array(motion.rows(self.x0, u[0], p)).ravel()
         beyond = np.maximum(np.array(bounded.least) - rows, rows - np.array(bounded.most))
-        return bool(beyond[motion.hard].max(initial=0.0) > 0.0)
+        if not (beyond[motion.hard] > 0.0).any():
+            return False
+        share = _FIRST / scene.intervals
+        least, most = (t * share for t in scene.duration_range)
+        # Not validated again: a goal that asks for nothing is none.
+        duration = DurationRange(least=least, most=most) if least < most else most
+        first = {"intervals": _FIRST, "goal": Goal(end="moving"), "duration": duration}
+        motion.scene = scene.model_copy(update=first)
+        problem = PlanProblem(motion, self.x0, relaxed=True)
+        path = Path(np.tile(self.x0, (_FIRST + 1, 1)), u, motion.first_duration * share)
+        attempt = self._solved(problem, problem.start(path))
+        if self.interrupted:
+            raise KeyboardInterrupt
+        self.diagnosis = diagnose(problem, attempt) if attempt.converged else None
+        if self.diagnosis is not None:
+            self.relaxed, self._near_goal = [("first intervals", attempt)], problem
+        return self.diagnosis is not None
 
     @property
     def over(self) -> bool:
@@ -328,7 +346,7 @@ class Search:
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
             self.diagnosis = diagnosis
         ends = [a.objective for _, a in self.relaxed]
-        return self._outside or (len(ends) > 2 and max(ends) - min(ends) <= _SAME * min(ends))
+        return len(ends) > 2 and max(ends) - min(ends) <= _SAME * min(ends)
 
     @property
     def nearest(self) -> tuple[PlanProblem, Attempt]:

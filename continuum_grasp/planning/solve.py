@@ -130,7 +130,7 @@ def _result(search: Search) -> Plan:
         scene=scene,
         status=status,
         message=f"{message}; on a drive without jumps up to one interval longer" if lead else message,
-        t=np.linspace(0.0, path.duration, scene.intervals + 1),
+        t=np.linspace(0.0, path.duration, len(path.x)),
         x=path.x,
         u=path.u,
         # Without the smoothing that makes inputs of least time unique.

@@ -151,8 +151,9 @@ class Slip(Value):
     """Standard deviation of the object's measured height in the hand [m]; None: not measured, and what sinks is not
     noticed."""
     sunk: Annotated[Extent, Field(examples=[6e-5, "0.06 mm"])] = 6e-5
-    """Height lost since the lift that is answered once it stands out of the noise; half of ``height`` at least, beyond
-    what fingers give way along gravity [m]. In a firm grip that has settled three times as much sets the object down."""
+    """Height lost since the lift, beyond what fingers give way along gravity, that is answered once it stands out of
+    the noise; half of ``height`` at least [m]. In a firm grip that has settled three times as much sets the object
+    down."""
     down: Annotated[Extent, Field(examples=[2.5e-3, "2.5 mm"])] = 2.5e-3
     """Height lost since the lift, while the grip becomes firm, from which on the object is set down [m]."""
     parted: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.1, "10 %"]), Unit("1")] = 0.1

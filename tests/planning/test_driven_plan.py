@@ -223,8 +223,8 @@ def test_steps_are_the_fewest_that_are_stable(given):
 
 
 def test_no_step_seems_worse_than_none():
-    """Rows that are violated by little more or less than counts, of a motion that cannot keep its speed: where steps were
-    chosen by one measure and judged by another, a search ended by rounding, and called its goal out of reach.
+    """Rows violated by little more or less than counts, of a motion that cannot keep its speed: where steps were chosen
+    by one measure and judged by another, a search ended by rounding, and called its goal out of reach.
     """
     asked = two_arcs(method="single_shooting", goal={"bending": (0.4, 0.2), "end": "still"}, bounds={"speed": 2.0})
     search = Search(asked)
