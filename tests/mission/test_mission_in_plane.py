@@ -201,6 +201,14 @@ def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_
 
 
 @pytest.mark.deep
+def test_what_pulls_lower_is_no_slip(grasp):
+    """Where slip is watched; it was, and the cup was set down."""
+    fingers = assign(load(CUP, ["slip={height: 0.1 mm}"]), grasp)
+    lowered = [one.distance for one in lowered_by_pulls(fingers, Variation())]
+    assert fingers[0].gives == max(lowered) > 3e-4
+
+
+@pytest.mark.deep
 def test_a_cup_is_lifted_in_the_plane_and_put_down(grasp):
     found = MissionRunner(assign(load(CUP), grasp)).run()
     assert found.verdict.succeeded
