@@ -52,8 +52,8 @@ class Damping(Value):
     """Material (Kelvin-Voigt) damping eta [N m2 s]: bending moment per curvature rate. Does not depend on the mesh."""
     per_arc: Annotated[NonNegative, Unit("N m s")] = 0.0
     """The paper's c_frc [N m s] of equation (39): moment per rate of each element's bending angle."""
-    quadratic: Annotated[NonNegative, Unit("N m2 s2")] = 0.0
-    """Damping that grows with the speed [N m2 s2]: bending moment per squared curvature rate, as air drag has it in a
+    quadratic: Annotated[NonNegative, Unit("N m3 s2")] = 0.0
+    """Damping that grows with the speed [N m3 s2]: bending moment per squared curvature rate, as air drag has it in a
     vibration of one shape; unlike dry friction it makes the finger no softer where it swings far."""
     dry_friction: Annotated[tuple[DryFriction, ...], Field(strict=False, max_length=8)] = ()
     """Branches of dry friction, in which the finger remembers how it was bent: it rests anywhere between two shapes,

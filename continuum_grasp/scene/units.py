@@ -58,7 +58,7 @@ QUANTITIES = {
     "N m": Quantity("a moment", "25 N mm", {"N cm": "1e-2", "N mm": "1e-3", "mN m": "1e-3"}),
     "N m s": Quantity("a damping per angle", "0.2 N mm s", {"N mm s": "1e-3"}),
     "N m2": Quantity("a bending stiffness", "6110 N mm2", {"N cm2": "1e-4", "N mm2": "1e-6"}),
-    "N m2 s2": Quantity("a damping by squared rates", "0.1 N m2 s2", {"N cm2 s2": "1e-4", "N mm2 s2": "1e-6"}),
+    "N m3 s2": Quantity("a damping by squared rates", "0.1 N m3 s2", {"N cm3 s2": "1e-6", "N mm3 s2": "1e-9"}),
     "N m2 s": Quantity("a damping of bending", "30 N mm2 s", {"N cm2 s": "1e-4", "N mm2 s": "1e-6"}),
     "Pa": Quantity(
         "a modulus or pressure",

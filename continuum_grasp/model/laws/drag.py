@@ -14,7 +14,7 @@ from continuum_grasp.scene.finger import Finger
 
 @dataclass(frozen=True)
 class Drag(SectionLaw):
-    """Quadratic damping of a coefficient [N m2 s2]."""
+    """Quadratic damping of a coefficient [N m3 s2]."""
 
     kind: Kind = "damping"
     coefficient: Scalar = 0.0
@@ -28,7 +28,7 @@ class Drag(SectionLaw):
 
 def numbers_of(finger: Finger) -> dict[str, Number]:
     """The coefficient."""
-    return {"quadratic_damping": Number("N m2 s2", finger.damping.quadratic, "damping.quadratic", least=0.0)}
+    return {"quadratic_damping": Number("N m3 s2", finger.damping.quadratic, "damping.quadratic", least=0.0)}
 
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
