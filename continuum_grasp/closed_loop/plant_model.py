@@ -444,7 +444,7 @@ class PlantModel(Remade):
         model, pose = self.system.finger_model, self._start_pose(scene)
         finger = initial_state(scene, model)
         drive_states = np.zeros(self.nx - self.system.nx)
-        drive_states[: self.nu] = self.rest_input[: drive_states.size]
+        drive_states[: self._lags] = self.rest_input[: self._lags]
         if isinstance(self.system, ChainSystem):
             q, qd = finger[: model.n], finger[model.n : 2 * model.n]
             drives = finger[2 * model.n : 2 * model.n + model.structure.drive_states]

@@ -13,6 +13,8 @@ from continuum_grasp.control.estimation.noise import measurement_range
 from continuum_grasp.control.ocp.cost_terms import UNLIMITED
 from continuum_grasp.environments.plants import Plants
 from continuum_grasp.environments.sensing import STATE, Sensing
+from continuum_grasp.labels import split_unit
+from continuum_grasp.model.actuation import lag_names
 
 _FRICTION = 2.0
 """Greatest friction state of a contact [1]; one that slides is 1, and a step may overshoot."""
@@ -98,12 +100,11 @@ def state_bounds(plants: Plants, radius: float) -> Array:
     lags = [t.time_constant for scene in scenes for t in scene.finger.tendon_list]
     lags += [scene.plant.time_constant or scene.controller.input.time_constant for scene in scenes]
     fastest = min((lag for lag in lags if lag is not None), default=math.inf)
-    further_names = model.x_names[system.nx :]
-    for k, limits in enumerate(np.transpose(scenes[0].input_limits)):
-        if k >= len(further_names):
-            break
-        bounds[system.nx + k] = limits
-        if len(further_names) > model.nu:
-            # Of a critically damped lag of time T under commands that jump: range / (e T), at most.
-            bounds[system.nx + model.nu + k] = np.ptp(limits) / (math.e * fastest) * np.array([-1.0, 1.0])
+    ranges = {}
+    for name, limits in zip(model.u_names, np.transpose(scenes[0].input_limits), strict=True):
+        # Of a critically damped lag of time T under commands that jump: range / (e T), at most.
+        rate = np.ptp(limits) / (math.e * fastest)
+        ranges |= zip(lag_names(*split_unit(name), 2), (limits, (-rate, rate)), strict=True)
+    for k, name in enumerate(model.x_names[system.nx :], system.nx):
+        bounds[k] = ranges[name]
     return bounds
