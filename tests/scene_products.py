@@ -24,7 +24,7 @@ from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
-from continuum_grasp.environments.spaces import observed_of
+from continuum_grasp.environments.spaces import observed_of, state_bounds
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu import finger, loop_plant
@@ -157,7 +157,7 @@ def lanes(scene: ControlScene) -> Iterator[object]:
         sensed = sensing.sensing_of(plants, None)
     yield from (plants.p, plants.start, plants.forces, plants.setpoints, plants.periods, plants.period)
     yield from (sensed, scene.input_limits, scene.controller.input.rate_max)
-    observed = observed_of(plants, sensed, np.zeros((plants.model.nx, 2)))
+    observed = observed_of(plants, sensed, state_bounds(plants, 1.0))
     yield from (observed.names, observed.bounds, observed.setpoints)
 
 
