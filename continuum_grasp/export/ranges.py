@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -65,7 +65,7 @@ def finger_of(model: FingerModel | System) -> FingerModel:
 def state_fields(moving: FingerModel | System, parameters: Sequence[Field]) -> tuple[Field, ...]:
     """Entries of the state: bends within the declared range, rates, drives and friction states around usual ones."""
     model = finger_of(moving)
-    reach, states = _reach(model, parameters), [label.split(" ")[0] for label in model.friction_names]
+    reach, states = _reach(model, parameters), identifiers(model.friction_names)
     stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
     # E I / L times an angle is the moment that bends the whole rod by it.
     usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
@@ -81,7 +81,7 @@ def state_fields(moving: FingerModel | System, parameters: Sequence[Field]) -> t
             rate = field.name.endswith("_rate")
             size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
             fields.append(field.around(size * (_USUAL_RATE if rate else 1.0)))
-    return (*fields, *_object_fields(moving.x_names[model.nx :], model.finger.rod.length))
+    return (*fields, *_object_fields(model, moving.x_names[model.nx :], model.finger.rod.length))
 
 
 _USUAL_OBJECT = {"rad": math.pi, "m/s": 0.1, "rad/s": 1.0, "1": 1.5, "N": 1.0, "N m": 0.01}
@@ -90,13 +90,10 @@ _HEIGHT = 1e-3
 """Range of heights over the table [m]."""
 
 
-def _object_fields(labels: Sequence[str], reach: float) -> tuple[Field, ...]:
+def _object_fields(model: FingerModel, labels: Sequence[str], reach: float) -> Iterator[Field]:
     """Entries of an object and its contacts around usual sizes; lengths are usually up to ``reach`` [m]."""
-    named = zip(identifiers(labels), map(unit_of, labels), strict=True)
-    return tuple(
-        Field(name, unit).around(_HEIGHT if name == "object_z" else _USUAL_OBJECT.get(unit, reach))
-        for name, unit in named
-    )
+    for field in _fields(model, labels):
+        yield field.around(_HEIGHT if field.name == "object_z" else _USUAL_OBJECT.get(field.unit, reach))
 
 
 def _usual_drive(model: FingerModel, name: str) -> float | None:
@@ -140,13 +137,13 @@ def force_fields(moving: FingerModel | System) -> tuple[Field, ...]:
     rod = model.finger.rod
     usual = {"N": rod.stiffness / rod.length**2, "N m": rod.stiffness / rod.length}
     finger_fields = tuple(field.around(usual[field.unit]) for field in _fields(model, model.w_names))
-    return (*finger_fields, *_object_fields(moving.w_names[model.nw :], _HEIGHT))
+    return (*finger_fields, *_object_fields(model, moving.w_names[model.nw :], _HEIGHT))
 
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
     """Entries of a model's vector, from its labels ``name [unit]``."""
-    pairs = (label.removesuffix("]").split(" [", 1) for label in labels)
-    return [Field(name, unit, _description(model, name)) for name, unit in pairs]
+    named = zip(identifiers(labels), map(unit_of, labels), strict=True)
+    return [Field(name, unit, _description(model, name)) for name, unit in named]
 
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:
@@ -288,7 +285,7 @@ def _of_curvature(
     nominal = np.pad(model.p_nominal, (0, equations.p.numel() - model.np))
     slope, rest = (np.array(value).ravel() for value in slopes(np.zeros(variables.numel()), nominal))
     count = equations.x.numel()
-    names = [label.split(" ")[0] for label in (*model.x_names, *[""] * (count - model.nx), *model.u_names)]
+    names = [*identifiers(model.x_names), *[""] * (count - model.nx), *identifiers(model.u_names)]
     # The curvature is linear in state and input: its range is that of one number, or a half-space condition.
     acting = np.flatnonzero(slope)
     if len(acting) == 1 and not ca.depends_on(use, equations.p):

@@ -22,13 +22,15 @@ from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.export.ranges import parameter_fields
+from continuum_grasp.export.ranges import force_fields, input_fields, parameter_fields, state_fields
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import STABLE, Subject
 from continuum_grasp.export.vectors import reach_of, split
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.simulate import Scene
 from tests.export_cases import ROOT, STRICT, TENDONS, needs, packages, run, scene, shared_library, two_arcs  # noqa: F401
+from tests.features import FEATURES, scene_of
 from tests.marks import but
 
 NAMES = ("friction", "contact", "tendons")
@@ -383,6 +385,15 @@ def test_another_configuration_is_reported_at_run_time(packages, tmp_path):  # n
         tmp_path / "main",
     )
     run(tmp_path / "main")
+
+
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda one: one.name)
+def test_every_number_has_a_name_that_c_takes(feature):
+    scene = scene_of(Scene, feature, {"fidelity": {"family": "arc", "elements": 2}})
+    moving = FingerModel(scene) if scene.object is None else System(scene)
+    fields = (*state_fields(moving, ()), *input_fields(FingerModel(scene)), *force_fields(moving))
+    assert [field.name for field in fields if not re.fullmatch(r"[A-Za-z]\w*", field.name)] == []
+    assert {"", None}.isdisjoint(field.unit for field in fields)
 
 
 @needs("cc")
