@@ -106,16 +106,16 @@ class _Run:
         use: Array = np.asarray(result.core.batch("range_use", result.q, result.acting, None))
         lost = np.flatnonzero(np.any(use > LOST, axis=1))
         if lost.size:
+            advice = "take more elements, raise fidelity.bending_range, or lower the loads"
             if lost[0] == 0:
-                raise InputError(
-                    f"the initial shape bends an element {use[0].max():.3g} times its range", key="initial"
-                )
+                message = f"the initial shape bends an element {use[0].max():.3g} times its range: {advice}"
+                raise InputError(message, key="initial")
             result, use = self._result(states[: lost[0]]), use[: lost[0]]
             k, last = int(np.argmax(use[-1])), result.x[-1]
             beyond = NumericalError(
                 f"element {k + 1} is about to bend beyond {LOST:g} times its declared range of "
                 f"{self._model.ranges[k]:.3g} rad after t = {result.t[-1]:g} s (state {last.tolist()}), where the "
-                "model means nothing: take more elements, raise fidelity.bending_range, or lower the loads",
+                f"model means nothing: {advice}",
                 time=float(result.t[-1]),
                 state=last,
             )

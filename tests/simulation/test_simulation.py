@@ -366,6 +366,11 @@ def test_far_beyond_the_range_the_run_stops_and_keeps_what_it_has(family):
     assert len(partial.warnings) >= 1
 
 
+def test_a_start_beyond_the_range_says_what_to_do():
+    with pytest.raises(InputError, match=r"3\.75 times its range: take more elements, raise fidelity\.bending_range"):
+        simulate(nitinol("arc", duration=0.01, initial={"q": (15.0, 0.0)}))
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize("method", few(["auto", "rodas", "reference", "rk4"], 3))
 def test_a_motion_that_blows_up_is_stopped_with_time_and_state(method):
