@@ -71,6 +71,11 @@ def _rigid(scene: ControlScene) -> bool:
     return scene.plant.axial_stiffness is None and None in stiffnesses
 
 
+def _lagging(scene: ControlScene) -> bool:
+    """Whether tensions lag, beside chambers which need not."""
+    return any(tendon.time_constant for tendon in scene.finger.tendon_list)
+
+
 def _jumps(scene: ControlScene) -> bool:
     """Whether the plant's tensions, or its tip moment, follow commands at once."""
     return bool(scene.finger.winches) or (scene.lag is None and scene.plant.time_constant is None)
@@ -144,7 +149,7 @@ _LOOPS = (
     beside(
         "mpc at once", lambda s: s.lag is None, _ESTIMATED["drive_time_constant"], "needs a drive with a time_constant"
     ),
-    beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches), _TENSION, _COMMAND),
+    beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches or _lagging(s)), _TENSION, _COMMAND),
     beside("mpc of chambers alone", lambda s: s.finger.chambers and not s.finger.tendons, _BY_TENDONS, _CHAMBERS),
     beside("mpc of pressures at once", lambda s: not s.finger.lagging_pressures, _PRESSURE, _COMMANDED_PRESSURE),
     beside("mpc of rigid tendons", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),

@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import minimize
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.plant import Plant, Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.closed_loop.run import run_closed_loop
@@ -204,6 +204,19 @@ def test_measurements_arrive_late():
             assert tried.measure()[:2] == pytest.approx([0.0, 0.18])
     late = round(0.025 / 0.01 * tried.method.substeps)
     assert tried.measure()[:2] == pytest.approx(tips[-1 - late], abs=1e-4)
+
+
+def test_tensions_that_lag_are_measured_beside_chambers_that_act_at_once():
+    chamber = {"area": 6e-5, "offset": 0.005, "max_pressure": 2e4}
+    arcs = {"family": "arc", "elements": 1}
+    changes = {"finger.pressure": chamber, "finger.tendons.time_constant": 0.02, "plant.noise": 0.0}
+    scene = cg.load("configs/mpc/steady_tip.yaml").changed({**changes, "fidelity": arcs, "plant.fidelity": arcs})
+    model = PlantModel(scene)
+    sensors = Sensors(scene, model, Prediction(scene), None)
+    x = model.start + np.arange(len(model.start))
+    read = dict(zip(sensors.names, sensors.read(x, np.zeros(model.nu), np.zeros(model.nw)), strict=True))
+    states = dict(zip(model.x_names, x, strict=True))
+    assert all(read[name] == states[name] for name in ("tension_1 [N]", "tension_2 [N]"))
 
 
 def test_noise_is_as_large_as_said_and_repeats_with_its_seed():
