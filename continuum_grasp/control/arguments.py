@@ -13,11 +13,7 @@ from continuum_grasp.arguments import shown
 from continuum_grasp.arrays import Array
 from continuum_grasp.core.call import finite
 from continuum_grasp.errors import InputError
-
-
-def bare(label: str) -> str:
-    """Return a name without the unit behind it."""
-    return label.split(" [")[0]
+from continuum_grasp.labels import name_of
 
 
 def named(key: str, value: Mapping[str, Any], names: Sequence[str], default: ArrayLike | None = None) -> Array:
@@ -25,7 +21,7 @@ def named(key: str, value: Mapping[str, Any], names: Sequence[str], default: Arr
 
     ``InputError`` for unknown names, for a value that is no number, and without a default for missing names.
     """
-    order = [bare(name) for name in names]
+    order = [name_of(name) for name in names]
     unknown = [name for name in value if name not in order]
     missing = [name for name in order if name not in value] if default is None else []
     if unknown or missing:

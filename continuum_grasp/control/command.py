@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.control.arguments import bare
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import name_of
 from continuum_grasp.summary import Summarized, quoted
 
 _HEALTH = tuple(Health)
@@ -128,7 +128,7 @@ class Command(Summarized):
     @property
     def inputs(self) -> dict[str, float]:
         """The command by name of its entries."""
-        return {bare(name): value for name, value in zip(self._control.stages.u_names, self.u.tolist(), strict=True)}
+        return {name_of(name): value for name, value in zip(self._control.stages.u_names, self.u.tolist(), strict=True)}
 
     def planned(self, name: str) -> Array:
         """Course of an input (N,), or else of a state (N + 1,), in the last plan.
@@ -137,10 +137,10 @@ class Command(Summarized):
         """
         s = self._control.stages
         for values, labels in zip(self.plan[::-1], (s.u_names, s.x_names), strict=True):
-            order = [bare(label) for label in labels]
+            order = [name_of(label) for label in labels]
             if name in order:
                 return values[:, order.index(name)]
-        known = ", ".join(dict.fromkeys(bare(label) for label in (*s.u_names, *s.x_names)))
+        known = ", ".join(dict.fromkeys(name_of(label) for label in (*s.u_names, *s.x_names)))
         raise InputError(f"expected one of {known}, got {name!r:.60}", key="name")
 
     @property
@@ -172,7 +172,7 @@ class Command(Summarized):
         if s.scenarios is not None:  # the plan is that of the first
             p = s.scenarios.scale[0] * p + s.scenarios.shift[0]
         largest = np.abs(s.ends(plan.x[:-1], plan.u, p) - plan.x[1:]).max(axis=0).tolist()
-        return {bare(name): value for name, value in zip(s.x_names, largest, strict=True)}
+        return {name_of(name): value for name, value in zip(s.x_names, largest, strict=True)}
 
     @property
     def violated(self) -> dict[str, float]:

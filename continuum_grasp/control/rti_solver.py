@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, positive, whole
 from continuum_grasp.arrays import Array
-from continuum_grasp.control.arguments import bare, named, vector
+from continuum_grasp.control.arguments import named, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
 from continuum_grasp.control.ocp.control_problem import ControlProblem
 from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.parts import Calls, ControlParts
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import name_of
 
 
 class RtiSolver(CompiledController):
@@ -163,8 +164,8 @@ class RtiSolver(CompiledController):
         """States and inputs over the horizon, each stage after the other."""
         s = self.stages
         x, u = np.zeros((s.stages + 1, s.nx)), np.tile(self.safe, (s.stages, 1))
-        courses = {bare(name): x[:, k] for k, name in enumerate(s.x_names[: s.nd])}
-        courses |= {bare(name): u[:, k] for k, name in enumerate(s.u_names)}
+        courses = {name_of(name): x[:, k] for k, name in enumerate(s.x_names[: s.nd])}
+        courses |= {name_of(name): u[:, k] for k, name in enumerate(s.u_names)}
         for name, value in guess.items():
             if name not in courses:
                 raise InputError(f"expected some of {', '.join(courses)}, got {name!r:.60}", key="guess")

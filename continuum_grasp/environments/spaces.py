@@ -100,11 +100,10 @@ def state_bounds(plants: Plants, radius: float) -> Array:
     lags = [t.time_constant for scene in scenes for t in scene.finger.tendon_list]
     lags += [scene.plant.time_constant or scene.controller.input.time_constant for scene in scenes]
     fastest = min((lag for lag in lags if lag is not None), default=math.inf)
-    ranges = {}
-    for name, limits in zip(model.u_names, np.transpose(scenes[0].input_limits), strict=True):
+    ranges = dict[str, tuple[float, float]]()
+    for name, least, most in zip(model.u_names, *scenes[0].input_limits, strict=True):
         # Of a critically damped lag of time T under commands that jump: range / (e T), at most.
-        rate = np.ptp(limits) / (math.e * fastest)
-        ranges |= zip(lag_names(*split_unit(name), 2), (limits, (-rate, rate)), strict=True)
-    for k, name in enumerate(model.x_names[system.nx :], system.nx):
-        bounds[k] = ranges[name]
+        rate = (most - least) / (math.e * fastest)
+        ranges |= zip(lag_names(*split_unit(name), 2), ((least, most), (-rate, rate)), strict=True)
+    bounds[system.nx :] = np.reshape([ranges[name] for name in model.x_names[system.nx :]], (-1, 2))
     return bounds

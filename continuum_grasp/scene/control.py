@@ -71,7 +71,7 @@ def _rigid(scene: ControlScene) -> bool:
     return scene.plant.axial_stiffness is None and None in stiffnesses
 
 
-def _lagging(scene: ControlScene) -> bool:
+def _lags(scene: ControlScene) -> bool:
     """Whether tensions lag, beside chambers which need not."""
     return any(tendon.time_constant for tendon in scene.finger.tendon_list)
 
@@ -149,14 +149,14 @@ _LOOPS = (
     beside(
         "mpc at once", lambda s: s.lag is None, _ESTIMATED["drive_time_constant"], "needs a drive with a time_constant"
     ),
-    beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches or _lagging(s)), _TENSION, _COMMAND),
+    beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches or _lags(s)), _TENSION, _COMMAND),
     beside("mpc of chambers alone", lambda s: s.finger.chambers and not s.finger.tendons, _BY_TENDONS, _CHAMBERS),
     beside("mpc of pressures at once", lambda s: not s.finger.lagging_pressures, _PRESSURE, _COMMANDED_PRESSURE),
     beside("mpc of rigid tendons", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
     beside("mpc of inelastic tendons", _rigid, "plant.guides", _ELASTIC),
     beside("mpc of an unseen object", lambda s: s.estimator and not _sees(s, "object"), "object_moves", _SEEN),
     beside("mpc of a plant that jumps", lambda s: s.plant.drive_order == 1 or _jumps(s), _MATCHED, _SMOOTH),
-    beside("mpc of a plant without a lag", _jumps, "plant.drive_order", "needs plant.time_constant"),
+    beside("mpc of no lag", lambda s: _jumps(s) and not _lags(s), "plant.drive_order", "needs plant.time_constant"),
     beside("mpc without damping", lambda s: not s.scenario_parameters("damping"), _scenarios("damping"), _FACTOR),
     beside("mpc of no such lag", lambda s: s.finger.winches or not s.lag, _scenarios("time_constant"), _LAGGING),
     *map(_unlike, (*_SLIDING, *_CABLES, "time_constant")),

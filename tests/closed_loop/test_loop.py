@@ -209,7 +209,8 @@ def test_measurements_arrive_late():
 def test_tensions_that_lag_are_measured_beside_chambers_that_act_at_once():
     chamber = {"area": 6e-5, "offset": 0.005, "max_pressure": 2e4}
     arcs = {"family": "arc", "elements": 1}
-    changes = {"finger.pressure": chamber, "finger.tendons.time_constant": 0.02, "plant.noise": 0.0}
+    lag = {"finger.tendons.time_constant": 0.02, "plant.drive_order": 1}
+    changes = {"finger.pressure": chamber, **lag, "plant.noise": 0.0}
     scene = cg.load("configs/mpc/steady_tip.yaml").changed({**changes, "fidelity": arcs, "plant.fidelity": arcs})
     model = PlantModel(scene)
     sensors = Sensors(scene, model, Prediction(scene), None)

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
 from continuum_grasp.arrays import Array
-from continuum_grasp.control.arguments import bare, vector
+from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import name_of
 from continuum_grasp.scene.controller import Penalty
 from continuum_grasp.scene.integrators import CONTROL_METHODS
 from continuum_grasp.summary import Summarized, quoted
@@ -127,7 +128,7 @@ class ControlProblem(Summarized):
             raise InputError(f"expected {u.numel()} symbols, one per input, got {held.numel()}", key="previous")
         known = ca.vertcat(x, u, p, held)
         for key, symbols in (("states", x), ("inputs", u), ("parameters", p)):
-            _once(key, [bare(label) for label in _names(symbols)])
+            _once(key, [name_of(label) for label in _names(symbols)])
         hashes = [known[k].element_hash() for k in range(known.numel())]
         twice = [known[k].name() for k in range(len(hashes)) if hashes[k] in hashes[:k]]
         if twice:
@@ -135,7 +136,7 @@ class ControlProblem(Summarized):
         reader = _Reader(known, u, held)
         tracked = reader.cost(cost)
         limits = dict(bounds or {})
-        u_min, u_max = _input_bounds(limits, [bare(label) for label in _names(u)])
+        u_min, u_max = _input_bounds(limits, [name_of(label) for label in _names(u)])
         of_states = _state_bounds(limits, x)
         _once("rows", [*of_states, *(rows or {})])
         bounded, ns = reader.rows(of_states | dict(rows or {}))
@@ -186,7 +187,7 @@ class ControlProblem(Summarized):
                     for residual in tracked.values()
                 ]
             ),
-            p_nominal=_nominal(nominal or {}, [bare(label) for label in _names(p)]),
+            p_nominal=_nominal(nominal or {}, [name_of(label) for label in _names(p)]),
         )
         self.cost_names = tuple((key, len(residual.names)) for key, residual in tracked.items())
 
@@ -369,7 +370,7 @@ def _state_bounds(limits: dict[str, Any], x: ca.SX) -> dict[str, Row]:
     """Take the bounds of states from all, as rows."""
     rows = {}
     for k, label in enumerate(_names(x)):
-        if (name := bare(label)) in limits:
+        if (name := name_of(label)) in limits:
             rows[name] = Row(x[k], *_pair(f"bounds.{name}", limits.pop(name)))
     return rows
 
