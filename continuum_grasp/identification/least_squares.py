@@ -18,6 +18,8 @@ _STEP = 1e-9
 """Step per typical size below which the search has converged [1]: measured rods have deviations of 4e-4 and more."""
 _DECREASE = 1e-14
 """Relative decrease of the sum of squares below which it has converged [1]: some 50 roundings of a double."""
+_SEEN = 1e-10
+"""Length of a column of the Jacobian per that of the longest [1] up to which it is rounding of the predictions."""
 _AT_BOUND = 1e-6
 """Distance from a bound per typical size at which a value is put on it [1]; the iterates themselves stay inside."""
 
@@ -131,7 +133,10 @@ def _search(
     def slopes(scaled: Array) -> Array:
         nonlocal accepted
         accepted = scaled.copy()  # scipy asks for the Jacobian only where it takes the step
-        return np.asarray((known[scaled.tobytes()][2] * sizes)[:, free])
+        jacobian = (known[scaled.tobytes()][2] * sizes)[:, free]
+        # a column of rounding alone, scaled by its own length, would take the whole step
+        lengths = np.linalg.norm(jacobian, axis=0)
+        return np.asarray(jacobian * (lengths > _SEEN * lengths.max(initial=0.0)))
 
     iterations, status = start.iterations, "no step possible"
     with suppress(_NoStepPossibleError):
