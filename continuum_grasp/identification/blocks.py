@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -131,8 +132,9 @@ class Block:
     def followed(self, followed: Any) -> None:
         pass
 
-    def predict(self, values: Array) -> tuple[Array, Array]:
-        """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.
+    def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
+        """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last; of a motion those up
+        to an instant are right.
 
         Raises
         ------
@@ -197,7 +199,7 @@ class PosesBlock(Block):
     def followed(self, followed: Any) -> None:
         self._shapes.last = list(followed)
 
-    def predict(self, values: Array) -> tuple[Array, Array]:
+    def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         predictions = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
         return np.concatenate([y for y, _ in predictions]), np.concatenate([d for _, d in predictions])
 

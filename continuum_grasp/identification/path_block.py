@@ -72,8 +72,8 @@ class PathBlock(Block):
         if self._shape is not None:
             self._shape.last = list(shapes)
 
-    def predict(self, values: Array) -> tuple[Array, Array]:
-        states, p, delay = self._moved(values)
+    def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
+        states, p, delay = self._moved(values, until)
         count, size = len(values), self._driven.readings.size1_out(0) // (1 + len(values))
         inputs = self._driven.commands(self._t, delay), self._driven.signals.w(self._t), np.tile(p, (self._t.size, 1))
         both = np.array(self._read(states.T, *(rows.T for rows in inputs)))
@@ -88,12 +88,12 @@ class PathBlock(Block):
         rows = np.broadcast_to(np.array(u).T, (t.size, model.nu)), np.tile(p, (t.size, 1))
         return Bent(model, t, states[:, : model.n], *rows, True)
 
-    def _moved(self, values: Array) -> tuple[Array, Array, float]:
+    def _moved(self, values: Array, until: float = math.inf) -> tuple[Array, Array, float]:
         """States with their derivatives (T, ...), the parameters with theirs, and the delay."""
         driven = self._driven
         p, delay = driven.parameters(values), driven.delay(values)
         acting = np.concatenate([p, driven.turned.ravel(order="F")])
-        return self._motion.at(*self._begin(values, delay, p), p, acting, delay), acting, delay
+        return self._motion.at(*self._begin(values, delay, p), p, acting, delay, until), acting, delay
 
     def _begin(self, values: Array, delay: float, p: Array) -> tuple[Array, Array]:
         """State where the motion starts, and its derivative by all values."""
@@ -144,22 +144,23 @@ class _Motion:
         self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=driven.variational), "rk4"))
         self.settled: tuple[Array, float, _Grid] | None = None  # parameters, steps per second, and these steps
 
-    def at(self, start: Array, slope: Array, p: Array, acting: Array, delay: float) -> Array:
-        """States with their derivatives (T, ...), from a start (nx,) with its derivative.
+    def at(self, start: Array, slope: Array, p: Array, acting: Array, delay: float, until: float) -> Array:
+        """States with their derivatives (T, ...), from a start (nx,) with its derivative; behind ``until`` [s] the last.
 
         ``p`` are the parameters, ``acting`` these with their derivatives. NumericalError if the motion does not stay
         finite, or is too stiff.
         """
         grid, driven = self._settle(start, p), self._driven
+        steps = grid.steps_to(until - self._start)
         whole = np.concatenate([start, slope.ravel(order="F")])[None]
         # a Runge-Kutta step takes inputs and forces at its start, middle and end
-        halves: Array = np.linspace(0.0, grid.steps * grid.spacing, 2 * grid.steps * grid.substeps + 1) + self._start
+        halves: Array = np.linspace(0.0, steps * grid.spacing, 2 * steps * grid.substeps + 1) + self._start
         at = halves[:1] if driven.signals.constant else halves
         u, w = driven.commands(at, delay), driven.signals.w(at)
         u, w = (values[0] if driven.signals.constant else values for values in (u, w))
         inputs = signal("u", u, u.shape[-1], len(halves), None), signal("w", w, w.shape[-1], len(halves), None)
-        states, finished = self._run(whole, grid.steps, grid.substeps, grid.spacing / grid.substeps, *inputs, acting)
-        if finished[0] < grid.steps:
+        states, finished = self._run(whole, steps, grid.substeps, grid.spacing / grid.substeps, *inputs, acting)
+        if finished[0] < steps:
             time = self._start + float(finished[0]) * grid.spacing
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
         return grid.pick(states[0])
@@ -213,10 +214,15 @@ class _Grid:
             self.steps = max(4, math.ceil(t[-1] / self.spacing))
             self._t = t
 
+    def steps_to(self, until: float) -> int:
+        """Steps to the first instant that is not before ``until``, or to the end."""
+        return max(math.ceil(min(until / self.spacing, self.steps)), min(self.steps, 4))
+
     def pick(self, rows: Array) -> Array:
-        """Rows at the instants."""
+        """Rows at the instants, the last one behind it."""
         if self._even:
-            return np.asarray(rows[self._index])
+            return np.asarray(rows[self._index.clip(max=len(rows) - 1)])
         from scipy.interpolate import CubicSpline
 
-        return np.asarray(CubicSpline(self.spacing * np.arange(len(rows)), rows)(self._t))
+        at = self.spacing * np.arange(len(rows))
+        return np.asarray(CubicSpline(at, rows)(self._t.clip(max=at[-1])))

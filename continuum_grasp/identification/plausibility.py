@@ -70,6 +70,8 @@ class Misfit(NamedTuple):
     postures of one rod."""
     scatter: float
     """Scatter of the measurements about their means, r.m.s.; infinite where they are too few."""
+    stated: float = 0.0
+    """Greatest standard deviation that is stated."""
 
     @property
     def is_unexplained(self) -> bool:
@@ -139,11 +141,11 @@ def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
             about = [values[series == member] - values[series == member].mean() for member in dict.fromkeys(series)]
             scatter = float(np.std(np.concatenate(about))) if values.size > 2 * len(about) else math.inf
             limit = _limit(kind, values, block.finger.rod.length if block.finger else math.inf)
-            stated = [entry.sigma for entry in entries if entry.sigma is not None]
+            stated = max(entry.sigma or 0.0 for entry in entries)
             if stated and math.isfinite(limit):
-                limit = max(_BEYOND * max(stated), _STATED * limit)
+                limit = max(_BEYOND * stated, _STATED * limit)
             rms = spread(np.array([off for other, _, off in rows if other == kind]), float(values.size))
-            all_misfits.append(Misfit(block.name, kind, entries[0].unit, rms, limit, scatter))
+            all_misfits.append(Misfit(block.name, kind, entries[0].unit, rms, limit, scatter, stated))
     return all_misfits
 
 

@@ -90,6 +90,7 @@ class Problem:
         self.entries = [entry for block in blocks for entry in block.entries]
         self.measured = np.array([entry.value for entry in self.entries])
         self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
+        self._at = np.array([entry.at for entry in self.entries])
         names = [entry.group for entry in self.entries]
         self._sought = np.ones(len(self.unknowns), dtype=bool)
         for part in self.parts:
@@ -146,11 +147,12 @@ class Problem:
         return [f"{block.name}: {text}" for block, _, columns in parts for text in block.warnings(values[columns])]
 
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-        """Predictions (m,) of all entries, and their Jacobian (m, n); zeros for sets of which no entry is chosen."""
+        """Predictions (m,) and their Jacobian (m, n) of all entries, or of those that are chosen alone."""
         y, jacobian = np.zeros(len(self.entries)), np.zeros((len(self.entries), len(values)))
         for block, rows, columns in self.parts:
-            if chosen is None or chosen[rows].any():
-                y[rows], jacobian[rows, columns] = block.predict(values[columns])
+            wanted = self._at[rows] if chosen is None else self._at[rows][chosen[rows]]
+            if wanted.size:
+                y[rows], jacobian[rows, columns] = block.predict(values[columns], wanted.max())
         return y, jacobian
 
     def weighted(self, solution: Solution, further: Array | None = None) -> tuple[Array, Array]:
@@ -179,21 +181,24 @@ class Problem:
         total = float(missed @ missed + known @ known)
         return total if math.isfinite(total) else math.inf
 
-    def solve(self, progress: Progress, start: Array | None = None) -> Solution:
+    def solve(self, progress: Progress, start: Array | None = None, below: float = math.inf) -> Solution:
         """Find the parameters from a start (n,), that of the unknowns where none is given; unknown standard deviations
         are found by iteration.
 
-        InputError if nothing is to be fitted, SolverError if the search does not converge.
+        InputError if nothing is to be fitted, SolverError if the search does not converge, or its first steps do not
+        lead ``below`` a misfit.
         """
         if not self.fitted.any():
             raise InputError("no row is to be fitted", key="data")
         values = np.array([unknown.start for unknown in self.unknowns]) if start is None else start
         sigma = self._first_sigma()
-        for share in _HORIZONS if any(block.free for block in self.blocks) else ():
+        for share in _HORIZONS if any(block.free for block in self.blocks) else (1.0,) * (below < math.inf):
             chosen = self.fitted & self._early(share)
-            if chosen.sum() >= _LEAST_ROWS * len(values):
+            if share == 1.0 or chosen.sum() >= _LEAST_ROWS * len(values):
                 values = self._search(values, chosen, 1.0 / sigma, self._sought, first=True).values
             progress(0.5 * share)
+        if below < math.inf and self.misfit(values) >= below:
+            raise SolverError("the first steps lead nowhere lower", status="given up")
         for round_ in range(_ROUNDS):
             minimum = self._search(values, self.fitted, 1.0 / sigma, self._sought)
             predictions, jacobian = self.predict(minimum.values, self.fitted)
@@ -267,10 +272,9 @@ class Problem:
     def _early(self, share: float) -> NDArray[np.bool_]:
         """Entries in the first part of each path that is free; all of them elsewhere."""
         parts = []
-        for block in self.blocks:
-            at = np.array([entry.at for entry in block.entries])
-            early = at <= at.min() + share * np.ptp(at)
-            parts.append(early if block.free else np.ones(at.size, dtype=bool))
+        for block, rows, _ in self.parts:
+            early = self._at[rows] <= self._at[rows].min() + share * np.ptp(self._at[rows])
+            parts.append(early if block.free else np.ones(early.size, dtype=bool))
         return np.concatenate(parts)
 
     def _first_sigma(self) -> Array:

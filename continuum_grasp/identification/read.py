@@ -8,6 +8,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import TypeVar, cast
@@ -497,7 +498,8 @@ def _refuse_measured(table: Table, unread: Sequence[Column], expected: Sequence[
             raise table.error(f"nothing reads the column {column.column!r}; {hint}, or data: in a configuration", at)
 
 
-def _entries_of(scene: Scene, *parameters: str) -> dict[str, str]:
+@lru_cache(maxsize=1)  # all conditions of a set ask for those of one scene
+def _entries_of(scene: Scene, *parameters: str) -> Mapping[str, str]:
     """Units of the inputs and forces of the model by name, or of ``parameters`` of it."""
     # inputs are those of any model, so none is chosen by tolerance
     plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
