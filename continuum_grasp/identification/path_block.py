@@ -145,7 +145,7 @@ class _Motion:
         self.settled: tuple[Array, float, _Grid] | None = None  # parameters, steps per second, and these steps
 
     def at(self, start: Array, slope: Array, p: Array, acting: Array, delay: float, until: float) -> Array:
-        """States with their derivatives (T, ...), from a start (nx,) with its derivative; behind ``until`` [s] the last.
+        """States with their derivatives (T, ...), from a start (nx,) with its derivative, up to ``until`` [s].
 
         ``p`` are the parameters, ``acting`` these with their derivatives. NumericalError if the motion does not stay
         finite, or is too stiff.
