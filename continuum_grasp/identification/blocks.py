@@ -113,6 +113,9 @@ class Block:
     """Whether the entries follow one another, all readings of an instant or row together."""
     free = False
     """Whether that motion is free, so that a part from its start is fitted before the whole."""
+    followed: Any = None
+    """Shapes and steps of the last prediction, from which the next one is followed. Where these are set anew, it goes
+    on from there, wherever searches have been meanwhile."""
 
     def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> None:
         self.name, self.data, self.scene, self.finger = data.name, data, scene, scene.finger
@@ -120,17 +123,6 @@ class Block:
     def again(self, unknowns: Sequence[Unknown], *, data: Data | None = None, scene: Scene | None = None) -> Self:
         """The set with other unknowns, measured otherwise, or in another scene; errors as of a new one."""
         return type(self)(scene or self.scene, data or self.data, unknowns)
-
-    @property
-    def followed(self) -> Any:
-        """Shapes and steps of the last prediction, from which the next one is followed. Where these are set anew, it
-        goes on from there, wherever searches have been meanwhile.
-        """
-        return None
-
-    @followed.setter
-    def followed(self, followed: Any) -> None:
-        pass
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last; of a motion those up

@@ -34,6 +34,16 @@ def block_of(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
     return (PosesBlock if isinstance(data, Poses) else PathBlock)(scene, data, unknowns)  # type: ignore[arg-type]
 
 
+_MOST_STEPS = 200_000
+"""Steps of a path: seconds per evaluation, of which a search takes dozens."""
+_FINER = 2.0
+"""Steps per step of a simulation [1]: a sixteenth of its error, so that the steps do not pass for parameters."""
+_CHANGE = 0.1
+"""Relative change of parameters from which the steps are chosen anew; smaller ones are within their margin."""
+_SHAPES = 6
+"""Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
+
+
 class PathBlock(Block):
     """Readings along one motion of the finger; ``own`` are the coordinates and rates of a start that is estimated."""
 
@@ -58,17 +68,19 @@ class PathBlock(Block):
         driven.check(unknowns, data.name)
         self._driven, self._model = driven, driven.model
         self.kinked, self.free = bool(driven.model.friction_names), driven.signals.constant
-        self._motion = _Motion(driven, t, self._begins)
+        self._core = Core(driven.model, compiled=False)
+        self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=driven.variational), "rk4"))
+        self._settled: tuple[Array, float, _Grid] | None = None  # parameters, steps per second, and these steps
         self._read = driven.readings.map(t.size)
         self.entries = entries_of(data, t, np.full(t.size, data.fitted), scene.finger.rod.length)
 
     @property
     def followed(self) -> Any:
-        return None if self._shape is None else list(self._shape.last), self._motion.settled
+        return None if self._shape is None else list(self._shape.last), self._settled
 
     @followed.setter
     def followed(self, followed: Any) -> None:
-        shapes, self._motion.settled = followed
+        shapes, self._settled = followed
         if self._shape is not None:
             self._shape.last = list(shapes)
 
@@ -89,11 +101,27 @@ class PathBlock(Block):
         return Bent(model, t, states[:, : model.n], *rows, True)
 
     def _moved(self, values: Array, until: float = math.inf) -> tuple[Array, Array, float]:
-        """States with their derivatives (T, ...), the parameters with theirs, and the delay."""
+        """States with their derivatives (T, ...) up to an instant, the parameters with theirs, and the delay.
+
+        By the classical Runge-Kutta method. NumericalError if the motion does not stay finite, or is too stiff.
+        """
         driven = self._driven
         p, delay = driven.parameters(values), driven.delay(values)
-        acting = np.concatenate([p, driven.turned.ravel(order="F")])
-        return self._motion.at(*self._begin(values, delay, p), p, acting, delay, until), acting, delay
+        start, slope = self._begin(values, delay, p)
+        grid, acting = self._settle(start, p), np.concatenate([p, driven.turned.ravel(order="F")])
+        steps = grid.steps_to(until - self._begins)
+        whole = np.concatenate([start, slope.ravel(order="F")])[None]
+        # a Runge-Kutta step takes inputs and forces at its start, middle and end
+        halves: Array = np.linspace(0.0, steps * grid.spacing, 2 * steps * grid.substeps + 1) + self._begins
+        at = halves[:1] if driven.signals.constant else halves
+        u, w = driven.commands(at, delay), driven.signals.w(at)
+        u, w = (values[0] if driven.signals.constant else values for values in (u, w))
+        inputs = signal("u", u, u.shape[-1], len(halves), None), signal("w", w, w.shape[-1], len(halves), None)
+        states, finished = self._run(whole, steps, grid.substeps, grid.spacing / grid.substeps, *inputs, acting)
+        if finished[0] < steps:
+            time = self._begins + float(finished[0]) * grid.spacing
+            raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
+        return grid.pick(states[0]), acting, delay
 
     def _begin(self, values: Array, delay: float, p: Array) -> tuple[Array, Array]:
         """State where the motion starts, and its derivative by all values."""
@@ -112,6 +140,34 @@ class PathBlock(Block):
         x[2 * n :], slope[2 * n :] = self._driven.begin(self._begins, delay, x[:n], slope[:n], p)
         return x, slope
 
+    def _settle(self, start: Array, p: Array) -> _Grid:
+        """Steps that are short enough for parameters p; they stay while these change little.
+
+        Other steps have another error, which a search would take for a change of the parameters.
+        """
+        if self._settled is not None and np.allclose(p, self._settled[0], rtol=_CHANGE, atol=0.0):
+            return self._settled[2]
+        signals, model = self._driven.signals, self._model
+        shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
+        radius = spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p)
+        rate = _FINER * radius / TARGET_RADIUS
+        if not np.isfinite(rate):
+            raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
+        if self._settled is not None and 0.5 * self._settled[1] < rate <= self._settled[1]:
+            self._settled = (p, *self._settled[1:])
+            return self._settled[2]
+        grid = _Grid(self._t - self._begins, rate)
+        count = grid.steps * grid.substeps
+        if count > _MOST_STEPS:
+            raise NumericalError(
+                f"{count:.3g} steps are needed to follow this motion from {self._begins:g} to {self._t[-1]:g} s at "
+                f"these parameters; at most {_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, "
+                "bounds on stiffness and damping, or instants that count from the start of the motion (zero of t)",
+                time=0.0,
+            )
+        self._settled = (p, rate, grid)
+        return grid
+
 
 def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes | None:
     """The shape at time zero, where it is an equilibrium; None where the scene gives its coordinates."""
@@ -120,78 +176,6 @@ def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes 
     if pose == "rest":
         scene = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None, "loads": ()})
     return Shapes(scene, unknowns, name) if pose in ("equilibrium", "rest") else None
-
-
-_MOST_STEPS = 200_000
-"""Steps of a path: seconds per evaluation, of which a search takes dozens."""
-_FINER = 2.0
-"""Steps per step of a simulation [1]: a sixteenth of its error, so that the steps do not pass for parameters."""
-_CHANGE = 0.1
-"""Relative change of parameters from which the steps are chosen anew; smaller ones are within their margin."""
-_SHAPES = 6
-"""Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
-
-
-class _Motion:
-    """Integrates a driven finger and the derivatives of its state by the classical Runge-Kutta method.
-
-    Instants t (T,) [s] are wanted; the motion starts at ``start`` [s].
-    """
-
-    def __init__(self, driven: Driven, t: Array, start: float) -> None:
-        self._driven, self._t, self._start = driven, t, start
-        self._core = Core(driven.model, compiled=False)
-        self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=driven.variational), "rk4"))
-        self.settled: tuple[Array, float, _Grid] | None = None  # parameters, steps per second, and these steps
-
-    def at(self, start: Array, slope: Array, p: Array, acting: Array, delay: float, until: float) -> Array:
-        """States with their derivatives (T, ...), from a start (nx,) with its derivative, up to ``until`` [s].
-
-        ``p`` are the parameters, ``acting`` these with their derivatives. NumericalError if the motion does not stay
-        finite, or is too stiff.
-        """
-        grid, driven = self._settle(start, p), self._driven
-        steps = grid.steps_to(until - self._start)
-        whole = np.concatenate([start, slope.ravel(order="F")])[None]
-        # a Runge-Kutta step takes inputs and forces at its start, middle and end
-        halves: Array = np.linspace(0.0, steps * grid.spacing, 2 * steps * grid.substeps + 1) + self._start
-        at = halves[:1] if driven.signals.constant else halves
-        u, w = driven.commands(at, delay), driven.signals.w(at)
-        u, w = (values[0] if driven.signals.constant else values for values in (u, w))
-        inputs = signal("u", u, u.shape[-1], len(halves), None), signal("w", w, w.shape[-1], len(halves), None)
-        states, finished = self._run(whole, steps, grid.substeps, grid.spacing / grid.substeps, *inputs, acting)
-        if finished[0] < steps:
-            time = self._start + float(finished[0]) * grid.spacing
-            raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
-        return grid.pick(states[0])
-
-    def _settle(self, start: Array, p: Array) -> _Grid:
-        """Steps that are short enough for parameters p; they stay while these change little.
-
-        Other steps have another error, which a search would take for a change of the parameters.
-        """
-        if self.settled is not None and np.allclose(p, self.settled[0], rtol=_CHANGE, atol=0.0):
-            return self.settled[2]
-        signals, model = self._driven.signals, self._driven.model
-        shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
-        radius = spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p)
-        rate = _FINER * radius / TARGET_RADIUS
-        if not np.isfinite(rate):
-            raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
-        if self.settled is not None and 0.5 * self.settled[1] < rate <= self.settled[1]:
-            self.settled = (p, *self.settled[1:])
-            return self.settled[2]
-        grid = _Grid(self._t - self._start, rate)
-        count = grid.steps * grid.substeps
-        if count > _MOST_STEPS:
-            raise NumericalError(
-                f"{count:.3g} steps are needed to follow this motion from {self._start:g} to {self._t[-1]:g} s at "
-                f"these parameters; at most {_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, "
-                "bounds on stiffness and damping, or instants that count from the start of the motion (zero of t)",
-                time=0.0,
-            )
-        self.settled = (p, rate, grid)
-        return grid
 
 
 class _Grid:

@@ -185,8 +185,7 @@ class Problem:
         """Find the parameters from a start (n,), that of the unknowns where none is given; unknown standard deviations
         are found by iteration.
 
-        InputError if nothing is to be fitted, SolverError if the search does not converge, or its first steps do not
-        lead ``below`` a misfit.
+        InputError if nothing is to be fitted, SolverError if the search fails, or begins not ``below`` a misfit.
         """
         if not self.fitted.any():
             raise InputError("no row is to be fitted", key="data")

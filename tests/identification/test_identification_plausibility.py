@@ -45,7 +45,7 @@ class Missed(Block):
             for one, value in zip(poses.measured, row, strict=True)
         ]
 
-    def predict(self, values):
+    def predict(self, values, until=np.inf):
         return np.full(len(self.entries), np.nan), np.ones((len(self.entries), 1))
 
     def again(self, unknowns, **other):
@@ -103,7 +103,7 @@ def test_other_quantities_are_refused_from_a_share_of_their_range_or_size_on(qua
 class Fixed(Missed):
     """A set that is missed by a millimeter to either side of a level."""
 
-    def predict(self, values):
+    def predict(self, values, until=np.inf):
         off = 1e-3 * (-1.0) ** np.arange(len(self.entries))
         return np.array([one.value for one in self.entries]) + off + values[0], np.ones((len(self.entries), 1))
 

@@ -29,7 +29,7 @@ class Linear(Block):
 
         self.asked: list[np.ndarray] = []
 
-    def predict(self, values):
+    def predict(self, values, until=np.inf):
         self.asked.append(values)
         return self._matrix @ values, self._matrix
 

@@ -214,7 +214,7 @@ class BenchBlock(Block):
                 known = group, unit, value, True, None, at, what, what.removeprefix("tip_")
                 self.entries.append(Entry(f"{what} at {at:g} s", *known, length if group == "tip" else None))
 
-    def predict(self, values: Array) -> tuple[Array, Array]:
+    def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         seen = self._seen(values)
         steps = np.diag([_DIFFERENCE * unknown.typical for unknown in self.unknowns])
         return seen, np.column_stack([(self._seen(values + step) - seen) / step.max() for step in steps])
