@@ -187,8 +187,8 @@ class Search:
             self._from(held, "held still")
         self._modes = len(modes)
         unscanned = [mode for mode in modes if not self._from_basins(mode)]
-        # With more than two elements a posture bends away from the scanned one: where that leads nowhere, a grasp may be
-        # near that no scan shows.
+        # With more than two elements a posture bends away from the scanned one: where that leads nowhere, there may be
+        # a grasp nearby that no scan shows.
         nowhere = [] if self._tells else [mode for mode in modes if self._led_nowhere(mode)]
         missed = self.best is None and not self._tells
         # Before an object that is not convex it may be on another face: of seven outlines three take up to 57 % less.
@@ -196,10 +196,8 @@ class Search:
         sampled = modes if missed else [mode for mode in modes if mode in unscanned or mode in faces]
         self._sampled = len(sampled)
         if not self.proven:
-            if sampled or self._effort.always_rough:
-                self._from_rough(modes if self._effort.always_rough else sampled, self._effort.in_vain)
-            else:
-                self._from_rough(nowhere, DOUBTED)
+            rough = modes if self._effort.always_rough else sampled
+            self._from_rough(rough or nowhere, self._effort.in_vain if rough else DOUBTED)
             if self._tries_all:
                 self._exchange()
 

@@ -182,7 +182,7 @@ def test_with_a_grasp_four_rough_starts_in_a_row_may_lead_to_nothing_better(effo
     search, starts = searching(grasp(), elements=4, **{"solver.effort": effort})
     turns = (start(angle=0.8 * k) for k in range(1, 10))
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: list(turns))
-    search._from_rough([frozenset({"finger.tip"})])
+    search._from_rough([frozenset({"finger.tip"})], search._effort.in_vain)
     assert len(starts) == most
     assert search.exploration.pruned.get("after others that led to nothing better", 0) == 9 - most
 
@@ -190,7 +190,7 @@ def test_with_a_grasp_four_rough_starts_in_a_row_may_lead_to_nothing_better(effo
 def test_rough_starts_of_a_branch_that_holds_do_not_count_as_in_vain(monkeypatch):
     search, starts = searching(grasp(), elements=4)
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
-    search._from_rough([frozenset({"finger.tip"})])
+    search._from_rough([frozenset({"finger.tip"})], search._effort.in_vain)
     assert len(starts) == 9
 
 
@@ -199,7 +199,7 @@ def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeyp
     search.attempt = lambda start, **options: search.tried.append(grasp())
     monkeypatch.setattr(Search, "impossible", True)
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
-    search._from_rough(frozenset({"finger.tip"}))
+    search._from_rough(frozenset({"finger.tip"}), 4)
     assert len(search.tried) == 6
 
 
@@ -233,7 +233,7 @@ def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, mo
     assert len(found) == basins
     # Of sets of contacts that are scanned a thorough search alone takes rough starts, too.
     monkeypatch.setattr(search, "_from_basins", lambda *_: True)
-    monkeypatch.setattr(search, "_from_rough", asked.extend)
+    monkeypatch.setattr(search, "_from_rough", lambda modes, _: asked.extend(modes))
     search.run()
     assert asked == (contact_modes(search.scene) if effort == "thorough" else [])
     asked.clear()
@@ -315,7 +315,7 @@ def test_rough_starts_get_few_iterations_and_fewer_with_a_grasp(grasps, iteratio
     seen = []
     monkeypatch.setattr(search, "rough_starts_of", lambda _: [start(angle=3.0)])
     monkeypatch.setattr(search, "attempt", lambda start, **options: seen.append(options["iterations"]))
-    search._from_rough([frozenset({"finger.tip"})])
+    search._from_rough([frozenset({"finger.tip"})], search._effort.in_vain)
     assert seen == [iterations]
 
 
@@ -323,7 +323,7 @@ def test_rough_starts_of_all_sets_of_contacts_take_turns_the_likeliest_first(mon
     search, solved = searching()
     doubts = {"one": (0.3, 0.4), "two": (0.5,), "three": (0.1, 0.2)}
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start(doubt=doubt) for doubt in doubts[mode]])
-    search._from_rough([*doubts])
+    search._from_rough([*doubts], 4)
     assert [each.doubt for each in solved] == [0.1, 0.3, 0.5, 0.2, 0.4]
 
 
