@@ -1,4 +1,10 @@
-"""Nonlinear least squares with bounds, for predictions that exist for some parameters only."""
+"""Nonlinear least squares with bounds, for predictions that exist for some parameters only.
+
+1. SciPy's trust region within bounds (TRF: M. A. Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999),
+   doi:10.1137/S1064827595289108), with residuals and Jacobian from one prediction.
+2. Where there is no prediction, residuals are no numbers, and the step becomes shorter.
+3. What ends at a bound is put on it, and the others are searched again.
+"""
 
 from __future__ import annotations
 

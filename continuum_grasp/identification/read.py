@@ -318,7 +318,7 @@ class _Points:
                     raise table.error(f"{len(mine)} rows of one {self.heading} at one place; {hint}", 0, int(mine[1]))
                 here[k] = mine[0] if len(mine) else -1
             for word, where in (("at", at), ("since", m.since)):
-                if where is not None and not 0.0 <= where <= length * (1 + 1e-9):
+                if where is not None and not 0.0 <= where <= length * (1 + _ROUNDED):
                     message = f"{where:g} m is not on the finger of {length:g} m"
                     if word == "at" and places is not None:
                         raise table.error(message, table.index(as_column(cast(Column, m.at)).column), int(here.max()))
@@ -330,7 +330,8 @@ class _Points:
             offsets = np.nan_to_num(offsets)
             beside = np.where(here < 0, offsets.max(initial=0.0) if np.ptp(offsets[here >= 0]) == 0.0 else 0.0, offsets)
             same = float(beside[0]) if np.ptp(beside) == 0.0 else beside
-            yield Reading(quantity, column, at, m.sigma, m.since, m.of, same)
+            there = None if at is None else min(at, length)
+            yield Reading(quantity, column, there, m.sigma, m.since, m.of, same)
 
     def _check_offsets(self, heading: str, offsets: Array, rows: NDArray[np.intp]) -> None:
         """Refuse markers without an offset, or one in another unit, in the rows (R,) that have them."""
@@ -430,6 +431,8 @@ def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) ->
     return definition.scale * values
 
 
+_ROUNDED = 1e-6
+"""Part of the length by which a measured place may be beyond the tip: places are written with six digits."""
 _ROWS = 5000
 """Most rows to choose from [1]: the equilibria of so many take a quarter of a minute."""
 _TIMES = ("t", "time")

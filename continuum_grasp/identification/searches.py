@@ -2,8 +2,12 @@
 laws, by what they predict of data that they were not fitted to.
 
 A start ten times off can end at a local minimum, in another period of a vibration or where a load bends nothing. Its
-residuals look like a mistake in the data. So starts are scanned over three decades, one parameter after the other, and
-the best of them are searched from.
+residuals look like a mistake in the data:
+
+1. Where a fit misses a part of what the measurements scatter, beyond their deviations, it may be such a minimum.
+2. Starts are scanned over three decades, one parameter after the other, twice; the best, and those that were best
+   before, are searched from.
+3. A search ends where its first steps lead to no lower sum of squares than there is; a lower end is taken.
 
 A law with more numbers always fits better. What counts is the error of rows and motions that are held out. Of laws
 whose errors differ by less than their scatter the one with the fewest numbers is taken, and the others are named (rule

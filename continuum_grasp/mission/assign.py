@@ -1,4 +1,10 @@
-"""From a grasp to what a controller has to know and do."""
+"""From a grasp to what a controller has to know and do.
+
+1. Of the contacts of each finger take the one whose force is followed, by `controller.held`.
+2. Make the controller's scene: its own elements, the object fixed where the grasp has it, the drives of the mission.
+3. Find the posture before the touch: tensions grow towards those of the grasp until the free finger is close.
+4. Turn tensions into commands of the drives: those that hold, those that squeeze with all of the reserve, and limits.
+"""
 
 from __future__ import annotations
 

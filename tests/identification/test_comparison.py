@@ -280,6 +280,14 @@ def test_tables_that_are_refused_say_where_and_what_to_write(tmp_path, text):
     assert "tip_momnt" not in text or "; did you mean tip_moment?" in str(refused.value)
 
 
+def test_a_place_that_is_rounded_beyond_the_tip_is_the_tip(tmp_path):
+    text = "pose,M,s,x,y\np0,0.01,{},0.2,0\n"
+    tip, rounded = (cg.compare(described(LONG), table(tmp_path, text.format(s))) for s in (0.2, 0.20000019))
+    assert rounded.residuals.tolist() == tip.residuals.tolist()
+    with pytest.raises(InputError, match="is not on the finger"):
+        cg.compare(described(LONG), table(tmp_path, text.format(0.20000021)))
+
+
 def test_remarks_are_not_measured_and_axes_along_one_line_are_refused(tmp_path):
     assert len(cg.compare(cg.Scene(**ROD), table(tmp_path, "x,y,remark,trial\n0.2,0,good,1\n")).entries) == 2
     with pytest.raises(InputError, match="both are along x"):
