@@ -90,6 +90,28 @@ def test_of_a_disc_the_point_farthest_in_one_direction_is_found(cost):
     assert math.isclose(found.objective, -cost, rel_tol=1e-6, abs_tol=1e-9)
 
 
+def test_rounding_beside_great_numbers_is_not_scaled_up():
+    """A held mug whose cone is a strip, under a moment; numbers of 1e-11 are rounding of what is zero."""
+    rows = np.array(
+        [
+            [-3.8e-12, 1.8e-11, -1.8e-11],
+            [-47.3672, 9.0643, -9.0643],
+            [-11.2529, 21.0855, -21.0855],
+            [-54.941, 9.974, -9.974],
+            [-6.932, 33.5597, -33.5597],
+            [0.0, 1.0, -1.0],
+        ]
+    )
+    most, upper = np.array([9.194, 1.0, 1.0, 1.0, 1.0, 0.5579]), [1.0194e5, 0.5579, 1.0]
+    cost, strip = np.array([-1.0, 1e-7, 1e-7]), np.array([1.0, -4.6915, 4.6915])
+    matrix = np.array([[strip, np.zeros(3)]])
+    cones = Cones(matrix, np.array([[3.8e-12, 0.0]]), np.array([[-1.9e-12, 9.0e-12, -9.0e-12]]), np.array([0.5]))
+    found = solve_conic(cost, rows, -1.0, most, 0.0, upper, cones)
+    straight = np.concatenate([rows, -rows, [strip, -strip]])
+    exact = linprog(cost, straight, np.concatenate([most, np.ones(6), [0.5, 0.5]]), bounds=[(0.0, u) for u in upper])
+    assert found.objective == pytest.approx(exact.fun, abs=1e-8)
+
+
 def test_optima_within_cones_obey_the_optimality_conditions():
     """The cost is a sum of the normals of what is active with factors above zero (Karush, Kuhn and Tucker)."""
     rng = np.random.default_rng(0)

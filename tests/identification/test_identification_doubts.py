@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
+from functools import partial
 
 import numpy as np
 import pytest
 import scipy.stats
 from scipy.optimize import brentq
 
+from continuum_grasp.errors import SolverError
+from continuum_grasp.identification import problem as module
 from continuum_grasp.identification.blocks import Block, Entry
 from continuum_grasp.identification.doubts import _outliers, _series, _sets
 from continuum_grasp.identification.inference import infer, model_error_warnings
+from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.unknowns import Unknown
 
@@ -30,6 +35,18 @@ class Level(Block):
     def predict(self, values, until=np.inf):
         count = len(self.entries)
         return np.full(count, values[0]), np.ones((count, 1))
+
+
+@pytest.mark.parametrize("fitted", [True, False])
+def test_what_a_hold_out_has_of_its_own_may_be_found_nearly(fitted, monkeypatch):
+    """It is then missed by more; of what is fitted, a search that ends early is an error."""
+    problem, every = Problem([Level(np.array([1.0, 2.0]))], [ONE]), np.ones(2, dtype=bool)
+    problem.fitted[:] = fitted
+    early = partial(Minimum._replace, status="iteration limit")
+    monkeypatch.setattr(module, "least_squares", lambda *of, **ends: early(least_squares(*of, **ends)))
+    with pytest.raises(SolverError) if fitted else nullcontext():
+        minimum = problem._search(np.array([0.5]), every, np.ones(2), every[:1])
+        assert minimum.values == pytest.approx([1.5])
 
 
 @pytest.mark.parametrize(("share", "reported"), [(0.999, False), (1.001, True)])
