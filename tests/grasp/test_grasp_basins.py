@@ -70,17 +70,6 @@ def test_forces_are_those_of_linear_programming():
     assert found == pytest.approx(wanted, abs=0.02)
 
 
-@pytest.mark.parametrize("family", ["arc", "matched_clothoid"])
-def test_the_best_basin_is_the_grasp(family):
-    """The estimate of the best basin is the tension that the solver, which shares no equation with it, ends at."""
-    scene = make_scene(family, UPRIGHT, max_tension=60.0)
-    search = Search(scene, Budget())
-    search.run()
-    assert search.basins[0].start.estimate == pytest.approx(search.best.arrays["finger.tensions"].sum(), rel=0.05)
-    assert not search.exploration.open
-    assert search.exploration.postures > 0
-
-
 def test_an_open_basin_is_counted():
     """A basin that promises half of the tension and leads nowhere leaves the search incomplete."""
     scene = make_scene("arc", UPRIGHT, max_tension=60.0)
@@ -97,14 +86,6 @@ def test_an_open_basin_is_counted():
     search.basins[-1].start = Start("scan", start.object_pose, {}, start.contacts, estimate=0.99 * tension)
     assert search.exploration.open == 0
     assert math.isnan(search.exploration.best_open)
-
-
-def test_the_scan_is_the_same_each_time():
-    scene = make_scene("matched_clothoid", UPRIGHT)
-    on = frozenset({"finger.middle", "finger.tip", "palm"})
-    one, two = (Basins(scene, on).lowest() for _ in range(2))
-    assert np.array_equal(one.estimate, two.estimate)
-    assert np.array_equal(one.candidates.curvatures, two.candidates.curvatures)
 
 
 def test_no_posture_is_no_basin():

@@ -11,9 +11,6 @@ from grasp_scenes import UPRIGHT, make_scene
 
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.scene.grasp_options import GraspSolver
-from continuum_grasp.sweeps.folder import decode
-from continuum_grasp.sweeps.plan import Point
-from continuum_grasp.sweeps.worker import Job, run_chunk, solve
 
 CLOCKS = ("monotonic", "perf_counter", "process_time", "thread_time", "time")
 HELD = {"max_tension": 60.0}
@@ -104,21 +101,6 @@ def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
     assert result.status is Status.FEASIBLE
     assert "clock" in result.message
     assert any("cut short" in warning for warning in result.warnings)
-
-
-def test_the_rows_of_a_sweep_do_not_depend_on_how_busy_its_worker_is(monkeypatch):
-    scene = make_scene("arc", UPRIGHT, solver=GraspSolver(effort="quick")).model_dump(mode="json")
-    job = Job(scene, ("tension",), (("finger", "tendons", "max_tension"),), (), "none", solve)
-    points = [Point(k, (tension,), (tension,)) for k, tension in enumerate((60.0, 20.0))]
-
-    def rows():
-        found = [decode(outcome.line) for outcome in run_chunk(job, points)]
-        return [{key: value for key, value in row.items() if key not in ("seconds", "check")} for row in found]
-
-    calm = rows()
-    hurry(monkeypatch)
-    assert rows() == calm
-    assert [row["status"] for row in calm] == ["optimal", "infeasible"]
 
 
 def test_a_search_says_how_it_stands():

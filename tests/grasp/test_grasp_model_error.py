@@ -198,14 +198,3 @@ def test_model_error_is_saved_and_warned_of(tmp_path):
     assert not error["small"]
     assert meta["warnings"] == json.loads(done.stdout)["warnings"]
     assert f"warning: {meta['warnings'][0]}" in done.stderr
-
-
-@pytest.mark.parametrize("name", ["finger.lengths", "finger.q", "finger.backbone", "contact_normals"])
-def test_no_numbers_no_verdict(name):
-    scene, arrays = cases.wrapped_disc()
-    arrays = {key: np.array(value) for key, value in arrays.items()}
-    arrays[name].flat[0] = np.nan
-    certificate = certify(scene, arrays)
-    assert [check.name for check in certificate.failed] == ["numbers that are not finite"]
-    assert not certificate.stability.stable
-    assert not certificate.model_error.found

@@ -169,6 +169,8 @@ def test_solver_runs_are_cut(most, options_at):
 
 
 PROMISES = [
+    ("places that settle late are waited for", lambda: runs(deepest=2.0, settles_after=6), 6),
+    ("those that never settle are not", lambda: runs(deepest=2.0), 8),
     ("a mass alone may vanish", lambda: relaxed("mass"), ([1.0], [1e-4])),
     ("beside another limit it is left in part", lambda: relaxed("mass", "tension"), ([0.8], [1e-4])),
     ("without a relaxed limit all effort counts", lambda: relaxed(), ([0.0], [1.0])),

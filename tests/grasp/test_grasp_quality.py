@@ -72,16 +72,6 @@ def test_nothing_is_printed(capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_cone_is_met_exactly():
-    matrix = np.zeros((1, 2, 3))
-    matrix[0, 0, 0] = matrix[0, 1, 1] = 1.0
-    cones = Cones(matrix, np.array([[0.3, -0.1]]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1))
-    found = solve_conic([-2.0, 1.0, 0.0], np.zeros((0, 3)), [], [], [-9.0, -9.0, 0.0], [9.0, 9.0, 2.0], cones)
-    direction = np.array([2.0, -1.0]) / math.sqrt(5.0)
-    np.testing.assert_allclose(found.x[:2], direction - [0.3, -0.1], atol=1e-6)
-    assert found.objective == pytest.approx(-math.sqrt(5.0) + 0.6 + 0.1, abs=1e-8)
-
-
 @pytest.mark.parametrize("cost", [1.0, 1e-6])
 def test_of_a_disc_the_point_farthest_in_one_direction_is_found(cost):
     disc = Cones(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
@@ -155,19 +145,6 @@ def test_three_contacts_at_120_degrees(friction):
     space = space_of(THIRDS, friction)
     side = 1.0 / math.sqrt(1.0 + 2.0 * math.tan(math.pi / 3 - math.atan(friction)) ** 2)
     assert space.epsilon_l1 == pytest.approx(min(friction, side), abs=1e-12)
-
-
-@pytest.mark.parametrize("angles", [THIRDS, (0.0, math.pi)])
-def test_without_friction_a_disc_turns(angles):
-    space = space_of(angles, 0.0)
-    assert abs(space.epsilon_l1) < 1e-15
-
-
-def test_no_closure_has_the_distance_with_its_sign():
-    assert space_of((0.0,), 0.0).epsilon_l1 == pytest.approx(-1.0, abs=1e-14)
-    mu, half = 0.5, 0.25  # two contacts side by side: the hull is nearest in the middle between the inner edges
-    space = space_of((-half, half), mu)
-    assert space.epsilon_l1 < -0.5
 
 
 def test_random_wrench_spaces_as_hulls_of_scipy():

@@ -336,23 +336,6 @@ def test_resisted_forces_are_drawn():
 # -- files and command line ----------------------------------------------------------------------------------
 
 
-def test_saved_files_are_whole(tmp_path):
-    result = held()
-    result.save(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [".run.json", "meta.json", "result.npz", "result.yaml"]
-    run = read_run(tmp_path)
-    assert run.meta["status"] == "optimal"
-    assert (run.arrays["contact_forces"] == result.arrays["contact_forces"]).all()
-    assert yaml.safe_load((tmp_path / "result.yaml").read_text(encoding="utf-8"))["status"] == "optimal"
-
-
-def test_pictures_of_a_failure(tmp_path):
-    files = failed(arrays=False).save_pictures(tmp_path / "new")
-    assert [path.name for path in files] == ["grasp.png", "report.html"]
-    assert all(path.stat().st_size > 10_000 for path in files)
-    assert len(list((tmp_path / "new").iterdir())) == 2
-
-
 @pytest.mark.parametrize("status", [Status.INFEASIBLE, Status.NOT_SOLVED])
 def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
     result = failed()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from itertools import product
 
@@ -236,9 +235,3 @@ def test_a_draw_without_an_answer_does_not_count_as_held() -> None:
 def test_bounds_that_make_no_sense_are_refused(robust: dict[str, float], key: str) -> None:
     with pytest.raises(InputError, match=key):
         Robust(**robust)
-
-
-def test_bounds_have_units() -> None:
-    given = {"position": "2 mm", "angle": "3 deg", "radius": "5 %", "friction": "20 %", "mass": "10 %"}
-    bounds = load(CONFIGS / "mug.yaml").changed({"robust": given}).robust
-    assert bounds.bounds == pytest.approx((0.002, 0.002, math.radians(3.0), 0.05, 0.2, 0.1))

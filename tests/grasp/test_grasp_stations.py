@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
+from continuum_grasp.grasp import GraspResult, Status, optimize_grasp
 from continuum_grasp.scene import GraspScene
 from continuum_grasp.scene.load import scene_of
 
@@ -62,16 +62,6 @@ def test_stations_touch_near_where_they_are(wrapped: GraspResult) -> None:
     for name, station in found.items():
         at = 0.06 + 0.02 * (int(name[-1]) - 1)
         assert station == pytest.approx(at, abs=0.01 + 1e-9)
-
-
-@pytest.mark.parametrize("what", ["contact_forces", "contact_stations", "finger.q"])
-def test_the_certificate_refuses_what_is_changed(wrapped: GraspResult, what: str) -> None:
-    assert wrapped.certificate is not None
-    assert wrapped.certificate.passed
-    arrays = {key: np.array(value) for key, value in wrapped.arrays.items()}
-    row = next(k for k, name in enumerate(arrays["contact_names"]) if "station" in str(name))
-    arrays[what][row if what != "finger.q" else 2] *= 1.001
-    assert not certify(wrapped.scene, arrays).passed
 
 
 @pytest.mark.deep

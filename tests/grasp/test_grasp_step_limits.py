@@ -13,7 +13,6 @@ import pytest
 from continuum_grasp import nlp
 from continuum_grasp.grasp import changes, stations, steady
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import words
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
@@ -34,7 +33,7 @@ from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.values import Reason
-from continuum_grasp.nlp import Attempt, Budget, Status
+from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.grasp_options import Robust
 from tests import certificate_cases as cases
 from tests.grasp_scenes import make_scene
@@ -99,17 +98,6 @@ def tied(size):
 
 
 # -- solver, stable and robust grasps ----------------------------------------------------------------------------
-
-
-def rounds(deepest=0.0, change=0.0):
-    """Solver runs until no finger is deeper than one between guarded places that move what is sought by a change."""
-    one = Some(x=np.zeros(1), g=np.zeros(1), objective=1.0, status=Status.SOLVED, violation=0.0, iterations=1)
-    values = {**vars(one), "multipliers": Some(constraints=np.ones(1))}
-    known = {name: values.get(name) for name in Attempt.__dataclass_fields__}
-    problem = Some(functions={"jac_g": lambda x, p: [np.array([change])]})
-    start = solver_run.nlp.Start(np.zeros(1), *[np.zeros(1)] * 4, np.zeros(1))
-    look = lambda x, numbers: (deepest, numbers)  # noqa: E731
-    return solver_run.solve_clear(lambda *_: Attempt(**known), problem, start, look, 1.0, Budget(), 10)[0].iterations
 
 
 def stable(*found, value=-0.09):
@@ -241,8 +229,6 @@ LIMITS = [
     ("part of several limits that is none", 1e-3, lambda x: not repaired(0.5, other=x)),
     ("part of a limit that another is in place of", 1e-3, in_place),
     ("factors that are equal", 1e-3, tied),
-    ("depth between guarded places", 1.0, lambda x: rounds(deepest=x) == 1),
-    ("change by new guarded places", 1e-5, lambda x: rounds(change=x) == 1),
     ("objectives of unstable grasps that are one", 1.001, lambda x: unstable(1.0, x) == 1),
     ("change of a stable grasp that is settled", 1e-4 / (1.0 - 1e-4),
      lambda x: len(stable((0.02, 1.0, True), (0.02, 1.0 + x, True), (0.02, 1.0 + x, True))) == 2),
@@ -530,7 +516,6 @@ COUNTS = [
     ("usual amounts", [1.0, 4.0, 16.0], lambda: pytest.approx(eased_by())),
     ("halvings of a share", 0.25, lambda: pytest.approx(share_that_holds(0.3))),
     ("begins of stations", [0, 1, 2], lambda: begun(9)),
-    ("rounds of guarded places", 8, lambda: rounds(deepest=2.0)),
     ("rounds towards stability", [(pytest.approx(0.1), 40), 12],
      lambda: [stable((-0.09,))[0], len(stable((-0.09,)))]),
     ("steps to a solver that does not follow", [0.1, 0.04], lambda: pytest.approx([a for a, _ in stable((-1.0,))])),

@@ -17,7 +17,7 @@ from continuum_grasp.model.moment_linear import Clothoid
 from continuum_grasp.model.planar import ZERO, Vec, column
 from continuum_grasp.model.quadrature import _ERRORS, RANGES, collocation
 from continuum_grasp.model.stumpff import ROUNDING, rotation, stumpff
-from continuum_grasp.scene import BasePose, Damping, PointMass, Tendons
+from continuum_grasp.scene import Damping, PointMass, Tendons
 from tests.finger_cases import (
     EXACT,
     FAMILIES,
@@ -77,24 +77,6 @@ def test_a_small_declared_range_costs_no_digits(family, reach):
     name, error = worst(errors(case, model, at))
     assert error <= BOUND[family], name
     assert jacobian_rate_error(case, model, at) <= BOUND[family]
-
-
-POSES = [
-    (-math.pi / 2, (0.0, -9.81)),
-    (0.0, (9.81, 0.0)),
-    (0.4, (-3.0, 9.0)),
-    (2.0, (0.0, -9.81)),
-    (math.pi, (9.0, 2.0)),
-]
-
-
-@pytest.mark.parametrize(("angle", "gravity"), POSES)
-@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
-def test_any_base_and_any_gravity(family, angle, gravity):
-    case = Case(gravity=gravity).with_finger(base=BasePose(position=(-0.4, 0.7), angle=angle))
-    model = case.model(family, accuracy=EXACT[family])
-    name, error = worst(errors(case, model, state(model, 1.1)))
-    assert error <= BOUND[family], name
 
 
 @pytest.mark.parametrize("family", FAMILIES)

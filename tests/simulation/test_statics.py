@@ -274,24 +274,6 @@ def test_a_following_load_flutters(family, elements, error, error_damped):
         assert np.linalg.det(stiffness) > 0.0
 
 
-def test_a_following_force_across_the_tip_keeps_its_angle_to_it():
-    """EI theta'' = -P cos(theta - theta_L): integrated from the tip, where theta' = 0."""
-    load = 3.0
-
-    def rate(s, state):
-        return [state[1], -load * math.cos(state[0]), math.cos(state[0]), math.sin(state[0])]
-
-    # From the tip backwards, in the tip's axes: slope relative to the tip's.
-    shot = integrate.solve_ivp(rate, (1.0, 0.0), [0.0, 0.0, 0.0, 0.0], "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-    turn = -shot[0]
-    to_tip = -shot[2:]
-    tip = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ to_tip
-    # The section's X axis points to the right of the tangent.
-    loads = [force(1.0, (-load, 0.0), follows=True)]
-    found = equilibrium(rod_scene(UNIT, "clothoid", 8, gravity=NONE, loads=loads))
-    assert found.tip == pytest.approx(tip, abs=1e-5)
-
-
 @pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
 def test_an_absurd_load_says_so(family):
     """A finger that follows its load to rounding, by a bend at the base that its elements do not resolve."""
