@@ -7,7 +7,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.mission import trials
-from continuum_grasp.mission.commands import Commands
+from continuum_grasp.mission.assign import Commands
 from continuum_grasp.scene.mission import Trials
 
 LENGTH, OFFSET, CABLE = 0.18, 0.005, {"axial_stiffness": 1e4, "series_stiffness": 2e4}
