@@ -18,8 +18,7 @@ from continuum_grasp.scene.document import Change, Document, KeyPath, undotted
 from continuum_grasp.scene.kinds import KINDS, model_of
 from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
-from continuum_grasp.scene.sweep import Draw, Sweep
-from continuum_grasp.scene.varied import Follow, Varied
+from continuum_grasp.scene.sweep import Draw, Follow, Sweep, Varied
 
 
 @dataclass(frozen=True)
