@@ -27,9 +27,8 @@ from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.system import System, columns
 from continuum_grasp.model.touching import Station
 from continuum_grasp.model.winches import Winch
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside, unknown_to
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Initial, Scene
 
 _NO_TENSION = 1e-9

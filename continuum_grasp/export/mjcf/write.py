@@ -22,9 +22,8 @@ from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import write_text
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, needs
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, needs, unknown_to
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
