@@ -25,7 +25,7 @@ def schema(
 ) -> None:
     """JSON Schema of the configurations, for editors."""
     from continuum_grasp.results.atomic import write_text
-    from continuum_grasp.scene.kinds import KINDS
+    from continuum_grasp.scene.load import KINDS
     from continuum_grasp.scene.schema import json_schema, schema_files, schema_text
 
     output = Output()
