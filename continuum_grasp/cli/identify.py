@@ -133,7 +133,7 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
 def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
     """The file of a scene with the estimates in it, named after its configuration."""
     from continuum_grasp.results.atomic import write_text
-    from continuum_grasp.results.yaml_text import yaml_text
+    from continuum_grasp.results.plain import yaml_text
 
     plain = scene.model_dump(mode="json", exclude_unset=True)
     return write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / f"{config.stem}_identified.yaml")

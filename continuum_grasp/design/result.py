@@ -13,8 +13,8 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.design.evaluation import Evaluation, Signs
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.results.result import Result
-from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.design import QUANTITIES, Design
 from continuum_grasp.scene.design_space import DesignSpace
 

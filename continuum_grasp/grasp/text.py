@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.results.plain import yaml_text
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate

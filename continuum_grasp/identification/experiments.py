@@ -26,8 +26,8 @@ from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
 from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
 from continuum_grasp.identification.unknowns import prior, read_unknowns
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.results.result import Result
-from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.identify import Column, DataSet, IdentifyScene, RowsEqual, StaticPoses, TipTrajectory
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.trajectory import Trajectory
