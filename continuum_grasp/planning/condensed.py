@@ -29,7 +29,7 @@ from scipy.sparse.linalg import splu
 from continuum_grasp import interrupt
 from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Status
-from continuum_grasp.nlp.optimality import optimality_error
+from continuum_grasp.nlp.solver import optimality_error
 from continuum_grasp.nlp.sqp import qp_solver
 from continuum_grasp.planning.problem import PlanProblem
 
