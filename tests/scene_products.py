@@ -24,7 +24,7 @@ from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
-from continuum_grasp.environments.spaces import observed_of, state_bounds
+from continuum_grasp.environments.sensing import observed_of, state_bounds
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu import finger, loop_plant
