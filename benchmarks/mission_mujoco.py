@@ -25,7 +25,7 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.mjcf.surroundings import numbers
+from continuum_grasp.export.mjcf.text import numbers
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import Assignment
