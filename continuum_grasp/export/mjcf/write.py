@@ -16,7 +16,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.links import Links, lump, rounded_step
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.destination import check_file, is_marked
+from continuum_grasp.export.manifest import check_file, is_marked
 from continuum_grasp.export.mjcf.controls import Control, cable_springs, controls_of
 from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
