@@ -19,10 +19,9 @@ from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, entries_of
 from continuum_grasp.identification.data import Data, Poses, TipPath, column
-from continuum_grasp.identification.driven import Driven
+from continuum_grasp.identification.driven import Driven, MeasuredStart
 from continuum_grasp.identification.observation import check_tensions
 from continuum_grasp.identification.rows import Shapes
-from continuum_grasp.identification.start import MeasuredStart
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
