@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, HingeChain
+from continuum_grasp.closed_loop.links import OF_FINGER, HingeChain
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.contacts import Contacts
