@@ -14,9 +14,14 @@ from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import INK, SLATE, Z
-from continuum_grasp.plotting.grasp.friction import friction_rows, plot_friction
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
-from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
+from continuum_grasp.plotting.grasp.resistance import (
+    friction_rows,
+    plot_friction,
+    plot_resistance,
+    resistance_extremes,
+    resistance_words,
+)
 from continuum_grasp.plotting.grasp.view import MM, GraspView, lighter, turned
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.grasp_options import GraspFinger
