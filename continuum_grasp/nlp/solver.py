@@ -21,7 +21,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.nlp.attempt import Approach, Attempt, Budget, Multipliers, Start, Status
 from continuum_grasp.nlp.problem import NLP
-from continuum_grasp.scene.solver import Method
+from continuum_grasp.scene.families import Method
 
 _GREATEST = 100.0
 """Greatest gradient at the start, beyond which functions are scaled, and greatest mean multiplier (IPOPT:

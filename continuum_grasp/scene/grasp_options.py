@@ -6,10 +6,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from continuum_grasp.scene.families import SolverOptions
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
