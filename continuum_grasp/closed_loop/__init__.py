@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from continuum_grasp.closed_loop.hardware import Driver as Driver
     from continuum_grasp.closed_loop.hardware import HardwareRun as HardwareRun
     from continuum_grasp.closed_loop.hardware import run_hardware as run_hardware
-    from continuum_grasp.closed_loop.metrics import Metrics as Metrics
     from continuum_grasp.closed_loop.plant import Plant as Plant
+    from continuum_grasp.closed_loop.readings import Metrics as Metrics
     from continuum_grasp.closed_loop.real_time import RealTime as RealTime
     from continuum_grasp.closed_loop.result import ControlRun as ControlRun
     from continuum_grasp.closed_loop.run import run_closed_loop as run_closed_loop

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.metrics import Metrics, Times, violation_of
-from continuum_grasp.closed_loop.readings import Bound, Readings
+from continuum_grasp.closed_loop.readings import Bound, Metrics, Readings, Times, violation_of
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
