@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments, positive, within
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.real_time import HangsError, RealTime, alarm, no_collection, real_time, wait_until
+from continuum_grasp.closed_loop.drivers import HangsError, RealTime, alarm, no_collection, real_time, wait_until
 from continuum_grasp.closed_loop.wiring import wiring_of
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.command import Command

@@ -13,9 +13,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop import hardware, real_time
-from continuum_grasp.closed_loop.drivers import SerialBoard, SimulatedBench, line_of
+from continuum_grasp.closed_loop.drivers import RealTime, SerialBoard, SimulatedBench, line_of
 from continuum_grasp.closed_loop.hardware import run_hardware
-from continuum_grasp.closed_loop.real_time import RealTime
 from continuum_grasp.control import Controller
 from continuum_grasp.control.status import Health, Status
 from continuum_grasp.errors import InputError, Interrupted
