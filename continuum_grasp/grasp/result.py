@@ -95,7 +95,7 @@ class GraspResult(Result):
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.text:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("grasp", "plotting.grasp.picture:plot_grasp"),
-        Picture("robustness", "plotting.grasp.robustness:plot_robustness", needs="robustness", panels=True),
+        Picture("robustness", "plotting.grasp.resistance:plot_robustness", needs="robustness", panels=True),
     )
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.page:page"),)
 
