@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.grasp.starts.scan.curves import EXACT
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import outline_of
-from continuum_grasp.model.surfaces.outline import Outline
+from continuum_grasp.model.surfaces.surface import Outline
 from continuum_grasp.scene.grasp import TOUCHING, FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose, pose_bounds
 from continuum_grasp.scene.supports import Peg, Wall

@@ -15,8 +15,18 @@ import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.model.planar import Scalar, Vec, rotated
-from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
-from continuum_grasp.model.surfaces.surface import TINY, Feature, Nearest, Surface, SurfacePoint, length
+from continuum_grasp.model.surfaces.surface import (
+    TINY,
+    Feature,
+    Frame,
+    Nearest,
+    Outline,
+    Surface,
+    SurfacePoint,
+    Walk,
+    length,
+    picked,
+)
 from continuum_grasp.scene.parts import SuperellipsePart
 
 _TINY_PLACE = 1e-10

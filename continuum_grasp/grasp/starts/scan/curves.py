@@ -13,7 +13,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
-from continuum_grasp.model.surfaces.outline import Outline
+from continuum_grasp.model.surfaces.surface import Outline
 
 
 def gauss_legendre(count: int) -> tuple[Array, Array]:

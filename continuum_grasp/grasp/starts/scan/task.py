@@ -20,7 +20,7 @@ from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import EXACT, bends, sample
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.outline import Frame, Outline
+from continuum_grasp.model.surfaces.surface import Frame, Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 

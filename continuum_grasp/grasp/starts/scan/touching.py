@@ -22,7 +22,7 @@ from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
 from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_REACH, TIPS, FingerTask, Postures, Rows, object_numbers
-from continuum_grasp.model.surfaces.outline import Outline
+from continuum_grasp.model.surfaces.surface import Outline
 
 _ROOT = 8
 """Steps of a bracketed root: after the first ones each gains digits as the secant method does."""
