@@ -14,7 +14,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.families import INTEGRATORS, default_family
+from continuum_grasp.scene.methods import INTEGRATORS, default_family
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals

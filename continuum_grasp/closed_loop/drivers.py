@@ -1,4 +1,6 @@
-"""Drivers for `run_hardware`: a simulated bench, and a board on a serial line."""
+"""Drivers for `run_hardware`, a simulated bench and a board on a serial line; requests to the operating system while a
+loop runs, its clock, and its alarm.
+"""
 
 from __future__ import annotations
 

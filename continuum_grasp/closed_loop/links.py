@@ -1,4 +1,4 @@
-"""A rod lumped into rigid links and hinges, of second order in their number."""
+"""Rods lumped into rigid links and hinges, of second order in their number; fingers as such chains with guides."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ from continuum_grasp.model.memory import direction
 from continuum_grasp.model.planar import column
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.loads import Actuation
+from continuum_grasp.scene.methods import FAMILIES, default_family
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings

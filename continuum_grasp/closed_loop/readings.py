@@ -1,4 +1,4 @@
-"""Tracked and bounded quantities, read off the plant itself."""
+"""Tracked and bounded quantities, read off the plant itself, and the performance of a closed loop by them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""C for many states at once: the instructions of an SX function on vectors of lanes.
+"""C of expressions as loops: an SX function on vectors of lanes, for many states at once, and sweeps along the chain.
 
-CasADi's own generator writes scalar code that compilers do not vectorize across calls. This one walks the same
-instructions and writes them for the vector types that gcc and clang share.
+CasADi's own generator writes scalar code that compilers do not vectorize across calls. Lanes walk the same instructions
+and write them for the vector types that gcc and clang share. A sweep is one loop over the links in place of CasADi's,
+which copies what it hands on.
 """
 
 from __future__ import annotations

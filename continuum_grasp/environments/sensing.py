@@ -1,5 +1,5 @@
 """Control periods of many plants in one call of compiled C, in vector lanes, and what is read of them: sensors, contact
-forces, use of the model's range, tip.
+forces, use of the model's range, tip; names and bounds of what an environment observes of these.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A finger as an environment of gymnasium."""
+"""A finger as an environment of gymnasium, and shipped closed loops as environments with an id."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.environments.plants import Plants, rows_of
 from continuum_grasp.environments.sensing import Sensing
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.families import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 
 _TOLERANCE = 1e-4
 """Greatest error of the tip's position that steps in time may leave, per length [1]: that of ``time.tolerance``."""

@@ -1,4 +1,4 @@
-"""MANIFEST.json: what a package is made of and from, the same whenever and wherever it is made."""
+"""MANIFEST.json: what a package is made of and from, the same wherever it is made; files that it may replace."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, STEADIER, UNSTABLE, Reason, Status, force_text, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import STALLED
-from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.methods import ONE_TURN
 
 FINEST = 16
 """Elements per finger up to which they are doubled where they cannot bend enough: half a turn each is eight turns."""

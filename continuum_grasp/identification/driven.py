@@ -1,4 +1,6 @@
-"""A finger with its drives as functions whose derivatives by the unknowns ride along with the motion."""
+"""A finger with its drives as functions whose derivatives by the unknowns ride along with the motion, and the state
+from which a measured motion starts: the smoothest shape and rates through its first samples.
+"""
 
 from __future__ import annotations
 

@@ -33,9 +33,9 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
 from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.methods import default_family
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial

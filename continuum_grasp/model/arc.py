@@ -21,7 +21,7 @@ from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
 from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff import ROUNDING, stumpff
-from continuum_grasp.scene.families import ONE_TURN
+from continuum_grasp.scene.methods import ONE_TURN
 from continuum_grasp.scene.profile import Curve
 
 _GRADED_ACCURACY = 1e-6

@@ -11,9 +11,9 @@ import numpy as np
 
 from continuum_grasp.arguments import choice, real_array, shown
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, MomentLoad
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.simulate import Scene
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.profile import Curve, integral, smooth_parts
 
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
-from continuum_grasp.scene.families import DEFAULT_RANGE, ONE_TURN
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
+from continuum_grasp.scene.methods import DEFAULT_RANGE, ONE_TURN
 from continuum_grasp.scene.profile import Profile, smooth_parts
 from continuum_grasp.scene.value import SAME
 

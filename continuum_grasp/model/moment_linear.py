@@ -22,7 +22,7 @@ from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import collocation, node_count
-from continuum_grasp.scene.families import ONE_TURN
+from continuum_grasp.scene.methods import ONE_TURN
 from continuum_grasp.scene.profile import Curve
 
 _RESIDUAL = 1e-12

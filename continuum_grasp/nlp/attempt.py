@@ -11,7 +11,7 @@ from enum import StrEnum
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.scene.families import SolverOptions
+from continuum_grasp.scene.methods import SolverOptions
 
 
 class Status(StrEnum):

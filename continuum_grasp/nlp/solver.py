@@ -21,7 +21,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.nlp.attempt import Approach, Attempt, Budget, Multipliers, Start, Status
 from continuum_grasp.nlp.problem import NLP
-from continuum_grasp.scene.families import Method
+from continuum_grasp.scene.methods import Method
 
 _GREATEST = 100.0
 """Greatest gradient at the start, beyond which functions are scaled, and greatest mean multiplier (IPOPT:
@@ -31,7 +31,13 @@ _LEAST_SCALE = 1e-8
 
 
 def optimality_error(problem: NLP, start: Start, x: Array, multipliers: Multipliers) -> float:
-    """Compute the scaled error of the conditions of optimality.
+    """Compute the scaled error of a point in the conditions of optimality, whatever a solver says of it.
+
+    Karush, Kuhn and Tucker: with the multipliers lam of constraints and z of bounds, which are negative at lower ends,
+    grad f + J' lam + z = 0, lower <= g <= upper, low <= x <= high, and each multiplier times the slack that is left to
+    its end is 0. The error is that of IPOPT (A. Waechter, L. T. Biegler, doi:10.1007/s10107-004-0559-y, equations 5 and
+    6, section 3.8): the greatest of dual, primal and complementarity errors, of functions whose gradients at the start
+    are scaled down to 100, dual and complementarity divided by the mean multiplier per 100, where that exceeds one.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ from continuum_grasp.core.batches import Batch, Scan
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators import differentiated_step, step_function
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.families import CONTROL_METHODS, SIMULATION_METHODS
+from continuum_grasp.scene.methods import CONTROL_METHODS, SIMULATION_METHODS
 
 Arrays = list[Any]
 """Arrays of a toolkit, rows first."""

@@ -20,7 +20,7 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.functions import MATRICES
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.operators.derivatives import Operator, Point, Recursion, held_step
-from continuum_grasp.scene.families import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.summary import Summarized
 
 

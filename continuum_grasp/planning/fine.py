@@ -17,7 +17,7 @@ from continuum_grasp.errors import NumericalError
 from continuum_grasp.planning.guess import Path, first_state_of_plan
 from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.result import Deviation, Plan, PlanStatus
-from continuum_grasp.scene.families import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.spectrum import PARTIAL_STEP, stiff_method
 

@@ -1,4 +1,4 @@
-"""From Python values to plain JSON, the same text for the same value."""
+"""Values as plain JSON, the same text for the same value, and as YAML that people read too."""
 
 from __future__ import annotations
 

@@ -16,8 +16,8 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, beside, excludes, needs
 from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import Input, LengthDrive, MotorDrive, Pull, numbered
-from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.pressure import Chamber, ChamberList
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon

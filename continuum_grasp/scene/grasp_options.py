@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.families import SolverOptions
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.objects import Freedom
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Switch

@@ -10,9 +10,9 @@ from pydantic import BeforeValidator, Field
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty
 from continuum_grasp.scene.cost import Cost, Reference, Row, tracked
-from continuum_grasp.scene.families import SolverOptions
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.reach import check_reach, check_references, stated_ranges
 from continuum_grasp.scene.simulate import Fidelity, Initial, check_commands
 from continuum_grasp.scene.surroundings import ContactLaw

@@ -15,7 +15,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.families import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contacts import overlap_text
 from continuum_grasp.simulation.initial import initial_state, start_warnings

@@ -23,7 +23,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene.families import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.signals import Signals

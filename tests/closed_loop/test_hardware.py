@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop import hardware, real_time
+from continuum_grasp.closed_loop import drivers, hardware
 from continuum_grasp.closed_loop.drivers import RealTime, SerialBoard, SimulatedBench, line_of
 from continuum_grasp.closed_loop.hardware import run_hardware
 from continuum_grasp.control import Controller
@@ -86,7 +86,7 @@ class Fake:
 @pytest.fixture
 def clock(monkeypatch):
     made = Clock()
-    for module in (hardware, real_time):
+    for module in (drivers, hardware):
         monkeypatch.setattr(module, "time", made)
     return made
 

@@ -23,13 +23,13 @@ from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
 from continuum_grasp.grasp.values import Change, Reason, Status, force_text
-from continuum_grasp.plotting.grasp.picture import plot_grasp
-from continuum_grasp.plotting.grasp.resistance import (
+from continuum_grasp.plotting.grasp.margins import (
     plot_friction,
     plot_resistance,
     resistance_extremes,
     resistance_words,
 )
+from continuum_grasp.plotting.grasp.picture import plot_grasp
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run
 from continuum_grasp.results.plain import yaml_text

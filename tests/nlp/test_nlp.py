@@ -35,9 +35,9 @@ from continuum_grasp.nlp import (
 )
 from continuum_grasp.nlp.solver import Solver, _Stop, optimality_error
 from continuum_grasp.planning import plan
-from continuum_grasp.scene.families import Method
 from continuum_grasp.scene.grasp_options import GraspSolver
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.methods import Method
 from continuum_grasp.scene.plan import PlanSolver
 
 METHODS = get_args(Method)

@@ -19,7 +19,7 @@ from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_func
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import name_of
 from continuum_grasp.scene.controller import Penalty
-from continuum_grasp.scene.families import CONTROL_METHODS
+from continuum_grasp.scene.methods import CONTROL_METHODS
 from continuum_grasp.summary import Summarized, quoted
 
 

@@ -1,4 +1,6 @@
-"""C of estimator and controller: the templates of ``control/c`` around strict kernels, and the public functions."""
+"""C of estimator and controller: the templates of ``control/c`` around strict kernels, with the names of a package, and
+the public functions.
+"""
 
 from __future__ import annotations
 

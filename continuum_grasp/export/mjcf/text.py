@@ -1,4 +1,4 @@
-"""The text of a chain of hinges: MJCF, the modeling format of MuJoCo."""
+"""A chain of hinges and its surroundings as text: MJCF, the modeling format of MuJoCo."""
 
 from __future__ import annotations
 

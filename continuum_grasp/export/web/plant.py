@@ -32,8 +32,8 @@ from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.methods import FAMILIES, default_family
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals

@@ -21,8 +21,8 @@ from continuum_grasp.grasp.starts.scan.kernel import within_bounds
 from continuum_grasp.grasp.starts.scan.task import FINE
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.family import family_class
-from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.objects.body import Pose
 
 _NODES, _WEIGHTS = gauss_legendre(4)

@@ -1,4 +1,5 @@
-"""Interface of contacts, grasp problem and grasp search to the surface of a part, whatever its form.
+"""Interface of contacts, grasp problem and grasp search to the surface of a part, whatever its form: expressions, and
+the outline with distances and walks, many points at once.
 
 A surface is stateless but for what decides how its expressions look, so that problems of equal structure share one
 compiled solver; the numbers of a part are handed in.

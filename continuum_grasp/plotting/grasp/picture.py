@@ -15,7 +15,7 @@ from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import INK, SLATE, Z
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
-from continuum_grasp.plotting.grasp.resistance import (
+from continuum_grasp.plotting.grasp.margins import (
     friction_rows,
     plot_friction,
     plot_resistance,

@@ -1,7 +1,8 @@
-"""The plant of a closed loop: finger, drives, surroundings and late sensors, as ``run_closed_loop`` has them.
+"""Plants as units: the finger of a simulated scene, as the steps of its C package move it, and the plant of a closed
+loop: finger, drives, surroundings and late sensors, as ``run_closed_loop`` has them.
 
-Its C is CasADi's, from the same expressions as in Python, with the mathematical library of the machine: it agrees to
-rounding, not to the last bit.
+The C of the latter is CasADi's, from the same expressions as in Python, with the mathematical library of the machine:
+it agrees to rounding, not to the last bit.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""The pure forces that a grasp resists, direction by direction."""
+"""Margins of a grasp: friction at each contact against its limit, pure forces that it resists, and errors of its object
+for which it holds, beside the best grasp without errors.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The curvature families: what a scene must know of each, and where its equations are."""
+"""Families of curvature, integrators and solvers by name: what a scene must know of each, and where its equations are.
+
+Steps of integrators are expressions in ``core/integrators/NAME.py``, solvers are files of `continuum_grasp.nlp`.
+"""
 
 from __future__ import annotations
 
