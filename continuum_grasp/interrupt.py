@@ -25,9 +25,6 @@ from continuum_grasp.threads import one_thread
 
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
-_LONGEST_WAIT = 10.0
-"""Longest time that a command waits for one call into C++ that cannot be stopped [s]; building a controller has some of
-5 s."""
 _PATIENCE = 1.5
 """After which it says that it waits [s]."""
 _SAME_PRESS = 0.5
@@ -244,7 +241,9 @@ def _watch(heard: int) -> None:
             waited = time.monotonic() - began
             if select.select([heard], [], [], 0.1)[0] and signal.SIGINT in os.read(heard, 64) and waited > _SAME_PRESS:
                 _end()
-            if waited > _LONGEST_WAIT and not _blocks:
+            # 10.0: longest time that a command waits for one call into C++ that cannot be stopped [s]; building a
+            # controller has some of 5 s
+            if waited > 10.0 and not _blocks:
                 _end()
             if waited > _PATIENCE and not reported:
                 os.write(2, b"interrupted; this step cannot be stopped (Ctrl-C again ends at once)\n")

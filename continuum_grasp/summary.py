@@ -7,8 +7,6 @@ from typing import Any
 
 _LINE = 96
 """Characters of a line [1]: a notebook's cell and a terminal show it without a break."""
-_PAGE = 600
-"""Characters of a value on a page [1], which breaks lines: a warning with its advice fits."""
 _ROWS = 8
 """Lines below the first [1]: with lines of 96 characters, all stay below 1 kB."""
 
@@ -60,7 +58,8 @@ class Summarized:
             head, rows = self.headline(), dict(self._shown_pairs())
         except Exception as error:
             return kind, {"no summary": clipped(f"{type(error).__name__}: {error}")}
-        return clipped(f"{kind} {head}".strip()), {name: clipped(text, _PAGE) for name, text in rows.items()}
+        # 600: characters of a value on a page, which breaks lines: a warning with its advice fits
+        return clipped(f"{kind} {head}".strip()), {name: clipped(text, 600) for name, text in rows.items()}
 
 
 def table(head: str, rows: Mapping[str, str]) -> str:

@@ -28,9 +28,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 
-_LONGEST_LINE = 4096
-"""Bytes without an end of line after which they are dropped [1]: a line of 16 readings has 200."""
-
 
 class SimulatedBench:
     """The plant of a scene as a bench, which counts as ``plant.mounting`` says.
@@ -111,7 +108,8 @@ class SerialBoard:
     def read(self) -> Array | None:
         """The newest measurement that has arrived whole since the last call; None: there is none."""
         *lines, self._rest = (self._rest + self._port.read(self._port.in_waiting)).split(b"\n")
-        self._rest = self._rest[-_LONGEST_LINE:]
+        # 4096: bytes without an end of line after which they are dropped: a line of 16 readings has 200
+        self._rest = self._rest[-4096:]
         measurement = None
         for line in lines:
             fields = _fields(line)

@@ -22,8 +22,6 @@ from continuum_grasp.scene.tendons import Tendon
 
 _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
-_GRID = 4097
-"""Places of the table from which the elements' ends are taken: four times as many as the most hinges."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +161,8 @@ def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
             f"(ends of tendons, couples), got {count}",
             key="hinges",
         )
-    s = np.unique(np.concatenate([np.linspace(0.0, length, _GRID), bounds, profile.breaks]))
+    # 4097: places of the table from which the elements' ends are taken: four times as many as the most hinges
+    s = np.unique(np.concatenate([np.linspace(0.0, length, 4097), bounds, profile.breaks]))
     along = profile.waves(s)
     marked = np.interp(bounds, s, along)
     counts = np.ones(len(bounds) - 1, dtype=int)

@@ -304,7 +304,9 @@ class ControlRun(MotionResult):
         warnings += self.missed
         for bound in self.bounds:
             k = int(bound.excess.argmax())
-            if bound.excess[k] > _LEFT * bound.scale:
+            # 1e-3: share of a bound's scale, of zones the finger's length, by which it is exceeded where there is a
+            # warning
+            if bound.excess[k] > 1e-3 * bound.scale:
                 beyond = f"{bound.name}: exceeded by {amount(bound.excess[k], bound.unit)} at {self.t[k]:.3g} s"
                 warnings.append(
                     f"{beyond}; likely cause: a start or a setpoint beyond it, a low penalty, or a finger that differs "
@@ -370,8 +372,6 @@ class ControlRun(MotionResult):
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""
-_LEFT = 1e-3
-"""Share of a bound's scale, of zones the finger's length, by which it is exceeded where there is a warning [1]."""
 _RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 
 

@@ -56,8 +56,6 @@ _ACTIVE = 1e-4
 """Distance from a limit, and of a case's cost from the worst, as a part of it, from which on it acts [1]."""
 _AT_BOUND = 1e-6
 """Distance of a coordinate from its bound at which it counts as there [1]."""
-_ASIDE = 1e-5
-"""Distance by which a design moves, in coordinates, from where the structure of the grasp problem changes."""
 
 
 @dataclass(frozen=True)
@@ -236,7 +234,9 @@ class DesignProblem:
         except StructureChanges:
             # A rest curvature of zero, or equal diameters at both ends, are special: a little beside they are not.
             inwards = np.where(np.asarray(coordinates) < 0.5, 1.0, -1.0)
-            return self._evaluated(coordinates + _ASIDE * inwards * np.arange(1, len(coordinates) + 1), True)
+            # 1e-5: distance by which a design moves, in coordinates, from where the structure of the grasp problem
+            # changes
+            return self._evaluated(coordinates + 1e-5 * inwards * np.arange(1, len(coordinates) + 1), True)
 
     def _evaluated(self, at: Array, search: bool) -> Evaluation:
         try:

@@ -13,10 +13,6 @@ from continuum_grasp.design.result import WorstCase
 
 HOLDS = 1e-6
 """Violation up to which a limit holds, as a part of it."""
-_VERTICES = 6
-"""Tolerated numbers up to which all combinations of their greatest errors are tried: 64."""
-_FIRST_ORDER = 0.02
-"""Cost by which a combination of errors must exceed those at hand to count, as a part of what errors change."""
 
 
 def worst_cases(problem: DesignProblem, best: Evaluation) -> tuple[WorstCase, ...]:
@@ -46,7 +42,8 @@ def worst_cases(problem: DesignProblem, best: Evaluation) -> tuple[WorstCase, ..
 def _corners(problem: DesignProblem, best: Evaluation) -> list[Signs]:
     """Combinations of greatest errors: all of them where these are few, else those that first order calls worst."""
     m, n = len(problem.space.tolerated), len(problem.space.coordinates)
-    if m <= _VERTICES:
+    # 6: tolerated numbers up to which all combinations of their greatest errors are tried: 64
+    if m <= 6:
         return [tuple(signs) for signs in product((-1.0, 1.0), repeat=m)]
     rows = [*(row.slope[n:] for row in best.costs), *(-row.slope[n:] for row in best.limits)]
     return list(dict.fromkeys(tuple(np.where(slope >= 0.0, 1.0, -1.0).tolist()) for slope in rows))
@@ -61,5 +58,6 @@ def worse_than_known(worst: Sequence[WorstCase], known: Sequence[Signs], best: E
         return []
     costly, broken = max(bad, key=lambda case: case.cost), max(bad, key=lambda case: case.violation)
     change = max(abs(case.cost - best.cost) for case in bad)
-    add = [costly.signs] if costly.cost > best.cost + max(_FIRST_ORDER * change, same) else []
+    # 0.02: cost by which a combination of errors must exceed those at hand to count, as a part of what errors change
+    add = [costly.signs] if costly.cost > best.cost + max(0.02 * change, same) else []
     return [*add, broken.signs] if broken.violation > max(best.violation, 0.0) + HOLDS else add

@@ -38,14 +38,6 @@ Acting = tuple[tuple[float, ...], ...]
 
 _LOST = 1e2
 """Cost of a design without a grasp, in units of the first one: any other is better."""
-_SHRINK = 0.25
-"""Part of the box around the best design that is searched next where a step lost the grasp."""
-_SMALLEST = 0.02
-"""Half width of that box, in coordinates, below which the search ends."""
-_MOST_LOST = 5
-"""Designs without a grasp after which a run of the optimizer ends: each takes a full search."""
-_LEFT = 0.02
-"""Slope that is left at an optimum over the range of a variable, as a part of the cost."""
 
 
 @dataclass
@@ -163,7 +155,8 @@ class _DesignSearch:
         status = Status.OPTIMAL if settled and self._converged else Status.FEASIBLE
         before = best if self._first is None else self._first
         message = f"cost {best.cost:.6g}, from {before.cost:.6g} at the start"
-        if status is Status.OPTIMAL and best.left > _LEFT * self._scale:
+        # 0.02: slope that is left at an optimum over the range of a variable, as a part of the cost
+        if status is Status.OPTIMAL and best.left > 0.02 * self._scale:
             # As at a kink, beside which other grasps are best.
             status, self._ended = Status.FEASIBLE, f"with a slope of {best.left:.3g} over the range of a variable"
         if status is Status.FEASIBLE:
@@ -239,8 +232,10 @@ class _DesignSearch:
         """Improve the best design until it stays; a step that loses the grasp makes the region smaller."""
         self._round, half = number + 1, 1.0
         while self._descend(half):
-            half *= _SHRINK
-            if half < _SMALLEST:
+            # 0.25: part of the box around the best design that is searched next where a step lost the grasp
+            half *= 0.25
+            # 0.02: half width of that box, in coordinates, below which the search ends
+            if half < 0.02:
                 self._ended, self._converged = "beside this design grasps are lost", False
                 return
 
@@ -269,7 +264,8 @@ class _DesignSearch:
                 except LostGrasp:
                     memo[key], lost = None, True
                     self.problem.restore(self._grasps)
-                    if sum(known is None for known in memo.values()) >= _MOST_LOST:
+                    # 5: designs without a grasp after which a run of the optimizer ends: each takes a full search
+                    if sum(known is None for known in memo.values()) >= 5:
                         raise
             return memo[key]
 

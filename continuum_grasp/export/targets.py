@@ -89,8 +89,6 @@ def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
 
 
 _BARE_METAL = ("start.c", "board.h", "board.ld", "main.c", "run.sh")
-_TENTH = 0.1
-"""Time within which the example's input sets in [s]."""
 _SHARE = 0.25
 """Share of the usual input that the example takes."""
 
@@ -121,7 +119,8 @@ def _step_words(subject: Subject) -> dict[str, object]:
         "start": [*map(real.literal, subject.start)] if subject.touching is not None else [],
         "h": real.literal(subject.accurate_step),
         "level": real.literal(_SHARE * first.scale),
-        "onset": "" if subject.model.structure.moment_is_constant else real.literal(_TENTH),
+        # 0.1: time within which the example's input sets in [s]
+        "onset": "" if subject.model.structure.moment_is_constant else real.literal(0.1),
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),

@@ -30,8 +30,6 @@ from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.methods import ONE_TURN
 
-FINEST = 16
-"""Elements per finger up to which they are doubled where they cannot bend enough: half a turn each is eight turns."""
 _ENDS = {
     OVERDETERMINED: "the contacts leave fewer unknowns than there are forces to balance",
     STALLED: "they came no nearer to contact and balance",
@@ -221,7 +219,9 @@ class _Verdict:
             wide = min(max(2.0 * bending_range, max(bent)), ONE_TURN)
             note, scene = f"fidelity.bending_range of {wide:.4g} rad", with_bending_range(self.scene, wide)
         else:
-            if max(setup.elements for setup in self.scene.setups) > FINEST:
+            # 16: elements per finger up to which they are doubled where they cannot bend enough: half a turn each is
+            # eight turns
+            if max(setup.elements for setup in self.scene.setups) > 16:
                 return self._unsolved(None)
             scene = with_elements(self.scene, max(2 * s.elements // (len(s.middles) + 1) for s in self.scene.setups))
             note = f"{max(setup.elements for setup in scene.setups)} elements"

@@ -24,10 +24,6 @@ LEAST = 1e-2
 """Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""
 ROUNDS = 12
 """Linearizations from one unstable grasp."""
-UNSTABLE = 2
-"""Unstable grasps from which a stable one is sought."""
-SMALLEST = 0.3
-"""Part of the way to stability of a step that the solver must at least follow."""
 _STEP = 1e-6
 """Step of a difference quotient (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
 
@@ -38,7 +34,8 @@ def stabilize(search: Search) -> None:
     tried: list[float] = []
     for at in unstable:
         best, objective = search.best, at.attempt.objective
-        if search.budget.over or len(tried) == UNSTABLE or (best and best.attempt.objective <= objective):
+        # 2: unstable grasps from which a stable one is sought
+        if search.budget.over or len(tried) == 2 or (best and best.attempt.objective <= objective):
             return
         if not any(abs(objective - other) <= NEAR * abs(other) for other in tried):
             tried.append(objective)
@@ -62,7 +59,8 @@ def _stabilize(search: Search, at: Tried) -> None:
         )
         if tried is None or not tried.attempt.converged or tried.certificate.stability.eigenvalue < value:
             share *= 0.4
-            if share < SMALLEST:
+            # 0.3: part of the way to stability of a step that the solver must at least follow
+            if share < 0.3:
                 return
             continue
         at, share, objective = tried, min(1.0, 2.0 * share), tried.attempt.objective

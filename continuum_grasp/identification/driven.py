@@ -122,11 +122,6 @@ class Driven:
             raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=name)
 
 
-_SMOOTH = 1e-4
-"""Weight of the squared coordinates per range beside that of the squared readings per length [1]: what moves a reading
-by less than a hundredth of the length stays small, and what is seen is off by a thousandth."""
-
-
 class MeasuredStart:
     """Coordinates q and rates qd (n,) that minimize, with J the derivative of the readings with respect to q,
 
@@ -151,7 +146,9 @@ class MeasuredStart:
         q, u, w, p = symbols(model)
         y = self._scale * at_rest(model, readings, q, u, p)
         inputs = [q, ca.vertcat(u, w, p), ca.SX.sym("target", self._value.size)]
-        smooth = np.sqrt(_SMOOTH) / self._reach
+        # 1e-4: weight of the squared coordinates per range beside that of the squared readings per length: what moves a
+        # reading by less than a hundredth of the length stays small, and what is seen is off by a thousandth
+        smooth = np.sqrt(1e-4) / self._reach
         near = ca.vertcat(y - inputs[2], smooth * q)
         self._missed = ca.Function("missed", inputs, [near, ca.jacobian(near, q)])
         self._slopes = ca.Function(

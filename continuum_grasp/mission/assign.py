@@ -102,18 +102,12 @@ class Commands:
         return angle + torque / (drive.position_gain or math.inf)
 
 
-_CLEARANCE = 0.003
-"""Distance from the object at which the approach ends [m]."""
 _START_CALLS = 3
 """Calls over which a start is spread [1]: its first one integrates a motion of a stiff model, which takes as long as
 four linearizations. The longest call of configs/mission/mug.yaml takes 0.61 instead of 1.11 ms, with commands within
 0.09 N."""
 _MARGIN = 1.5
 """Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
-_MOST_BEND = 20.0
-"""Greatest bending range that a scene may declare [rad]."""
-_OPPOSED = 3.0
-"""Tension that the other tendon may have meanwhile beyond its least tension [N]."""
 _SLIP_SPEED = 0.005
 """Slip speed of the controller's contacts with an object that is turned [m/s]: friction without a state, which is
 enough for horizons below a second. Below this speed the model creeps where the plant sticks, and the controller waits
@@ -123,10 +117,6 @@ restless, and one of nine plants dropped the block.
 """
 _DENSE = 60
 """Places along the finger whose distance is looked at."""
-_INSIDE = 1e-4
-"""Depth in a support up to which an object stands beside it [m]: it is pressed in by as much."""
-_STEPS = 200
-"""Shares of the grasp's tensions that are tried."""
 
 
 def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Assignment, ...]:
@@ -184,7 +174,8 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
     ends = np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))
     pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
     firm = commands.of(np.where(pulls, mission.controller.retained * tensions, least), ends)
-    loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + _OPPOSED)), ends)
+    # 3.0: tension that the other tendon may have meanwhile beyond its least tension [N]
+    loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + 3.0)), ends)
     closing, rise = commands.closing(pulls), np.maximum(tensions - before, 0.0)
     reserve = float(np.min((greatest - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
     reserve = max(0.0, reserve) if math.isfinite(reserve) else 0.0
@@ -240,7 +231,8 @@ def _control_scene(
         lengths = (finger.rod.length / (before + after),) * (before + after)
     edges = np.cumsum([0.0, *lengths])
     free = [length * _greatest_curvature(finger, a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)]
-    reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, _MOST_BEND)
+    # 20.0: greatest bending range that a scene may declare [rad]
+    reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, 20.0)
     turn = mission.turn
     cost = Cost(
         object_angle=None if turn is None else Weight(running=asked.object_angle),
@@ -346,12 +338,14 @@ def _about_to_touch(
     pulls = away > 0.0
     farthest = float(np.min((highest - least)[pulls] / away[pulls]))
     before, q, nearest = least, np.zeros(free.n), math.inf
-    for share in np.linspace(0.0, farthest, _STEPS + 1):
+    # 200: shares of the grasp's tensions that are tried
+    for share in np.linspace(0.0, farthest, 200 + 1):
         u = least + share * away
         shape = equilibrium_under(free, u, [], guess=q).q
         points = core.batch("position", shape, u, places[:, None])
         gaps = [body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True)]
-        if min(gaps) < _CLEARANCE:
+        # 0.003: distance from the object at which the approach ends [m]
+        if min(gaps) < 0.003:
             nearest = float(places[int(np.argmin(gaps))]) * (-1.0 if share == 0.0 and min(gaps) < 0.0 else 1.0)
             break
         before, q = u, shape
@@ -368,7 +362,8 @@ def _check_start(control: ControlScene, nearest: float) -> None:
         down = wall.normal_angle + math.pi - body.angle
         deep = max(part.support(down) for part in body.parts) - wall.height(body.position)
         # Beside an edge of finite length it may stand lower.
-        if deep > _INSIDE and math.isinf(wall.half_length):
+        # 1e-4: depth in a support up to which an object stands beside it [m]: it is pressed in by as much
+        if deep > 1e-4 and math.isinf(wall.half_length):
             raise InputError(f"the object stands {1e3 * deep:.3g} mm inside of {wall.name} before its turn", key=key)
     if nearest < 0.0:
         raise InputError("the straight finger overlaps the object where it stands before its turn", key=key)

@@ -16,10 +16,6 @@ from continuum_grasp.mission.drop import ON_CONE
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.simulation.contacts import ContactForces
 
-_AT_LIMIT = 0.98
-"""Share of the drive's limit from which on it has no more to give: an estimate of the tension ripples by as much."""
-_MOSTLY = 0.5
-"""Share of the time that it pushes in which the fingertip slides, where sliding is called the reason."""
 _TIP = ".tip"
 
 
@@ -135,11 +131,14 @@ def _short(
     if last < 0.5 * (span.start + span.end):
         return f"{name} lost it at {last:.2f} s"
     pressed = f"{name} presses with {normal[pushing[-1]]:.2f} N"
-    if np.any(run.u[during[:-1]][-1] >= _AT_LIMIT * run.u_max):
+    # 0.98: share of the drive's limit from which on it has no more to give: an estimate of the tension ripples by as
+    # much
+    if np.any(run.u[during[:-1]][-1] >= 0.98 * run.u_max):
         return f"the drive is at its limit: {pressed}"
     friction = float(plant_friction(of.mission, variation, [name])[0])
     use = contacts.shear[during, tip][pushing] / (friction * normal[pushing])
-    if float(np.mean(use >= ON_CONE)) > _MOSTLY:
+    # 0.5: share of the time that it pushes in which the fingertip slides, where sliding is called the reason
+    if float(np.mean(use >= ON_CONE)) > 0.5:
         return f"{name} slides on it with friction of {friction:.2f}: {pressed}"
     forces = {body: contacts.normal_force[during][:, rows] for body, rows in bodies(contacts.names, [of.name]).items()}
     held = {body: float(force.max(initial=0.0)) for body, force in forces.items() if not contacts.on_finger(body)}

@@ -26,8 +26,6 @@ from continuum_grasp.scene.methods import Method
 _GREATEST = 100.0
 """Greatest gradient at the start, beyond which functions are scaled, and greatest mean multiplier (IPOPT:
 nlp_scaling_max_gradient, s_max)."""
-_LEAST_SCALE = 1e-8
-"""Least scale of functions (IPOPT: nlp_scaling_min_value)."""
 
 
 def optimality_error(problem: NLP, start: Start, x: Array, multipliers: Multipliers) -> float:
@@ -88,7 +86,8 @@ def _scales(problem: NLP, start: Start) -> tuple[float, Array]:
 
 def _scale(slopes: Any) -> Any:
     with np.errstate(divide="ignore"):
-        return np.maximum(np.minimum(_GREATEST / np.asarray(slopes), 1.0), _LEAST_SCALE)
+        # 1e-8: least scale of functions (IPOPT: nlp_scaling_min_value)
+        return np.maximum(np.minimum(_GREATEST / np.asarray(slopes), 1.0), 1e-8)
 
 
 STALLED, KNOWN = "Stalled", "Known"

@@ -22,11 +22,6 @@ from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.signals import interpolate
 
-_LONGER = 2.0
-"""Factor by which a duration is expected to be longer than where the search begins."""
-_COMPILE_FROM = 150_000
-"""Instructions of the second derivatives at all intervals from which on compiling them pays."""
-
 
 @dataclass(frozen=True)
 class _Scales:
@@ -128,7 +123,8 @@ class Motion:
     def steps(self) -> tuple[int, int]:
         """Steps per interval of single shooting, and stages of each, that the stiffness asks for."""
         scene, rates = self.scene, self._rates
-        longest = min(scene.duration_range[1], _LONGER * self.first_duration) / scene.intervals
+        # 2.0: factor by which a duration is expected to be longer than where the search begins
+        longest = min(scene.duration_range[1], 2.0 * self.first_duration) / scene.intervals
         steps, stages = fewest_evaluations(rates, longest, scene.solver.substeps)
         if steps > MOST_STEPS:
             substeps = scene.solver.substeps
@@ -213,7 +209,8 @@ class Motion:
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
         simulated = self.scene.transcription == "single_shooting"  # in many steps
-        flow = compiled(term) if simulated or work > _COMPILE_FROM else term
+        # 150_000: instructions of the second derivatives at all intervals from which on compiling them pays
+        flow = compiled(term) if simulated or work > 150_000 else term
         return _with_given_friction(flow, self.prediction.x_names) if simulated else flow
 
     @cached_property

@@ -80,8 +80,6 @@ def _name(name: Any, key: str) -> str:
 _BARE = re.compile(r"[A-Za-z][A-Za-z0-9_./+-]*( [A-Za-z0-9_./+-]+)*")
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
 """Texts that YAML 1.1 reads as something else."""
-_WIDTH = 110
-"""Width of a line [characters]: fits terminals and the page of a report without a bar to scroll."""
 
 
 class _Dumper(yaml.SafeDumper):
@@ -100,7 +98,8 @@ def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
 def _list_node(dumper: yaml.SafeDumper, values: list[Any]) -> yaml.Node:
     node = dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=True)
     flat = not any(isinstance(value, (dict, list, str)) for value in values)
-    node.flow_style = flat and sum(len(child.value) + 2 for child in node.value) <= _WIDTH
+    # 110: width of a line [characters]: fits terminals and the page of a report without a bar to scroll
+    node.flow_style = flat and sum(len(child.value) + 2 for child in node.value) <= 110
     return node
 
 

@@ -27,8 +27,6 @@ _LEAST_THICKNESS = 1e-3
 """Least thickness per that of the base [1]: towards a tip that is a point the curvature has no bound."""
 _LEAST_STIFFNESS = 1e-12
 """Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
-_MOST_THICKNESS = 1.0 / 3.0
-"""Greatest thickness of a graded rod per length [1]: beyond, it is no thin rod."""
 
 
 _SPIRAL = "spirob needs youngs_modulus and density of the rod"
@@ -149,7 +147,8 @@ class Rod(Section):
         for key, at, tip_side in self._ends:
             thickness = 2.0 * float(profile.half_thickness(at, tip_side=tip_side))
             stiffness = float(profile.bending_stiffness(at, tip_side=tip_side))
-            if thickness > _MOST_THICKNESS * self.length:
+            # 1.0 / 3.0: greatest thickness of a graded rod per length: beyond, it is no thin rod
+            if thickness > (1.0 / 3.0) * self.length:
                 raise ValueError(
                     f"{key}: a thickness of {thickness:g} m is more than a third of the length of {self.length} m: not "
                     "a thin rod"

@@ -30,8 +30,6 @@ from continuum_grasp.workers import ExecutorPool
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
 """Solvers share memory, so that the threads of a worker take turns."""
-_MESSAGE = 300
-"""Characters of a message in the table: lines stay readable."""
 _PATIENCE = 10.0
 """Time to wait for an answer of the scheduler [s]."""
 _ASK_AGAIN = 2.0
@@ -126,7 +124,8 @@ def _outcome(
         "values": dict(zip(job.keys, point.labels, strict=True)),
         "status": status,
         "reason": reason,
-        "message": clipped(message, _MESSAGE),
+        # 300: characters of a message in the table: lines stay readable
+        "message": clipped(message, 300),
         **numbers,
     }
     return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), run)

@@ -39,8 +39,6 @@ DIAGNOSIS = (
     ("real", "activity", "mean squared change of the command, per that at its rate limit"),
 )
 """C type, name and meaning of what is known of the last call of a controller."""
-_KICK = 0.1
-"""Size of pushes of a solver's states in test vectors, in their units: what is usual is not known."""
 _WEIGHTS, _LIMITS, _ROWS = CHANGEABLE[:2], CHANGEABLE[2:4], CHANGEABLE[4:]
 _NAMES = {
     "weights": ("weight_{}", "of half the squared error of {0}, per second"),
@@ -127,7 +125,8 @@ class Loop(ControlParts):
             first=np.zeros(nd),
             setpoints=solver.nominal_setpoints,
             duration=1.0,
-            kicks=np.full(nd, _KICK),
+            # 0.1: size of pushes of a solver's states in test vectors, in their units: what is usual is not known
+            kicks=np.full(nd, 0.1),
             safe="the safe command",
         )
 

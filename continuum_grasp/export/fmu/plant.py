@@ -50,8 +50,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
-_MOST_INSTRUCTIONS = 60_000
-"""Instructions of one function of a plant, without loops: what is compiled once may take a minute and 1.4 GB."""
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
 _START = "an input, which begins with what the scene has at time zero"
 _UNIT = Consumer(
@@ -151,7 +149,9 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
     """CasADi's C of functions, and its header; InputError where one is too large, OSError where the disk is full."""
     for function in functions:
         for part in (function, *function.find_functions()):
-            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, _MOST_INSTRUCTIONS)
+            # 60_000: instructions of one function of a plant, without loops: what is compiled once may take a minute
+            # and 1.4 GB
+            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 60_000)
     generator = generator_of(name, functions, with_header=True, with_export=False)
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")

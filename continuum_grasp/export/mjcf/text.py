@@ -27,10 +27,6 @@ _SUPPORT = {"contype": "0", "conaffinity": "2"}
 _NOTHING = {"contype": "0", "conaffinity": "0"}
 _CORNERS = 120
 """Corners of the polygon in place of a round outline: off by 3e-4 of its radius."""
-_WIDTH = 0.1
-"""Half the width of flat bodies out of the plane, per length of the finger [1]: wider than links are thick."""
-_POINT = 1e-4
-"""Radius in place of a point, per length of the finger [1]."""
 
 
 def touching(scene: Scene) -> dict[str, str]:
@@ -59,7 +55,8 @@ def add_surroundings(root: ET.Element, scene: Scene) -> None:
         inertia = numbers(*[scene.inertia] * 3)
         ET.SubElement(element, "inertial", pos="0 0 0", mass=numbers(body.mass), diaginertia=inertia)
     asset = ET.Element("asset")
-    width = _WIDTH * scene.finger.profile.length
+    # 0.1: half the width of flat bodies out of the plane, per length of the finger: wider than links are thick
+    width = 0.1 * scene.finger.profile.length
     for k, part in enumerate(body.pieces):
         placed = part.placed((body.position[0] - x, body.position[1] - y), body.angle)
         element.append(_geometry(asset, f"part_{k + 1}", placed, width))
@@ -69,7 +66,8 @@ def add_surroundings(root: ET.Element, scene: Scene) -> None:
     for wall in (*scene.walls, *(() if in_plane is None else (in_plane,))):
         world.append(_wall(wall, width, _friction(scene, wall.friction)))
     for peg in scene.pegs:
-        radius = max(peg.radius, _POINT * scene.finger.profile.length)
+        # 1e-4: radius in place of a point, per length of the finger
+        radius = max(peg.radius, 1e-4 * scene.finger.profile.length)
         geom = ET.SubElement(world, "geom", name=f"support_{peg.name}", type="sphere", pos=numbers(*peg.position, 0.0))
         geom.attrib |= {"size": numbers(radius), **_SUPPORT, **_friction(scene, peg.friction)}
 
@@ -120,12 +118,6 @@ def _friction(scene: Scene, coefficient: float | None) -> dict[str, str]:
 def numbers(*values: float) -> str:
     """Numbers as an attribute."""
     return " ".join(f"{float(value):.12g}" for value in values)
-
-
-_NEVER = 1e3
-"""Bend of a hinge that no finger has, for the side without stops [rad]."""
-_THIN = 0.005
-"""Radius of a finger of no known thickness, for looks, per length [1]."""
 
 
 def written(
@@ -185,7 +177,8 @@ def _link(scene: Scene, links: Links, k: int, sites: Mapping[str, float]) -> dic
     link: dict[str, object] = {
         "number": k + 1,
         "place": begin - before,
-        "radius": float(profile.half_thickness(0.5 * (begin + end))) or _THIN * profile.length,
+        # 0.005: radius of a finger of no known thickness, for looks, per length
+        "radius": float(profile.half_thickness(0.5 * (begin + end))) or 0.005 * profile.length,
         "length": end - begin,
         "sites": [(name, at - begin) for name, at in sites.items()],
     }
@@ -224,5 +217,6 @@ def _stops(finger: Finger, links: Links) -> list[tuple[int, float, float, float]
     if finger.stops is None or links.stop is None:
         return []
     more, signs = finger.stops.stiffness_ratio - 1.0, finger.stops.signs
-    bands = [[sign * (bend if sign in signs else _NEVER) for sign in (-1.0, 1.0)] for bend in links.stop]
+    # 1e3: bend of a hinge that no finger has, for the side without stops [rad]
+    bands = [[sign * (bend if sign in signs else 1e3) for sign in (-1.0, 1.0)] for bend in links.stop]
     return [(k + 1, more * links.stiffness[k], low, high) for k, (low, high) in enumerate(bands)]

@@ -191,14 +191,11 @@ def linearization(subject: Subject) -> Part:
     return Part("linearization", (kernel, *subject.kernels), (call,))
 
 
-_PER_STATE = 0.3
-"""Least instructions that the derivative by one state adds, per those of the model [1]: 0.33 to 0.51 of arcs and
-clothoids, 4 to 15 elements."""
-
-
 def check_derivatives(model: FingerModel | System, name: str) -> None:
     """Refuse derivatives of a model by its states that are too much code for certain, before they are found."""
-    check_size(name, round(_PER_STATE * model.nx * model.instructions))
+    # 0.3: least instructions that the derivative by one state adds, per those of the model: 0.33 to 0.51 of arcs and
+    # clothoids, 4 to 15 elements
+    check_size(name, round(0.3 * model.nx * model.instructions))
 
 
 def has_linearization(subject: Subject) -> bool:
@@ -248,7 +245,8 @@ def stepping(
         left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
         return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
 
-    length = Field("h", "s", "step", _LEAST_PART * longest, longest, longest)
+    # 1e-6: shortest step, per the longest, so that zero is refused
+    length = Field("h", "s", "step", 1e-6 * longest, longest, longest)
     return Call(
         name,
         " ".join([text, moment_note(subject)]).strip(),
@@ -262,8 +260,6 @@ def stepping(
 
 
 _STEP = "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4."
-_LEAST_PART = 1e-6
-"""Shortest step, per the longest, so that zero is refused."""
 
 
 def step(subject: Subject) -> Part:

@@ -56,10 +56,6 @@ _DIGITS = 6
 """Digits of numbers that are only drawn."""
 _TABLE = 0.005
 """Time between rows of a table of inputs and loads [s]."""
-_GAP = 2.5
-"""Distance of drawn discs, per half thickness."""
-_PULL = 0.25
-"""Greatest force of a hand, per that which bends the straight finger to a right angle."""
 
 
 @dataclass(frozen=True)
@@ -309,7 +305,8 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
         "pushes": {
             "first": plant.pushes,
             "sections": plant.pushed,
-            "most": _PULL * 0.5 * math.pi * finger.rod.stiffness / length**2,
+            # 0.25: greatest force of a hand, per that which bends the straight finger to a right angle
+            "most": 0.25 * 0.5 * math.pi * finger.rod.stiffness / length**2,
         },
         "tendons": [_tendon(tendon, plant.at, length) for tendon in finger.tendon_list],
         "discs": _discs(finger),
@@ -383,7 +380,8 @@ def _discs(finger: Finger) -> list[float]:
     half = float(np.max(finger.profile.half_thickness(np.linspace(0.0, length, 5))))
     if not finger.tendon_list or rod.diameter is None or half < 1.5 * 0.5 * max(ends(rod.diameter)):
         return []
-    count = round(length / (_GAP * half))
+    # 2.5: distance of drawn discs, per half thickness
+    count = round(length / (2.5 * half))
     return [round(k / count, _DIGITS) for k in range(1, count + 1)]
 
 

@@ -16,8 +16,6 @@ from continuum_grasp.scene.objects.body import greatest_shift
 CLEAR = 0.03
 """Relative change of a limit, or part of a usual amount, from which on no other start would do without: the estimates
 of a scan are off by less."""
-HIGH_FRICTION = 1.0
-"""Friction coefficient that few surfaces have: reasons that ask for more come after the other limits."""
 
 
 def rank(reason: Reason) -> tuple[int, bool, bool, float]:
@@ -46,7 +44,8 @@ def ordered(reasons: Iterable[Reason]) -> list[Reason]:
 
 def is_rare(reason: Reason) -> bool:
     """Whether a repair asks for a friction that few surfaces have."""
-    return reason.name == "friction" and reason.needed > HIGH_FRICTION
+    # 1.0: friction coefficient that few surfaces have: reasons that ask for more come after the other limits
+    return reason.name == "friction" and reason.needed > 1.0
 
 
 def is_clear(reason: Reason, scene: GraspScene) -> bool:

@@ -105,8 +105,6 @@ def _finite(resisted: ArrayLike) -> Array:
 
 DISCS = 4
 """Discs side by side."""
-_LETTERS = 13
-"""Letters of a contact's name that fit below a disc."""
 _PITCH, _TALL = 2.5, 3.1
 """Width and height of what one takes, with its name below, in radii of a disc."""
 
@@ -143,7 +141,8 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
             end = x + across / beyond, y + lift / beyond
             ax.plot([x, end[0]], [y, end[1]], color=color, linewidth=1.6, solid_capstyle="round")
             ax.plot(*end, "o", markersize=4.5, color=color, markeredgecolor="white", markeredgewidth=0.8)
-        name = contact.name if len(contact.name) <= _LETTERS else contact.name.replace(".", ".\n")
+        # 13: letters of a contact's name that fit below a disc
+        name = contact.name if len(contact.name) <= 13 else contact.name.replace(".", ".\n")
         ax.text(x, y - 1.15, name, fontsize=7, color=color, ha="center", va="top", linespacing=1.0)
     return ax
 
@@ -155,7 +154,6 @@ def friction_rows(view: GraspView) -> int:
 
 _LOWEST = -0.5
 """Least margin that is drawn: draws below, contacts that part among them, are in the first bar."""
-_BARS = 30
 
 
 def plot_robustness(result: GraspResult) -> list[Axes]:
@@ -203,7 +201,7 @@ def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
 
 
 def _margins(ax: Axes, robustness: Robustness) -> Axes:
-    edges = np.linspace(_LOWEST, 1.0, _BARS + 1)
+    edges = np.linspace(_LOWEST, 1.0, 30 + 1)
     trials = [(robustness.nominal, GRAY, robustness.names[1])]
     if robustness.robust is not None:
         trials.append((robustness.robust, BLUE, robustness.names[2]))

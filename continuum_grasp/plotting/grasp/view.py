@@ -27,8 +27,6 @@ _FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
 _SUPPORT = ORANGE
 _PLACES = 81
 """Points of an unloaded backbone: chords of a quarter circle stray by 5e-5 of its length, a tenth of a pixel."""
-_LONGEST_FORCE = 0.36
-"""Length of the greatest force as a part of the object's width: it stays near, and the least is still seen."""
 _LEAST_MARGIN_MM, _MARGIN = 14.0, 0.13
 """Around everything, for labels; the second as a part of the greater side."""
 
@@ -129,7 +127,8 @@ class GraspView:
     @cached_property
     def force_scale(self) -> float:
         """Drawn length per force [mm/N]."""
-        return _LONGEST_FORCE * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
+        # 0.36: length of the greatest force as a part of the object's width: it stays near, and the least is still seen
+        return 0.36 * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
 
     def color(self, name: str) -> str:
         """Color of a finger, a support, or what a contact's name begins with; gray where there is no grasp."""

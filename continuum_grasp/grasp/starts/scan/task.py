@@ -35,8 +35,6 @@ TIP_REACH, TIPS = 8.0, 33
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)
-_TOUCHES = 0.75
-"""Place along the finger whose thickness a posture is found with [1]: between middle contacts and the tip."""
 LOOSER = 1.25
 """Curvature of a posture in the scan per its limits, of fingers with more elements than linear curvatures there, which
 bend otherwise: a hexagon is held within a range of 3.4 rad that its posture exceeds by 14 %."""
@@ -206,7 +204,8 @@ def make_task(
     finger, profile = setup.finger, setup.finger.profile
     places = profile.length * _EVEN
     halves = skin(profile.half_thickness)(places) * scale
-    half = float(halves[int(_TOUCHES * (_STATIONS - 1))])
+    # 0.75: place along the finger whose thickness a posture is found with: between middle contacts and the tip
+    half = float(halves[int(0.75 * (_STATIONS - 1))])
     marks = (0, *setup.before, setup.elements)
     few = min(setup.elements, FINE)
     looser = LOOSER if setup.elements > len(setup.middles) + 1 else 1.0
