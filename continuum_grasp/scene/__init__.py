@@ -82,7 +82,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.plan import PlanInput as PlanInput
     from continuum_grasp.scene.plan import PlanScene as PlanScene
     from continuum_grasp.scene.plan import PlanSolver as PlanSolver
-    from continuum_grasp.scene.pressure import Chamber as Chamber
     from continuum_grasp.scene.rod import Rod as Rod
     from continuum_grasp.scene.simulate import Fidelity as Fidelity
     from continuum_grasp.scene.simulate import Initial as Initial
@@ -95,6 +94,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.surroundings import ContactLaw as ContactLaw
     from continuum_grasp.scene.surroundings import Surroundings as Surroundings
     from continuum_grasp.scene.sweep import Sweep as Sweep
+    from continuum_grasp.scene.tendons import Chamber as Chamber
     from continuum_grasp.scene.tendons import Tendon as Tendon
     from continuum_grasp.scene.tendons import Tendons as Tendons
 

@@ -18,9 +18,17 @@ from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.pressure import Chamber, ChamberList
 from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon
+from continuum_grasp.scene.tendons import (
+    ALIKE,
+    Chamber,
+    ChamberList,
+    Tendon,
+    TendonList,
+    Tendons,
+    channels,
+    check_tendon,
+)
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,

@@ -19,9 +19,8 @@ if TYPE_CHECKING:
 
     from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.objects import GraspObject
-    from continuum_grasp.scene.pressure import Chamber
     from continuum_grasp.scene.supports import Support
-    from continuum_grasp.scene.tendons import Tendon
+    from continuum_grasp.scene.tendons import Chamber, Tendon
 
 
 _CLAMP_WIDTH, _CLAMP_DEPTH = 0.12, 0.035
