@@ -19,7 +19,7 @@ from continuum_grasp.control import Controller
 from continuum_grasp.control.status import Health, Status
 from continuum_grasp.errors import InputError, Interrupted
 from continuum_grasp.identification.replayed import replay
-from continuum_grasp.scene.mounting import Camera, Connection, Mounting
+from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from tests.identification.test_replay import PLANT, SCENE, scene
 
 REST = 1.0

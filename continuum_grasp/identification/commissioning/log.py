@@ -38,7 +38,7 @@ from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.labels import name_of
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.mounting import Camera, Connection, Mounting
+from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 
 Fitted = tuple[float, BenchBlock, Problem, Solution]
 """A fit of one way in which the bench may be connected, and how far it misses the tip (r.m.s.) [m]."""

@@ -14,7 +14,7 @@ from continuum_grasp.identification.fit import Fit, applied, estimate_texts
 from continuum_grasp.results.declared import File, Picture
 from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.mounting import Mounting
+from continuum_grasp.scene.estimator import Mounting
 
 
 class Alternative(NamedTuple):
