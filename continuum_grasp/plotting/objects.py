@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.style import INK
-from continuum_grasp.scene.objects.body import ObjectBody
+from continuum_grasp.scene.objects.shapes import ObjectBody
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -127,7 +127,7 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
     if document.varies_outlines:
         part.value["file"] = str(file.resolve())
         return
-    others = import_module("continuum_grasp.scene.objects.body").ObjectBody.model_fields
+    others = import_module("continuum_grasp.scene.objects.shapes").ObjectBody.model_fields
     rest = {key: value for key, value in part.value.items() if key in others}
     part.value = {key: value for key, value in part.value.items() if key not in others} | {"file": str(file)}
     try:

@@ -28,7 +28,7 @@ from continuum_grasp.scene.grasp_options import (
 )
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.objects.body import greatest_shift, pose_bounds
+from continuum_grasp.scene.objects.shapes import greatest_shift, pose_bounds
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Supported, Switch
 from continuum_grasp.scene.tendons import Tendons

@@ -34,7 +34,7 @@ from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER,
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.objects.body import Freedom, pose_bounds
+from continuum_grasp.scene.objects.shapes import Freedom, pose_bounds
 from continuum_grasp.summary import Summarized
 
 

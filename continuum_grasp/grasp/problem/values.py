@@ -24,7 +24,7 @@ from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds
+from continuum_grasp.scene.objects.shapes import Freedom, Pose, pose_bounds
 from continuum_grasp.scene.supports import Wall
 
 Values = dict[str, Any]

@@ -11,7 +11,7 @@ from continuum_grasp.grasp.reasons.elastic import Elastic, Repair
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.values import NEAR, Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import greatest_shift
+from continuum_grasp.scene.objects.shapes import greatest_shift
 
 CLEAR = 0.03
 """Relative change of a limit, or part of a usual amount, from which on no other start would do without: the estimates

@@ -42,7 +42,7 @@ from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, se
 from continuum_grasp.grasp.starts.values import ContactStart, Start
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
-from continuum_grasp.scene.objects.body import Freedom, Pose
+from continuum_grasp.scene.objects.shapes import Freedom, Pose
 from continuum_grasp.scene.shape import Shape
 
 OBJECT = len(ERRORS)

@@ -31,7 +31,7 @@ from continuum_grasp.grasp.starts.scan.task import (
 from continuum_grasp.grasp.starts.scan.touching import onwards, scanned, started
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose
+from continuum_grasp.scene.objects.shapes import Pose
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violat
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose, pose_bounds
+from continuum_grasp.scene.objects.shapes import Pose, pose_bounds
 
 COUNTS = {2: (14, 400, 48), 3: (8, 36, 96), 4: (6, 14, 96)}
 """By number of fingers: postures per finger that are combined, to 200 to 1300 combinations; and, of those that touch

@@ -13,7 +13,7 @@ from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import outline_of
 from continuum_grasp.model.surfaces.surface import Outline
 from continuum_grasp.scene.grasp import TOUCHING, FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose, pose_bounds
+from continuum_grasp.scene.objects.shapes import Pose, pose_bounds
 from continuum_grasp.scene.supports import Peg, Wall
 
 Interval = tuple[float, float]

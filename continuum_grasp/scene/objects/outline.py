@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.body import ObjectBody
+from continuum_grasp.scene.objects.shapes import ObjectBody
 from continuum_grasp.scene.parts import OffsetPolygon, Part, Point, check_simple, corners_of, polygon_centroid
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Value

@@ -22,7 +22,7 @@ from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Frame, Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose
+from continuum_grasp.scene.objects.shapes import Pose
 
 ALLOWED = 2e-3
 """Penetration that a start may have, per length of the finger: thin feasible pieces of a branch survive the scan, and
