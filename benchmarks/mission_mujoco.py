@@ -33,7 +33,7 @@ from continuum_grasp.mission.budget import plant_mass
 from continuum_grasp.mission.drop import FALLEN
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.trials import variations
+from continuum_grasp.mission.run import variations
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import Box
