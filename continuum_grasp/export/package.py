@@ -23,7 +23,6 @@ from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
-from continuum_grasp.export.readme import readme
 from continuum_grasp.export.source import (
     Given,
     Source,
@@ -33,7 +32,7 @@ from continuum_grasp.export.source import (
     source_of,
 )
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
-from continuum_grasp.export.targets import example_files, measure, target_of
+from continuum_grasp.export.targets import example_files, measure, readme, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 from continuum_grasp.results.atomic import check_folder
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
