@@ -20,8 +20,7 @@ from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import OPEN, Search
 from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports
-from continuum_grasp.grasp.stations import find_station_reasons, search_stations, without_stations
-from continuum_grasp.grasp.steady import stabilize
+from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, STEADIER, UNSTABLE, Reason, Status, force_text, tension_of
 from continuum_grasp.nlp import Budget
