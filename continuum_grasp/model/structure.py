@@ -15,12 +15,11 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout, Source, lag_names
 from continuum_grasp.model.chain import Place
-from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Mesh, family_class
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
-from continuum_grasp.model.parameters import Parameters, at_tip
+from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, tendon_sets
 from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.consumer import Consumer, beside
