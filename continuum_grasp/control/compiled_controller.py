@@ -23,7 +23,7 @@ from continuum_grasp.control.parts import ControlParts, Settings
 from continuum_grasp.control.status import Statistics, Status
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.functions import Remade
 from continuum_grasp.summary import Summarized
 
 _STATUS = tuple(Status)

@@ -16,7 +16,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.contacts import friction_parameter
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.functions import Remade
 from continuum_grasp.model.winches import Motor, Winch
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive

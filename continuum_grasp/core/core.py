@@ -30,7 +30,7 @@ from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import generated, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.functions import Remade
 from continuum_grasp.scene.methods import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.summary import Summarized
 
