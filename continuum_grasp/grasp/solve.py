@@ -15,8 +15,7 @@ from continuum_grasp.grasp.changes import FIRST, NONE, asked_tolerance, resolve_
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, Attempt
-from continuum_grasp.grasp.reasons.diagnosis import Repairs
-from continuum_grasp.grasp.reasons.words import out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import OPEN, Search
 from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports

@@ -19,8 +19,7 @@ from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solver_for
-from continuum_grasp.grasp.reasons.diagnosis import Repairs
-from continuum_grasp.grasp.reasons.words import ordered
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered
 from continuum_grasp.grasp.search import FIRST_CAP, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start, start_from, with_contacts

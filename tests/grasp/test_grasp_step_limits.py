@@ -16,10 +16,9 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import words
-from continuum_grasp.grasp.reasons.diagnosis import Repairs
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
 from continuum_grasp.grasp.reasons.elastic import Repair, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts
-from continuum_grasp.grasp.reasons.words import is_clear, is_rare, ordered
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust import joint
 from continuum_grasp.grasp.robust import response as responses
