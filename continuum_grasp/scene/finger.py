@@ -14,11 +14,10 @@ from pydantic import Field
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, beside, excludes, needs
-from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.rod import Damping, Rod
 from continuum_grasp.scene.tendons import (
     ALIKE,
     Chamber,

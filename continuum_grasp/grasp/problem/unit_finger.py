@@ -18,11 +18,10 @@ from continuum_grasp.grasp.problem.graded_backbone import GradedBackbone
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import soft
-from continuum_grasp.scene.damping import Damping, DryFriction
 from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.loads import MomentLoad
-from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.rod import Damping, DryFriction, Rod
 from continuum_grasp.scene.tendons import Tendons
 
 _OFFSET = 0.5
