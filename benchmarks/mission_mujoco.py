@@ -30,7 +30,7 @@ from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import plant_mass
-from continuum_grasp.mission.drop import FALLEN
+from continuum_grasp.mission.causes import FALLEN
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.run import variations

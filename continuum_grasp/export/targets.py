@@ -1,4 +1,4 @@
-"""Targets of a package, and examples for bare metal and a GPU."""
+"""Targets of a package, examples for bare metal and a GPU, and the page that says how to use it."""
 
 from __future__ import annotations
 

@@ -1,9 +1,13 @@
-"""Choice of stations along the fingers that touch: one near each middle contact of a grasp without stations, then
-exchanges.
+"""Grasps beyond the first optimum: other stations along the fingers that touch, and stable grasps next to unstable ones.
 
-A grasp with one middle contact per finger is a grasp with one station each. From there single stations are added, left
-out or exchanged with a neighbor as long as that takes less tension or, where no grasp is found, less of a limit that is
-relaxed; each set is solved and verified as any other grasp.
+Stations: a grasp with one middle contact per finger is a grasp with one station each. From there single stations are
+added, left out or exchanged with a neighbor as long as that takes less tension or, where no grasp is found, less of a
+limit that is relaxed; each set is solved and verified as any other grasp.
+
+Stability: the least eigenvalue of the second-order test becomes a constraint. The eigenvalue is the certificate's own,
+of rods cut into many cells. It enters the NLP to first order, and the point that solves it is where it is taken anew,
+until the grasp found is stable and hardly changes (successive linearization: J. Nocedal, S. J. Wright, Numerical
+Optimization, 2006, chapter 18).
 """
 
 from __future__ import annotations

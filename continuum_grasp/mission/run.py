@@ -1,4 +1,4 @@
-"""A mission carried out: grasp, controller and plant from approach to release."""
+"""A mission carried out: grasp, controller and plant from approach to release, on one plant or on many."""
 
 from __future__ import annotations
 

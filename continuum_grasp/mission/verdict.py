@@ -12,7 +12,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment, object_height, present
 from continuum_grasp.mission.budget import is_table, plant_friction
-from continuum_grasp.mission.drop import FALLEN, Drop, Turned, find_drop, find_turned
+from continuum_grasp.mission.causes import FALLEN, Drop, Turned, find_drop, find_turned
 from continuum_grasp.mission.lift import NotLifted, Slipped
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.simulation.contacts import ContactForces

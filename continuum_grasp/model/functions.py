@@ -1,4 +1,4 @@
-"""Named CasADi functions of the expressions of a model."""
+"""Named CasADi functions of the expressions of a model, and objects with them, which are pickled by their arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Model parameters: constants that are folded into the expressions, or run-time arguments that the user names."""
+"""Options of a model, and its parameters: constants that are folded into the expressions, or run-time arguments that the
+user names.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The elastic rod: uniform, in sections, by samples, or a straightened spiral."""
+"""The elastic rod: uniform, in sections, by samples, or a straightened spiral; and what dissipates in its bending."""
 
 from __future__ import annotations
 

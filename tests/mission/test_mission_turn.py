@@ -14,7 +14,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import run_trials
 from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.drop import Turned, find_turned
+from continuum_grasp.mission.causes import Turned, find_turned
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials

@@ -1,4 +1,4 @@
-"""The shapes of objects and, elsewhere placed, of the members of a union: fields, checks and geometry."""
+"""The shapes of objects and of the members of a union: what all have, fields, checks and geometry of each."""
 
 from __future__ import annotations
 

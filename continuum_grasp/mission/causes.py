@@ -1,4 +1,6 @@
-"""Why an object was dropped: when which contact gave way, at which limit, and what the certificate says there."""
+"""Why an object was dropped, or not turned as asked: when which contact gave way, at which limit, and what the
+certificate says there; and how far a turn came.
+"""
 
 from __future__ import annotations
 
