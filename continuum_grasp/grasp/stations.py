@@ -1,4 +1,4 @@
-"""Grasps beyond the first optimum: other stations along the fingers that touch, and stable grasps next to unstable ones.
+"""Grasps beyond the first optimum: other stations along the fingers, and stable grasps next to unstable ones.
 
 Stations: a grasp with one middle contact per finger is a grasp with one station each. From there single stations are
 added, left out or exchanged with a neighbor as long as that takes less tension or, where no grasp is found, less of a

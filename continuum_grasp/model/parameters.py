@@ -1,5 +1,5 @@
-"""Options of a model, and its parameters: constants that are folded into the expressions, or run-time arguments that the
-user names.
+"""Options of a model, and its parameters: constants that are folded into the expressions, or run-time arguments that
+the user names.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tendons, a pair at equal distances or a list of single ones that end anywhere; and chambers, which bend by pressure."""
+"""Tendons, a pair at equal distances or a list of single ones that end anywhere; and chambers under pressure."""
 
 from __future__ import annotations
 

@@ -546,9 +546,9 @@ def test_trials_stop_on_the_keyboard_with_what_was_done(assignment, grasp, monke
                 raise KeyboardInterrupt
             raise NumericalError("-")
 
-    monkeypatch.setattr(trials, "MissionRunner", Runner)
+    monkeypatch.setattr(runs, "MissionRunner", Runner)
     with pytest.raises(Interrupted, match="2 of 100") as stopped:
-        trials.run_trials(assignment.mission, grasp=grasp, jobs=1)
+        runs.run_trials(assignment.mission, grasp=grasp, jobs=1)
     assert [outcome.variation for outcome in stopped.value.result] == runs.variations(Trials(count=2))
 
 
