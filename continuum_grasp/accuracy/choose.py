@@ -25,9 +25,9 @@ from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.cache import entry_for, hash_of_code
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.labels import Summarized, quoted
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
-from continuum_grasp.summary import Summarized, quoted
 
 _MEASURE = ("accuracy", "rod", "model", "scene", "simulation")
 """Packages whose code decides what is chosen."""

@@ -9,11 +9,11 @@ from typing import Any, Self
 
 import casadi as ca
 
+from continuum_grasp.labels import Summarized
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.sweep import Builder, sweep_function
-from continuum_grasp.summary import Summarized
 
 
 class Remade:

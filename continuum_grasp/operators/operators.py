@@ -16,11 +16,11 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.core.call import check_moment, finite, functions_of, section_check
 from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.labels import Summarized
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.functions import MATRICES, Remade
 from continuum_grasp.operators.derivatives import Operator, Point, Recursion, held_step
 from continuum_grasp.scene.methods import INTEGRATORS
-from continuum_grasp.summary import Summarized
 
 
 class Operators(Remade, Summarized, ABC):

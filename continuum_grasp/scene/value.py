@@ -30,7 +30,7 @@ from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
-from continuum_grasp.summary import table
+from continuum_grasp.labels import table
 
 SAME = 1e-9
 """Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the

@@ -18,11 +18,11 @@ from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
+from continuum_grasp.labels import clipped
 from continuum_grasp.results.plain import digest
 from continuum_grasp.results.run_folder import pack_run
 from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.summary import clipped
 from continuum_grasp.sweeps.folder import SOLVED, encode
 from continuum_grasp.sweeps.plan import Point
 from continuum_grasp.workers import ExecutorPool
