@@ -1,4 +1,4 @@
-"""Labels of entries: ``"name [unit]"``."""
+"""Short texts: labels of entries, ``"name [unit]"``, and what large objects are in a few lines."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "continuum_grasp"
 FILES = sorted(PACKAGE.rglob("*.py"))
-COMMON = {"arguments", "arrays", "errors", "labels", "_lazy", "interrupt", "summary", "threads", "workers", ""}
+COMMON = {"arguments", "arrays", "errors", "labels", "_lazy", "interrupt", "threads", "workers", ""}
 """What all may import; the empty name is the package itself."""
 ALLOWED = {
     "errors": set(),
@@ -19,7 +19,6 @@ ALLOWED = {
     "_lazy": set(),
     "interrupt": {"threads"},
     "labels": set(),
-    "summary": set(),
     "threads": set(),
     "workers": set(),
     "scene": {"scene"},

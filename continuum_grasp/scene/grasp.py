@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.grasp_drive import DriveLaw
+from continuum_grasp.scene.drives import DriveLaw
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
