@@ -1,4 +1,4 @@
-"""Drives that wind up the tendons: winches that follow a commanded length, and motors; and those of a finger that grasps, as plain numbers."""
+"""Drives that wind up the tendons: winches that follow a commanded length, and motors; at rest, as plain numbers."""
 
 from __future__ import annotations
 
