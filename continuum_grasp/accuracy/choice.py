@@ -48,7 +48,6 @@ class Choice:
 
     @property
     def elements(self) -> int:
-        """Number of elements."""
         return len(self.lengths)
 
     @property

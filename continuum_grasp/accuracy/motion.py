@@ -48,7 +48,6 @@ class Pace:
 
     @property
     def real_time_factor(self) -> float:
-        """Model time per time."""
         return 1e9 / (self.steps_per_second * self.step_ns)
 
 

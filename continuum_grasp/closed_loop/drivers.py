@@ -136,7 +136,6 @@ class SerialBoard:
 
 
 def line_of(text: str) -> bytes:
-    """A line with its check."""
     return f"{text}*{zlib.crc32(text.encode()):08x}\n".encode()
 
 

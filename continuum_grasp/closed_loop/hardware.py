@@ -224,7 +224,6 @@ class _Loop:
         self.arm: Callable[[bool], object] = lambda on: None
 
     def run(self, cycles: int, spin: float) -> None:
-        """Run all cycles of the loop on the hardware."""
         controller, period = self.controller, self.controller.period
         idle = getattr(self.driver, "idle", None)
         # A period ahead, so that the first cycle is not late by what was done until here.
@@ -306,7 +305,6 @@ class _Loop:
             time.sleep(period)
 
     def found(self, granted: tuple[str, ...]) -> HardwareRun:
-        """The run as it was recorded."""
         controller, count = self.controller, len(self.u)
         none = np.full(len(controller.measurement_names), np.nan)
         lacking = max(0, 2 - count)  # a log has two rows at least

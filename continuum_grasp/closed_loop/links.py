@@ -204,7 +204,6 @@ class Guided:
 
     @property
     def guides(self) -> int:
-        """Number of guides."""
         return len(self.gives) - 1
 
 

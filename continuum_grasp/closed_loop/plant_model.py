@@ -261,7 +261,6 @@ class PlantModel(Remade):
 
     @property
     def chain(self) -> ChainSystem:
-        """The chain of a plant of guides."""
         if not isinstance(self.system, ChainSystem):
             raise TypeError("the plant is no chain of guides")
         return self.system

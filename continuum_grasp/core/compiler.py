@@ -230,7 +230,6 @@ _RESULT = re.compile(r"  if \(res\[\d+\]!=0\) res\[\d+\]\[\d+\]=.*;|  if \(!res\
 
 
 def longest_function(source: str) -> int:
-    """Lines of the longest function."""
     return max(function.count("\n") for function in _END.split(source))
 
 

@@ -39,7 +39,6 @@ class Expression:
         self._read = ca.Function("expression", [column], [formula, ca.gradient(formula, column)])
 
     def value(self, quantities: Mapping[str, float]) -> float:
-        """Value for quantities by name."""
         return float(self._read([quantities[name] for name in self.names])[0])
 
     def gradient(self, quantities: Mapping[str, float], slopes: Mapping[str, Array]) -> Array:
@@ -177,7 +176,6 @@ class DesignProblem:
         self._tangents: dict[tuple[Signs, str], list[dict[str, Array]]] = {}
 
     def values(self, coordinates: Sequence[float]) -> list[float]:
-        """Values of the variables at coordinates."""
         return [coordinate.value(float(u)) for coordinate, u in zip(self.space.coordinates, coordinates, strict=True)]
 
     def scene(self, case: str, coordinates: Sequence[float], signs: Sequence[float]) -> GraspScene:
@@ -211,7 +209,6 @@ class DesignProblem:
         self._at = None
 
     def snapshot(self) -> dict[tuple[Signs, str], CaseGrasps]:
-        """The grasps at hand."""
         return {key: replace(case_grasps, held=dict(case_grasps.held)) for key, case_grasps in self._grasps.items()}
 
     def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps]) -> None:

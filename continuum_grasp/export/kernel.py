@@ -139,7 +139,6 @@ class Kernel:
         return f"{self.name}_lanes" if prefix is None else f"{prefix}_kernel_{self.name}"
 
     def c_source(self, prefix: str, real: Real) -> str:
-        """The C definition."""
         return "\n".join([f"/* {self.text} */", self.prototype(prefix), *self._body(f"{prefix}_real", real, _C), ""])
 
     def lane_source(self, real: Real) -> str:

@@ -64,7 +64,6 @@ class Contents:
 
     @cached_property
     def kernels(self) -> list[Kernel]:
-        """Kernels, each once."""
         return list({kernel.name: kernel for part in self.parts for kernel in part.kernels}.values())
 
     @property

@@ -56,7 +56,6 @@ def parameter_fields(model: FingerModel | System, given: Mapping[str, Sequence[f
 
 
 def finger_of(model: FingerModel | System) -> FingerModel:
-    """The finger of a system."""
     return model.finger_model if isinstance(model, System) else model
 
 

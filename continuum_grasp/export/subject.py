@@ -148,7 +148,6 @@ class Subject:
 
     @cached_property
     def system(self) -> System:
-        """The subject as a system."""
         finger, options = self.model.structure.asked
         return self.touching or System(finger, **options)
 

@@ -105,7 +105,6 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
 
 
 def _with_only(scene: GraspScene, start: Start, contacts: Mapping[str, ContactStart]) -> Start:
-    """The start with these contacts alone."""
     return replace(with_contacts(scene, start, contacts), label="stations")
 
 

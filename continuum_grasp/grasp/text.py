@@ -155,7 +155,6 @@ def _contacts(result: GraspResult) -> Part:
 
 
 def _quality(result: GraspResult) -> Part:
-    """Indices of quality."""
     rows = [(name.replace("_", " "), _short(value), description) for name, value, description in result.quality.rows()]
     return Part("Quality", ("Index", "Value", "What it means"), rows, (1,))
 

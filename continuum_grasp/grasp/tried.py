@@ -39,7 +39,6 @@ class Tried:
 
     @cached_property
     def start(self) -> Start:
-        """The numbers as a start."""
         return start_from(self.scene, self.arrays)
 
     @property

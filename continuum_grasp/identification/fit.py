@@ -190,7 +190,6 @@ class Fit(Predicted):
 
 
 def table_of(**columns: Iterable[Any]) -> list[dict[str, Any]]:
-    """Rows of a table, from its columns."""
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

@@ -97,7 +97,6 @@ def _far(problem: Problem, solution: Solution) -> list[tuple[Unknown, float]]:
 
 
 def judge(problem: Problem, solution: Solution) -> Verdict:
-    """Judge a fit."""
     left = misfits(problem, solution.predictions)
     reason = too_far(problem, solution.values, solution.sigma)
     unexplained = [misfit for misfit in left if misfit.is_unexplained]

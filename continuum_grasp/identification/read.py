@@ -391,7 +391,6 @@ def _ring_downs(
 
 
 def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:
-    """Rows that are fitted."""
     chosen = np.full(rows, fitted)
     for row in holdout:
         if row > rows:

@@ -138,7 +138,6 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
 
 
 def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
-    """Task of one finger."""
     name, posture = setup.name, grasp.fingers[setup.name]
     contacts = {contact.name: contact for contact in grasp.contacts if contact.name.startswith(f"{name}.")}
     tip = contacts.pop(setup.tip_name, None)

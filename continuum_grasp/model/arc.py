@@ -88,7 +88,6 @@ class Arc(Link):
         return self._part(fraction).section_bias(1.0, omega, [fraction * rates[0]])
 
     def _part(self, fraction: Scalar) -> Arc:
-        """The arc up to a fraction of its length."""
         return Arc(
             fraction * self._theta,
             fraction * self._length,
@@ -139,7 +138,6 @@ class Arc(Link):
         return total.scaled(scale)
 
     def _moment(self, j: int, scale: Scalar) -> Vec:
-        """J_j times a scale."""
         return self._pair(1, _MOMENTS[j], scale)
 
     def _mean(self, j: int, scale: Scalar) -> Vec:

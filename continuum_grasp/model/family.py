@@ -73,7 +73,6 @@ def gathered(family: Family, on_elements: Sequence[Sequence[Scalar]]) -> list[Sc
 
 
 def mean(mesh: Mesh, element: int, curve: Curve) -> float:
-    """Mean of a curve over an element."""
     constant = mesh.constant(curve, element)
     if constant is not None:
         return constant

@@ -230,7 +230,6 @@ class Choices:
         return InputError(error.message, key=_IN_SCENE.get(word, word) + error.key[len(word) :])
 
     def numbers(self, name: str) -> tuple[float, ...] | None:
-        """Finite numbers."""
         if self[name] is None:
             return None
         numbers = real_array(name, self[name])
@@ -240,5 +239,4 @@ class Choices:
 
     @property
     def family(self) -> str | None:
-        """Name of a family."""
         return None if self["family"] is None else str(choice("family", self["family"], FAMILIES))

@@ -216,7 +216,6 @@ class Structure:
 
     @property
     def tip(self) -> Place:
-        """The tip section."""
         return Place(len(self.lengths) - 1)
 
     def on_tip(self, at: float) -> bool:
@@ -298,7 +297,6 @@ class Structure:
 
     @property
     def motors(self) -> tuple[Motor, ...]:
-        """Winches that are motors."""
         return tuple(winch for winch in self.winches if isinstance(winch, Motor))
 
     @property

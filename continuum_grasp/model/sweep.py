@@ -76,7 +76,6 @@ class Kernels:
 
     @property
     def links(self) -> int:
-        """Number of links."""
         return len(self.rows)
 
     @property
@@ -96,7 +95,6 @@ class Kernels:
 
     @cached_property
     def instructions(self) -> int:
-        """Instructions of an evaluation."""
         once = {f.name() for f in (self.head, self.tip, self.loads, self.root)}
         return sum(int(f.n_instructions()) * (1 if f.name() in once else self.links) for f in self.functions)
 
@@ -162,7 +160,6 @@ class Builder:
     # -- kernels --------------------------------------------------------------------------------------------------
 
     def kernels(self) -> Kernels:
-        """All kernels."""
         return Kernels(
             self._head(),
             self._carry(),

@@ -183,7 +183,6 @@ class TendonForces:
 
     @cached_property
     def _cables(self) -> list[Cables]:
-        """Cables of each winch."""
         return [held.winch.cables(self.compliances, self._paths) for held in self.held]
 
     @cached_property

@@ -102,7 +102,6 @@ class Winch(ABC):
 
     @property
     def states(self) -> int:
-        """Number of states."""
         return len(self.names(1))
 
     @property

@@ -47,11 +47,9 @@ class Operators(Remade, Summarized, ABC):
         self._checks: dict[str, Callable[[Sequence[Array]], None]] = {}
 
     def headline(self) -> str:
-        """Backend of the operators."""
         return self._core.headline()
 
     def pairs(self) -> dict[str, str]:
-        """Model of the operators."""
         return self._core.pairs()
 
     # -- what a toolkit gives -------------------------------------------------------------------------------------

@@ -315,7 +315,6 @@ class Search:
 
     @cached_property
     def _near_goal(self) -> PlanProblem:
-        """The relaxed problem."""
         return PlanProblem(self.motion, self.x0, relaxed=True)
 
     def _approach(self, name: str, path: Path, barrier: float | None) -> bool:

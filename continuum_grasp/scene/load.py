@@ -71,7 +71,6 @@ DEFINITIONS = "definitions.json"
 
 
 def model_of(kind: str) -> type[BaseModel]:
-    """The model of a kind of configuration."""
     if kind not in KINDS:
         raise InputError(f"no such kind of configuration: expected one of {', '.join(KINDS)}, got {kind!r}")
     # A kind's module is loaded with its first file: a simulation needs none of those of control.
@@ -188,5 +187,4 @@ def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], lo
 
 
 def kind_of_scene(loaded: Loaded) -> str:
-    """Kind of a loaded configuration."""
     return next(name for name, kind in KINDS.items() if kind.model == type(loaded).__name__)

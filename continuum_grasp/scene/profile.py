@@ -287,7 +287,6 @@ def _of_section(section: RodSection, span: float) -> tuple[float | Polynomial, .
 
 
 def of_samples(length: float, samples: RodSamples) -> Profile:
-    """A rod of samples."""
     from scipy.interpolate import PchipInterpolator
 
     at = np.array([*samples.at[:-1], length])

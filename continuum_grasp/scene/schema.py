@@ -54,7 +54,6 @@ def json_schema(kind: str) -> _Node:
 
 
 def schema_text(schema: _Node) -> str:
-    """A schema as the text of a file."""
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 

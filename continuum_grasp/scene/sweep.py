@@ -104,7 +104,6 @@ class Varied(Configuration):
 
     @property
     def file(self) -> Path:
-        """A file beside which the paths lie."""
         return self._folder / type(self).__name__
 
 

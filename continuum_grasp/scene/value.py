@@ -209,7 +209,6 @@ class Configuration(Value):
 
 
 def _written(value: Any) -> str:
-    """A value as it is written in Python."""
     if not isinstance(value, Value):
         return repr(value)
     return f"{type(value).__name__}({', '.join(f'{name}={_written(entry)}' for name, entry in value.stated().items())})"

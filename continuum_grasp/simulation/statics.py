@@ -292,7 +292,6 @@ def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> Fi
 
 
 def with_drives(finger: Finger, changed: Callable[[Any], Any]) -> Finger:
-    """The finger with other drives of its tendons."""
     tendons: Any = finger.tendons
     if tendons is None:
         return finger

@@ -159,7 +159,6 @@ def run_path(folder: Path, index: int) -> Path:
 
 
 def write_run_file(folder: Path, index: int, content: bytes) -> None:
-    """Write the file of a run, whole or not at all."""
     target = run_path(folder, index) / RESULT
     temporary = target.with_name(f".tmp-{target.name}")
     try:

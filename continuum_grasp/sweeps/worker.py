@@ -67,7 +67,6 @@ class Outcome:
 
 
 def solve(scene: GraspScene) -> Any:
-    """The grasp of a scene, or why there is none."""
     from continuum_grasp.grasp import optimize_grasp
 
     return optimize_grasp(scene, raise_on_failure=False)

@@ -154,7 +154,6 @@ class Loop(ControlParts):
 
     @cached_property
     def measurement(self) -> Struct:
-        """Struct of the measurements."""
         text = "What is measured, NaN where it was not." if self.estimation else "The state."
         return Struct("measurement", text, named_fields(self.measurement_names, self.ranges.measurement))
 
@@ -167,7 +166,6 @@ class Loop(ControlParts):
 
     @property
     def start(self) -> Struct:
-        """From which the controller starts."""
         return self.measurement if self.estimation is None else self.estimate
 
     @cached_property

@@ -329,7 +329,6 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
 
 
 def _page(unit: Unit) -> str:
-    """A page of the variables."""
     rows = []
     for v in (*unit.variables, *unit.counts):
         span = [f"{end:g}" for end in (v.low, v.high) if abs(end) < 1e300]

@@ -116,7 +116,6 @@ def _friction(scene: Scene, coefficient: float | None) -> dict[str, str]:
 
 
 def numbers(*values: float) -> str:
-    """Numbers as an attribute."""
     return " ".join(f"{float(value):.12g}" for value in values)
 
 

@@ -86,7 +86,6 @@ def _acted_on(subject: Subject, kernel: Kernel, name: str, text: str, output: St
 
 
 def rate_fields(states: Sequence[Field]) -> tuple[Field, ...]:
-    """Rates of entries of a state."""
     return tuple(
         Field(f.name, f"{f.unit.removesuffix('/s')}/s2" if f.unit.endswith("/s") else f"{f.unit}/s") for f in states
     )

@@ -83,7 +83,6 @@ def frames_of(t: Array) -> NDArray[np.intp]:
 
 
 def trajectory_record(run: Trajectory, plant: WebPlant) -> Record:
-    """The record of a motion."""
     known = _columns(run.x_names, run.x)
     if not known.keys() >= set(plant.x_names):
         known = _with_tip(run) | known

@@ -132,7 +132,6 @@ class WoundTendons:
 
     @property
     def drives(self) -> tuple[DriveState, ...]:
-        """States of the drives."""
         pulls = np.where(self.in_tension, self.tensions, 0.0)
         if self.law.pulley:
             return (self._state(("left", "right"), self._wound_by_pulley, float(pulls[0] - pulls[1])),)

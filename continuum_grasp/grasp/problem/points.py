@@ -21,7 +21,6 @@ PRESSED = 1e-2
 
 
 def starting_point(problem: Layout, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
-    """Unknowns for a start."""
     units = Units.of(scene)
     values: Values = {"object pose": units.pose(start.object_pose)}
     for setup, finger in zip(scene.setups, problem.fingers, strict=True):

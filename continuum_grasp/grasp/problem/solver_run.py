@@ -305,7 +305,6 @@ class GraspSolverRun:
 
     @property
     def row_bounds(self) -> tuple[Array, Array]:
-        """Bounds of all constraints."""
         return self.problem.rows.bounds()
 
     @property
@@ -361,7 +360,6 @@ _IPOPT = {
 
 
 def settings_of(options: GraspSolver) -> nlp.Settings:
-    """Settings of a solver of grasps."""
     constraints = min(1e-9, options.tolerance)
     return nlp.Settings(options.method, options.tolerance, constraints, options.max_iterations, {"ipopt": _IPOPT})
 

@@ -51,7 +51,6 @@ class Units:
 
     @staticmethod
     def of(scene: GraspScene) -> Units:
-        """The units for a scene."""
         rods = [(setup.finger.rod.length, setup.stiffness) for setup in scene.setups]
         return Units(max(length for length, _ in rods), max(stiff / length**2 for length, stiff in rods))
 

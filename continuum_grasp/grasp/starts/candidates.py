@@ -204,7 +204,6 @@ def _clear(task: FingerTask, family: Postures) -> Postures:
 
 
 def with_tip(task: FingerTask, family: Postures) -> Postures | None:
-    """The postures on to the tip, which touches."""
     point, angle = ends_of(family)
     none, bent = np.zeros(len(family)), np.repeat(family.curvatures[:, -1:], 2, axis=1)
     last = started(none.astype(int), none, none, point, none, angle, family.knots[:, -1], bent)

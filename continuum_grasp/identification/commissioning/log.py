@@ -312,7 +312,6 @@ def _with_friction(
 
 
 def _words(way: Connected) -> str:
-    """A connection in words."""
     pairs = zip(way.order, way.signs, strict=True)
     lines = ", ".join(
         f"drive {c + 1} on {'-' if sign < 0 else ''}{tendon + 1}" for c, (tendon, sign) in enumerate(pairs)

@@ -110,7 +110,6 @@ class Rows:
         return len(getattr(self, fields(self)[0].name))
 
     def take(self, index: Any) -> Self:
-        """Select some of the rows."""
         rows = {
             name: value.take(index) if isinstance(value, Rows) else value[index] for name, value in vars(self).items()
         }
