@@ -14,9 +14,8 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.loop import identifiers, unit_of
-from continuum_grasp.export.fields import Field
+from continuum_grasp.export.fields import Field, fill
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.scene.drives import Pull

@@ -13,11 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.export.fields import Field, Real
+from continuum_grasp.export.fields import Field, Real, fill
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
 
 _LEAST, _IN_ALL = 64, 200
 """Rows per function, and of all functions together."""

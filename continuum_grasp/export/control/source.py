@@ -20,9 +20,8 @@ from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.precision import TOKEN, literal
 from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import DIAGNOSIS, Loop, identifiers
-from continuum_grasp.export.fields import Real, each_once
+from continuum_grasp.export.fields import Real, each_once, fill
 from continuum_grasp.export.strict_math import c_source
-from continuum_grasp.export.template import fill
 
 _MODULES = {
     "rti": "rti",

@@ -25,7 +25,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.source import generator_of, with_static_help
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.fields import REALS, fill
 from continuum_grasp.export.fmu.variable import (
     STRICT,
     TIP,
@@ -43,7 +43,6 @@ from continuum_grasp.export.parts.model import has_linearization
 from continuum_grasp.export.parts.seen import by_component
 from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.simulate import Scene

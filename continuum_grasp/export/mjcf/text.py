@@ -12,8 +12,8 @@ import numpy as np
 from continuum_grasp import __version__
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.links import Links
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.mjcf.controls import Control
-from continuum_grasp.export.template import fill
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.parts import OffsetPolygon, Part
 from continuum_grasp.scene.simulate import Scene

@@ -12,13 +12,12 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import Field, Struct, outside
+from continuum_grasp.export.fields import Field, Struct, fill, outside
 from continuum_grasp.export.kernel import Kernel, check_size
 from continuum_grasp.export.part import Argument, Call, Code, Part, Rows
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
-from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.planar import column

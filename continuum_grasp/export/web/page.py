@@ -28,12 +28,12 @@ from continuum_grasp.core.compiler import check_tools
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
 from continuum_grasp.export.control.loop import Loop, identifiers
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.layer import library_files
 from continuum_grasp.export.manifest import check_file
 from continuum_grasp.export.package import controller_of
 from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.source import assigned, phases_of
-from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
 from continuum_grasp.export.web.wasm import add_sizes, compiled

@@ -23,12 +23,11 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
 from continuum_grasp.export.control.loop import unit_of
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.fields import REALS, fill
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
 from continuum_grasp.export.parts.seen import contact_kernel, sections_kernel
 from continuum_grasp.export.strict_math import c_source
-from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
