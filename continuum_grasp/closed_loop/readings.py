@@ -16,6 +16,7 @@ from continuum_grasp.control.ocp.cost_terms import Quantities, cost_terms
 from continuum_grasp.control.ocp.setpoints import Tracking, amount
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.labels import unit_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.contacts import ContactForces
 
@@ -137,7 +138,7 @@ class Readings:
     def bounds(self, x: Array, u: Array, w: Array, held: Array, period: float) -> list[Bound]:
         """By how much each bound is exceeded at K instants; zones themselves, without the clearance asked for."""
         scene, bounds = self._scene, self._scene.controller.bounds
-        unit = self._stages.u_names[0].split("[")[1][:-1]
+        unit = unit_of(self._stages.u_names[0])
         beyond = np.maximum(u - self._stages.u_max, self._stages.u_min - u).max(axis=1)
         span = float(np.max(self._stages.u_max - self._stages.u_min))
         exceeded = [Bound("input", unit, beyond, span)]

@@ -18,6 +18,7 @@ from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.control.ocp.setpoints import amount, missed_setpoints, rms, tracking_of
 from continuum_grasp.control.status import spread
+from continuum_grasp.labels import name_of, unit_of
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene
@@ -208,8 +209,8 @@ class ControlRun(MotionResult):
     def metrics(self) -> Metrics:
         """Compute tracking error, effort, violations, times and counts."""
         error, u = self.tracked - self.r, self.u
-        names = [name.split(" ")[0] for name in self.r_names]
-        inputs = [names.index(name.split(" ")[0]) for name in self.u_names if name.split(" ")[0] in names]
+        names = [name_of(name) for name in self.r_names]
+        inputs = [names.index(name) for name in map(name_of, self.u_names) if name in names]
         away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
         held = np.vstack([u[:1], u[:-1]])
         steps = self.phase_times.sum(axis=1)
@@ -219,7 +220,7 @@ class ControlRun(MotionResult):
             cost=float(0.5 * self.period * np.sum(self.weights * error[:-1] ** 2)),
             effort_rms=rms(np.linalg.norm(away, axis=1)),
             rate_rms=rms(np.linalg.norm(u - held, axis=1) / self.period),
-            input_unit=self.u_names[0].split("[")[1][:-1],
+            input_unit=unit_of(self.u_names[0]),
             violations=tuple(map(violation_of, self.bounds)),
             times=tuple(Times(name, **spread(column)) for name, column in durations.items()) if steps.size else (),
             late=int(np.sum(steps > self.deadline)),
@@ -245,7 +246,7 @@ class ControlRun(MotionResult):
     @cached_property
     def _disturbed(self) -> list[tuple[int, int]]:
         """Columns in ``parameters`` and in ``std`` of each disturbance."""
-        columns = {name.split(" [")[0]: k for k, name in enumerate(self.p_names)}
+        columns = {name_of(name): k for k, name in enumerate(self.p_names)}
         added_to = [_parameter(name) for name in self.estimated_names]
         return [(columns[name], k) for k, name in enumerate(added_to) if name in columns]
 
@@ -378,7 +379,7 @@ _RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 def _parameter(name: str) -> str:
     """The parameter that a disturbance of the estimator adds to, by its name without unit and what tells them apart."""
     name = name.removesuffix(_RELATIVE).removesuffix(_OF_MASS)
-    return name.removeprefix("unknown_").split(" [")[0]
+    return name_of(name.removeprefix("unknown_"))
 
 
 def log_text(run: ControlRun) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import name_of
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived
 from continuum_grasp.scene.reach import check_reach
@@ -102,7 +103,7 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
         aim = goal.contact_force.value
         add("contact_force", "N", model.contact_names, aim, max(1.0, *map(abs, aim)), model.contact_force(x, u, p))
     if goal.input is not None:
-        names = tuple(name.split(" ")[0] for name in model.u_names)
+        names = tuple(map(name_of, model.u_names))
         add("input", motion.input_unit, names, goal.input.value, motion.scales.u, u)
     if goal.end != "moving":
         all_names, scale = np.array(model.x_names), motion.scales.x

@@ -16,6 +16,7 @@ from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import unit_of
 from continuum_grasp.model.memory import RETURN_TIME, clipped
 from continuum_grasp.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
 from continuum_grasp.scene.drives import MotorDrive
@@ -62,7 +63,7 @@ class Motion:
         self.hard = np.asarray(self.bounded.linear >= HARD.linear)
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu
-        self.input_unit = model.u_names[0].split("[")[1][:-1]
+        self.input_unit = unit_of(model.u_names[0])
         self.ns = self.nx + (self.nu if self.linear else 0)
         # A duration that is to be found is known by its order of magnitude: the middle of its logarithms.
         self.first_duration = float(np.sqrt(np.prod(scene.duration_range)))
@@ -89,7 +90,7 @@ class Motion:
         return _Scales(x, u, u / time, time, objective)
 
     def _unit(self, k: int, time: float) -> float:
-        n, unit = len(self.reach), self.prediction.x_names[k].rstrip("]").split(" [")[1]
+        n, unit = len(self.reach), unit_of(self.prediction.x_names[k])
         if k < n:
             return float(self.reach[k])
         if k < 2 * n:

@@ -22,6 +22,7 @@ from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.export.fields import Field, Real, Struct
+from continuum_grasp.labels import name_of
 from continuum_grasp.scene.control import ControlScene
 
 DIAGNOSIS = (
@@ -289,7 +290,7 @@ def identifiers(labels: Iterable[str]) -> list[str]:
     """C identifiers of labels ``name [unit]``, each once."""
     names: list[str] = []
     for label in labels:
-        name = re.sub(r"\W+", "_", label.split(" [")[0], flags=re.ASCII).strip("_")
+        name = re.sub(r"\W+", "_", name_of(label), flags=re.ASCII).strip("_")
         name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
         further = (f"{name}_{count}" for count in itertools.count(2))
         names.append(name if name not in names else next(candidate for candidate in further if candidate not in names))

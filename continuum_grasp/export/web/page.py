@@ -37,6 +37,7 @@ from continuum_grasp.export.source import assigned, phases_of
 from continuum_grasp.export.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
 from continuum_grasp.export.web.wasm import add_sizes, compiled
+from continuum_grasp.labels import name_of
 from continuum_grasp.mission.assignment import Assignment, object_height
 from continuum_grasp.mission.plant import Timetable, mission_plant_model
 from continuum_grasp.model.system import System
@@ -243,7 +244,7 @@ def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, 
         "starts": loop.start.name,
         "commands": identifiers(loop.stages.u_names),
         "reference": reference,
-        "names": [name.split(" ")[0] for name in sensors.names],
+        "names": [name_of(name) for name in sensors.names],
         "std": sensors.std.tolist(),
         "low": loop.stages.u_min.tolist(),
         "high": loop.stages.u_max.tolist(),
