@@ -75,7 +75,7 @@ def _draw_costs(ax: Axes, result: DesignResult) -> None:
 
 def _draw_influences(ax: Axes, result: DesignResult) -> None:
     """Bars at the start and at the best design, in its order; at an optimum only those at a bound remain."""
-    # 12: bars that are read at a glance
+    # 12: most bars, which are read at a glance
     influences = result.influences[:12]
     before = () if result.first is None else 0.01 * result.first.slope[: len(influences)]
     places = np.arange(len(influences))

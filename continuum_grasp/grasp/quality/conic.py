@@ -104,7 +104,7 @@ def solve_conic(
     settings.verbose = False
     # Numbers are near one already, and rounding must not be scaled up to it: 50 of 1,100 problems of grasps failed.
     settings.equilibrate_enable = False
-    # 1e-10: asked of the solver
+    # 1e-10: tolerance that is asked of the solver; what comes back is checked
     settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = 1e-10
     found = clarabel.DefaultSolver(
         diags_array(2.0 * weights, format="csc"), cost, csc_matrix(matrix), limits, kinds, settings

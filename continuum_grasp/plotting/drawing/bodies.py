@@ -227,7 +227,7 @@ def draw_object(ax: Axes, outlines: Sequence[Array], *, faint: bool = False, **s
     if faint:
         layers = [{**FAINT, "zorder": Z.FAINT_OBJECT}]
     else:  # all fillings lie on all edges, so that no edge shows where parts overlap
-        # 3.0: [points]; half of it lies under the filling
+        # 3.0: width of the edge [points], half of which lies under the filling
         edge = {"facecolor": EDGE, "edgecolor": EDGE, "linewidth": 3.0, "joinstyle": "round"}
         layers = [{**edge, "zorder": Z.OBJECT}, {"facecolor": OBJECT, "linewidth": 0.0, "zorder": Z.OBJECT_FILL}]
     drawn = [Polygon(outline, **{**layer, **style}) for layer in layers for outline in outlines]

@@ -143,7 +143,7 @@ def touch(
     unknown = np.column_stack([np.zeros((len(walk), len(ways))), walk])
     good = np.zeros(len(walk), bool)
     rows = np.arange(len(walk))
-    # 14: Newton steps
+    # 14: most Newton steps
     for _ in range(14):
         if not len(rows):
             break
