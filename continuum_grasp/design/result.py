@@ -260,12 +260,10 @@ class DesignResult(Result):
         """
         if self.best is None or self.first is None:
             return ()
-        first = {
-            case_values.case: set(case_values.acting) for case_values in self.first.cases if not any(case_values.signs)
-        }
-        last = {
-            case_values.case: set(case_values.acting) for case_values in self.best.cases if not any(case_values.signs)
-        }
+        first, last = (
+            {case.case: set(case.acting) for case in design.cases if not any(case.signs)}
+            for design in (self.first, self.best)
+        )
         kinks = []
         for case, count in self.acting.items():
             if count > 1:
