@@ -8,8 +8,8 @@ from __future__ import annotations
 from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
-    from continuum_grasp.environments.single import TASKS as TASKS
     from continuum_grasp.environments.single import FingerEnv as FingerEnv
+    from continuum_grasp.environments.tasks import TASKS as TASKS
     from continuum_grasp.environments.vector import Ended as Ended
     from continuum_grasp.environments.vector import FingerVectorEnv as FingerVectorEnv
 
@@ -20,6 +20,6 @@ __getattr__, __dir__ = lazy_names(__name__, _MODULES)
 from importlib.util import find_spec  # noqa: E402
 
 if find_spec("gymnasium") is not None:
-    from continuum_grasp.environments.single import register
+    from continuum_grasp.environments.tasks import register
 
     register()
