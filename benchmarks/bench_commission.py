@@ -26,8 +26,8 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.commissioning import Commissioning, commission
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mounting import Camera, Connection, Mounting
 
 _SHIFT, _TURN, _SCALE, _CELL, _DRIVE = 0.010, math.radians(8.0), 0.1, 5.0, 0.5
 """Greatest shift [m], turn [rad] and error of the scale [1] of the camera, and zeros of cells and drives [N]."""

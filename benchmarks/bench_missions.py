@@ -29,8 +29,7 @@ from continuum_grasp.mission.assignment import LARGEST, Assignment
 from continuum_grasp.mission.budget import held_resistance, plant_friction, plant_mass
 from continuum_grasp.mission.outcomes import Outcome
 from continuum_grasp.mission.plant import Variation, reserve
-from continuum_grasp.mission.run import run_mission
-from continuum_grasp.mission.trials import run_trials
+from continuum_grasp.mission.run import run_mission, run_trials
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
 

@@ -25,15 +25,15 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.mjcf.surroundings import numbers
+from continuum_grasp.export.mjcf.text import numbers
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import plant_mass
-from continuum_grasp.mission.drop import FALLEN
+from continuum_grasp.mission.causes import FALLEN
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.trials import variations
+from continuum_grasp.mission.run import variations
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import Box

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from continuum_grasp.identification.fitting import identify as identify
     from continuum_grasp.identification.replayed import replay as replay
     from continuum_grasp.mission.run import run_mission as run_mission
-    from continuum_grasp.mission.trials import run_trials as run_trials
+    from continuum_grasp.mission.run import run_trials as run_trials
     from continuum_grasp.model import FingerModel as FingerModel
     from continuum_grasp.model import System as System
     from continuum_grasp.planning import plan as plan

@@ -3,7 +3,7 @@
 Python raises `KeyboardInterrupt` in whatever runs. Where C++ of CasADi asks a Python object for its type, the exception
 is dropped and the work goes on; in an import it leaves half a module; at the end of a ``with`` block, a temporary file.
 The handler here notes Ctrl-C and raises it in the innermost frame that no such code lies above, as soon as that frame
-goes on; computations that look at `pressed` now and then end early for it.
+goes on; computations that look at `pressed` now and then end early for it. Within them linear algebra takes one thread.
 """
 
 from __future__ import annotations
@@ -21,13 +21,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-from continuum_grasp.threads import one_thread
-
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
-_LONGEST_WAIT = 10.0
-"""Longest time that a command waits for one call into C++ that cannot be stopped [s]; building a controller has some of
-5 s."""
 _PATIENCE = 1.5
 """After which it says that it waits [s]."""
 _SAME_PRESS = 0.5
@@ -244,8 +239,39 @@ def _watch(heard: int) -> None:
             waited = time.monotonic() - began
             if select.select([heard], [], [], 0.1)[0] and signal.SIGINT in os.read(heard, 64) and waited > _SAME_PRESS:
                 _end()
-            if waited > _LONGEST_WAIT and not _blocks:
+            # 10.0: longest time that a command waits for one call into C++ that cannot be stopped [s]; building a
+            # controller has some of 5 s
+            if waited > 10.0 and not _blocks:
                 _end()
             if waited > _PATIENCE and not reported:
                 os.write(2, b"interrupted; this step cannot be stopped (Ctrl-C again ends at once)\n")
                 reported = True
+
+
+VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Variables of the environment, which the libraries under numpy and scipy read when they are loaded."""
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Linear algebra within the block, and in processes started there, takes one thread, unless the environment states
+    a number.
+
+    The matrices here have some hundred rows: further threads cost more than they give (a grasp takes twice the
+    processor time with two), and the last digits of results depend on how many they are.
+    """
+    if any(name in os.environ for name in VARIABLES):
+        yield
+        return
+    os.environ.update(dict.fromkeys(VARIABLES, "1"))
+    try:
+        if "numpy" in sys.modules:  # its libraries have read the environment before
+            from threadpoolctl import threadpool_limits
+
+            with threadpool_limits(1, user_api="blas"):
+                yield
+        else:
+            yield
+    finally:
+        for name in VARIABLES:
+            os.environ.pop(name, None)

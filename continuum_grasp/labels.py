@@ -1,8 +1,10 @@
-"""Labels of entries: ``"name [unit]"``."""
+"""Short texts: labels of entries, ``"name [unit]"``, and what large objects are in a few lines."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
 """Factor and unit in which errors are shown to people, by SI unit."""
@@ -22,3 +24,79 @@ def name_of(label: str) -> str:
 def unit_of(label: str) -> str:
     """The unit behind a name."""
     return split_unit(label)[1]
+
+
+_LINE = 96
+"""Characters of a line [1]: a notebook's cell and a terminal show it without a break."""
+_ROWS = 8
+"""Lines below the first [1]: with lines of 96 characters, all stay below 1 kB."""
+
+
+class Summarized:
+    """Something large that is shown by a short summary, where a dataclass would print every array.
+
+    Subclasses override `headline` and `pairs`.
+    """
+
+    __slots__ = ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in vars(cls):  # a dataclass writes one of its own where its class has none
+            cls.__repr__ = Summarized.__repr__  # type: ignore[method-assign]
+
+    def headline(self) -> str:
+        """Name and status in one line; empty where there are none."""
+        return ""
+
+    def pairs(self) -> Mapping[str, str]:
+        """The few values that matter, with their units, by name."""
+        return {}
+
+    def __repr__(self) -> str:
+        return table(*self._summary())
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        head, rows = self._summary()
+        cells = "".join(
+            f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(text)}</td></tr>'
+            for name, text in rows.items()
+        )
+        return f"<div><b>{escape(head)}</b><table>{cells}</table>{self._picture_html()}</div>"
+
+    def _shown_pairs(self) -> Mapping[str, str]:
+        return self.pairs()
+
+    def _picture_html(self) -> str:
+        return ""
+
+    def _summary(self) -> tuple[str, dict[str, str]]:
+        """First line, and values by name; why there are none where they cannot be had: debuggers show them too."""
+        kind = type(self).__name__
+        try:
+            head, rows = self.headline(), dict(self._shown_pairs())
+        except Exception as error:
+            return kind, {"no summary": clipped(f"{type(error).__name__}: {error}")}
+        # 600: characters of a value on a page, which breaks lines: a warning with its advice fits
+        return clipped(f"{kind} {head}".strip()), {name: clipped(text, 600) for name, text in rows.items()}
+
+
+def table(head: str, rows: Mapping[str, str]) -> str:
+    """Names and values below a line, so many at most."""
+    width = max(map(len, rows), default=0)
+    lines = [clipped(f"  {name:<{width}}  {text}") for name, text in rows.items()]
+    return "\n".join([head, *lines[:_ROWS], *(["  ..."] if len(lines) > _ROWS else [])])
+
+
+def clipped(text: str, most: int = _LINE) -> str:
+    """A text in one line of so many characters at most."""
+    line = " ".join(text.splitlines())
+    return line if len(line) <= most else line[: most - 3] + "..."
+
+
+def quoted(name: str | None, *more: str) -> str:
+    """A name in quotation marks, where there is one, and what is said of it: ``"mug": optimal``."""
+    head, rest = f'"{name}"' if name else "", ", ".join(part for part in more if part)
+    return f"{head}: {rest}" if head and rest else head or rest

@@ -15,8 +15,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from continuum_grasp.errors import SolverError
-from continuum_grasp.interrupt import ignored_by_children
-from continuum_grasp.threads import one_thread
+from continuum_grasp.interrupt import ignored_by_children, one_thread
 
 
 @dataclass

@@ -15,7 +15,7 @@ from continuum_grasp.model.family import Family, Rod, mean
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import collocation, node_count
-from continuum_grasp.scene.families import CurvatureFamily
+from continuum_grasp.scene.methods import CurvatureFamily
 from continuum_grasp.scene.profile import Curve
 
 NAME = "quadratic"

@@ -24,10 +24,10 @@ from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
-from continuum_grasp.environments.spaces import observed_of, state_bounds
+from continuum_grasp.environments.sensing import observed_of, state_bounds
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.fmu import finger, loop_plant
+from continuum_grasp.export.fmu import plant as plants
 from continuum_grasp.export.fmu.variable import Variable
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.export.ranges import input_fields
@@ -190,19 +190,19 @@ def units_of_loop(scene: ControlScene) -> Iterator[object]:
     """What functional mock-up units of a closed loop have: the controller by its first setpoints, and the plant."""
     first = Loop.of(scene, REALS["double"], ["mpc"])
     yield from (names_of(scene), replace(first, setpoints=first.setpoints.rows(_INSTANTS[:1]), duration=0.0))
-    with patch.object(loop_plant, "Unit", _given):
-        yield {key: made for key, made in loop_plant.loop_plant_unit(scene, "unit").items() if key != "manifest"}
+    with patch.object(plants, "Unit", _given):
+        yield {key: made for key, made in plants.loop_plant_unit(scene, "unit").items() if key != "manifest"}
 
 
 def unit(scene: Scene) -> Iterator[object]:
     """What a functional mock-up unit of a finger has."""
     scene = resolve_fidelity(scene)[0]
     with (
-        patch.object(finger, "library_of", _library),
-        patch.object(finger, "Unit", _given),
-        patch.object(finger, "variables_of", _variables),
+        patch.object(plants, "library_of", _library),
+        patch.object(plants, "Unit", _given),
+        patch.object(plants, "variables_of", _variables),
     ):
-        made = finger.finger_unit(scene, "unit", step=None, substeps=None, ranges=None)
+        made = plants.finger_unit(scene, "unit", step=None, substeps=None, ranges=None)
     yield {key: value for key, value in made.items() if key != "manifest"}
     yield from package(scene)
 

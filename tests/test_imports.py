@@ -10,17 +10,15 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "continuum_grasp"
 FILES = sorted(PACKAGE.rglob("*.py"))
-COMMON = {"arguments", "arrays", "errors", "labels", "_lazy", "interrupt", "summary", "threads", "workers", ""}
+COMMON = {"arguments", "arrays", "errors", "labels", "_lazy", "interrupt", "workers", ""}
 """What all may import; the empty name is the package itself."""
 ALLOWED = {
     "errors": set(),
     "arguments": set(),
     "arrays": set(),
     "_lazy": set(),
-    "interrupt": {"threads"},
+    "interrupt": set(),
     "labels": set(),
-    "summary": set(),
-    "threads": set(),
     "workers": set(),
     "scene": {"scene"},
     "rod": {"rod", "scene"},

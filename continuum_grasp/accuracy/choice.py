@@ -16,7 +16,7 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import MOST_ELEMENTS, SHORTEST, element_lengths
 from continuum_grasp.model.quadrature import RANGES
-from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.simulate import Fidelity, Scene
 from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals
@@ -48,7 +48,6 @@ class Choice:
 
     @property
     def elements(self) -> int:
-        """Number of elements."""
         return len(self.lengths)
 
     @property

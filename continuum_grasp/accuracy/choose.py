@@ -25,16 +25,10 @@ from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.cache import entry_for, hash_of_code
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.labels import Summarized, quoted
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
-from continuum_grasp.summary import Summarized, quoted
 
-_PROBE = 1e-6
-"""Relative accuracy of evaluation that shows whether a number of elements can meet the tolerance: its own error is
-below that of any number of elements on the list."""
-_TERMS_SHARE = 4.0
-"""Accuracy of evaluation per tolerance [1] up to which choices are listed where the scene moves: about the tolerance
-itself, see ``allowed_accuracies``."""
 _MEASURE = ("accuracy", "rod", "model", "scene", "simulation")
 """Packages whose code decides what is chosen."""
 
@@ -143,7 +137,9 @@ def allowed_accuracies(scene: Scene, tolerance: float) -> tuple[float, ...]:
     """
     if scene.fidelity.accuracy is not None:
         return (scene.fidelity.accuracy,)
-    limit = _TERMS_SHARE * tolerance if scene.time is not None else math.inf
+    # 4.0: accuracy of evaluation per tolerance up to which choices are listed where the scene moves: about the
+    # tolerance itself, see ``allowed_accuracies``
+    limit = 4.0 * tolerance if scene.time is not None else math.inf
     return tuple(accuracy for accuracy in ACCURACIES if accuracy <= limit) or ACCURACIES[-1:]
 
 
@@ -170,7 +166,9 @@ class _Search:
                 closed.add(coarse.aligned)
                 continue
             # First with fine terms: an error that remains is that of the elements, whatever the terms.
-            probing = coarse.finest([min(_PROBE, 0.1 * self.tolerance), *accuracies]) or coarse
+            # 1e-6: relative accuracy of evaluation that shows whether a number of elements can meet the tolerance: its
+            # own error is below that of any number of elements on the list
+            probing = coarse.finest([min(1e-6, 0.1 * self.tolerance), *accuracies]) or coarse
             probe = self._measured(probing)
             if math.isfinite(probe.radius):
                 stiffness[coarse.aligned] = probe.radius

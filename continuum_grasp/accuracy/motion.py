@@ -14,8 +14,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS, default_family
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -23,14 +22,8 @@ from continuum_grasp.simulation.simulate import simulate
 
 _FINE = (8, 12)
 """Clothoids of the two reference motions; their difference shows how good the second is, by the fourth order."""
-_REFERENCE_ERROR = 2e-7
-"""Error of the time steps of reference motions, per length: far below what twelve clothoids leave."""
-_SPAN = 1.0
-"""Longest motion that is compared [s]: a phase error grows with time and hides every other in the end."""
 INSTANTS = 200
 """At which tips are compared: 5 ms apart in a motion of a second."""
-_FIRST = 10
-"""Instants until which steps that are too long have mostly run away: those are given up after a twentieth."""
 _SUBSTEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 1024)
 """Steps between two instants that are tried; the pace is known to the ratio of neighbors, from 4 on at most 1.5."""
 
@@ -55,7 +48,6 @@ class Pace:
 
     @property
     def real_time_factor(self) -> float:
-        """Model time per time."""
         return 1e9 / (self.steps_per_second * self.step_ns)
 
 
@@ -63,7 +55,8 @@ def timing_of_comparison(scene: Scene) -> Timing:
     """A time span of at most a second with some two hundred instants."""
     if scene.time is None:
         raise InputError("comparing motions needs time: {duration: ..., step: ...}", key="time")
-    span = min(scene.time.duration, _SPAN)
+    # 1.0: longest motion that is compared [s]: a phase error grows with time and hides every other in the end
+    span = min(scene.time.duration, 1.0)
     return Timing(duration=span, step=span / INSTANTS, method="auto")
 
 
@@ -72,7 +65,8 @@ def reference_motion(scene: Scene, truth: Truth) -> Motion:
 
     Steps are implicit where the elements are stiff: twelve of the hand's finger on winches change at 6e6 1/s.
     """
-    timing = timing_of_comparison(scene).model_copy(update={"tolerance": _REFERENCE_ERROR})
+    # 2e-7: error of the time steps of reference motions, per length: far below what twelve clothoids leave
+    timing = timing_of_comparison(scene).model_copy(update={"tolerance": 2e-7})
     fine = {c.elements: c for c in choices(scene, truth, default_family(free_tip=True), 1e-9)}
     tips = []
     for count in _FINE:
@@ -105,7 +99,9 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
     finest: Array | None = None
     for k, substeps in enumerate(_SUBSTEPS):
         try:
-            tip(substeps, _FIRST)
+            # 10: instants until which steps that are too long have mostly run away: those are given up after a
+            # twentieth
+            tip(substeps, 10)
             path = tip(substeps)
         except NumericalError:
             continue
@@ -125,8 +121,6 @@ def rms(off: Array) -> float:
 
 _STEPS = 2000
 """Steps of a timed rollout: 8,000 evaluations, which take far longer than the resolution of the timers."""
-_REPEATS = 7
-"""Timed rollouts, of which the median counts."""
 
 
 def evaluation_ns(model: FingerModel) -> float:
@@ -142,7 +136,8 @@ def evaluation_ns(model: FingerModel) -> float:
     # Not zero, whose powers are denormal numbers, which processors are slow with.
     start[: model.n] = 0.4 * np.array(model.structure.coordinate_limits())
     times = []
-    for _ in range(_REPEATS):
+    # 7: timed rollouts, of which the median counts
+    for _ in range(7):
         began = clock()
         core.rollout(start, _STEPS, 1e-9)
         times.append(clock() - began)

@@ -185,9 +185,6 @@ class AccuracyReport(Result):
         return target
 
 
-_LONGEST = 10_000
-"""Instructions of the forward dynamics up to which a model is compiled and timed; compiling larger ones would take
-most of the report's time."""
 _EQUAL = 1e-4
 """Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
 
@@ -208,7 +205,9 @@ def row_of(choice: Choice, truth: Truth, reference: Motion | None) -> tuple[Any,
     assessment, model = assess(choice, truth), choice.model
     scene = choice.scene.model_copy(update={"fidelity": choice.fidelity})
     time, factor, motion = math.nan, math.nan, math.nan
-    if assessment.instructions <= _LONGEST:
+    # 10_000: instructions of the forward dynamics up to which a model is compiled and timed; compiling larger ones
+    # would take most of the report's time
+    if assessment.instructions <= 10_000:
         time = evaluation_ns(model)
         if reference is not None:
             try:

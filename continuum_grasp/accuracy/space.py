@@ -38,10 +38,6 @@ _MOST = 16
 """Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen (``COUNTS``)."""
 _PLACES, _INSTANTS = 21, 100
 """Places along the finger and instants of a motion that are compared [1]."""
-_TIME_SHARE = 0.1
-"""Error in time per tolerance of the whole [1]: what two motions compared have of it is then small against that."""
-_LEAST_TIME = 1e-10
-"""Least error in time that can be asked for, per length [1]."""
 
 _HALVED = Consumer("accuracy in space", {"initial.friction_states": "belongs to these elements"})
 
@@ -97,7 +93,9 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
     tolerance, or the finer motion is not found, a warning says so. Ctrl-C raises Interrupted with the motion.
     """
     if scene.time is not None and tolerance is not None:
-        steps = min(scene.time.tolerance, max(_TIME_SHARE * tolerance, _LEAST_TIME))
+        # 0.1: error in time per tolerance of the whole: what two motions compared have of it is then small against that
+        # 1e-10: least error in time that can be asked for, per length
+        steps = min(scene.time.tolerance, max(0.1 * tolerance, 1e-10))
         scene = scene.replaced(time=scene.time.replaced(tolerance=steps))
     motion = simulate(scene, progress=progress)
     if tolerance is None and not (scene.time and scene.time.space_error):

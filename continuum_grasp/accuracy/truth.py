@@ -97,11 +97,6 @@ def find_truth(scene: Scene) -> Truth:
     return Truth(tuple(cases), tuple(omitted))
 
 
-_EVENLY = 7
-"""Instants besides time zero and those at which a load or an input is greatest or least: few, as each costs an
-equilibrium of the exact rod and one of every choice."""
-
-
 @dataclass(frozen=True)
 class LoadCase:
     """A scene whose loads and inputs are constant.
@@ -126,7 +121,9 @@ def load_cases(scene: Scene) -> list[LoadCase]:
     sampled = [value for value in values if isinstance(value, Samples | VectorSamples)]
     end = scene.time.duration if scene.time is not None else float("inf")
     instants = sorted({t for value in sampled for t in value.times if 0.0 < t <= end})
-    chosen = set(instants[:: max(1, -(-len(instants) // _EVENLY))])
+    # 7: instants besides time zero and those at which a load or an input is greatest or least: few, as each costs an
+    # equilibrium of the exact rod and one of every choice
+    chosen = set(instants[:: max(1, -(-len(instants) // 7))])
     for value in sampled:
         chosen |= {t for t in _extremes(value) if 0.0 < t <= end}
     if any(value.times[-1] > end for value in sampled):

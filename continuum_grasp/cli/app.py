@@ -124,11 +124,13 @@ def _root(
 
 
 _VERBS = """
-new simulate compare grasp plan mpc replay commission sweep design modes accuracy identify export schema validate doctor
+configurations:new motions:simulate measurements:compare grasps:grasp motions:plan mpc:mpc measurements:replay
+measurements:commission grasps:sweep grasps:design motions:modes motions:accuracy measurements:identify export:export
+configurations:schema configurations:validate configurations:doctor
 """
-"""Verbs; each is the function of its name in the module of its name."""
-for _name in _VERBS.split():
-    app.command(cls=_Verb)(resolve_name(f"continuum_grasp.cli.{_name}:{_name}"))
+"""Verbs, each behind the module that has its function."""
+for _place in _VERBS.split():
+    app.command(cls=_Verb)(resolve_name(f"continuum_grasp.cli.{_place}"))
 
 
 def _say_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:

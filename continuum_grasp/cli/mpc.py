@@ -119,7 +119,7 @@ def _carry_out(scene: MissionScene, output: Output) -> None:
 
 def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
     """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
-    from continuum_grasp.mission.trials import run_trials
+    from continuum_grasp.mission.run import run_trials
 
     grasp = _grasp(scene, output)
     stopped: Interrupted | None = None

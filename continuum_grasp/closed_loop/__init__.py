@@ -5,14 +5,14 @@ from __future__ import annotations
 from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
+    from continuum_grasp.closed_loop.drivers import RealTime as RealTime
     from continuum_grasp.closed_loop.drivers import SerialBoard as SerialBoard
     from continuum_grasp.closed_loop.drivers import SimulatedBench as SimulatedBench
     from continuum_grasp.closed_loop.hardware import Driver as Driver
     from continuum_grasp.closed_loop.hardware import HardwareRun as HardwareRun
     from continuum_grasp.closed_loop.hardware import run_hardware as run_hardware
-    from continuum_grasp.closed_loop.metrics import Metrics as Metrics
     from continuum_grasp.closed_loop.plant import Plant as Plant
-    from continuum_grasp.closed_loop.real_time import RealTime as RealTime
+    from continuum_grasp.closed_loop.readings import Metrics as Metrics
     from continuum_grasp.closed_loop.result import ControlRun as ControlRun
     from continuum_grasp.closed_loop.run import run_closed_loop as run_closed_loop
     from continuum_grasp.closed_loop.schedule import Phase as Phase

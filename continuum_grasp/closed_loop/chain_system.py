@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, HingeChain
+from continuum_grasp.closed_loop.links import OF_FINGER, HingeChain
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.contacts import Contacts
@@ -27,15 +27,9 @@ from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.system import System, columns
 from continuum_grasp.model.touching import Station
 from continuum_grasp.model.winches import Winch
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside, unknown_to
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Initial, Scene
-
-_NO_TENSION = 1e-9
-"""Tension below which a tendon has no friction that could be read off [N]."""
-_NO_BEND = 1e-9
-"""Greatest loss, as a logarithm, below which a tendon has no friction that could be read off [1]."""
 
 
 class ChainSystem(HingeChain, Functions):
@@ -257,12 +251,14 @@ class ChainSystem(HingeChain, Functions):
         first = int(cable.conduit > 0.0)
         base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
         at = 2 * n + tendon * (n + 1)
-        along = ca.fmax(ca.vertcat(base, x[at : at + cable.guides]), _NO_TENSION)
+        # 1e-9: tension below which a tendon has no friction that could be read off [N]
+        along = ca.fmax(ca.vertcat(base, x[at : at + cable.guides]), 1e-9)
         inside = [k for k in range(cable.guides - first) if start <= self.links.at[k] <= end]
         if not inside or cable.friction == 0.0:
             return ca.SX(0.0)
         loss = ca.log(along[inside[0] + first]) - ca.log(along[inside[-1] + first + 1])
-        greatest_loss = cable.friction * ca.sum1(ca.fabs(x[inside[0] : inside[-1] + 1])) + _NO_BEND
+        # 1e-9: greatest loss, as a logarithm, below which a tendon has no friction that could be read off
+        greatest_loss = cable.friction * ca.sum1(ca.fabs(x[inside[0] : inside[-1] + 1])) + 1e-9
         return ca.fmin(ca.fmax(loss / greatest_loss, -1.0), 1.0)
 
     # -- the start ----------------------------------------------------------------------------------------------------

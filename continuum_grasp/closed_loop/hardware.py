@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments, positive, within
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.real_time import HangsError, RealTime, alarm, no_collection, real_time, wait_until
+from continuum_grasp.closed_loop.drivers import HangsError, RealTime, alarm, no_collection, real_time, wait_until
 from continuum_grasp.closed_loop.wiring import wiring_of
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.command import Command
@@ -25,13 +25,6 @@ from continuum_grasp.control.prediction import start_state
 from continuum_grasp.control.status import Health, Status, spread
 from continuum_grasp.errors import InputError, Interrupted
 from continuum_grasp.scene.simulate import Initial
-
-_MOST_CYCLES = 1e7
-"""Cycles of one run [1]: their log is held in memory, 1 GB; a day at 10 ms."""
-_RAMP = 0.5
-"""Time in which the last command goes to that at rest [s], as the safe ramp of controllers."""
-_RESTS = 1e-3
-"""Distance of a command from that at rest, per its range, at which a tripped loop ends [1]."""
 
 
 @runtime_checkable
@@ -158,7 +151,8 @@ def run_hardware(
     ('finished', 10)
     """
     period = controller.period
-    duration = within("duration", positive("duration", duration), 0.0, _MOST_CYCLES * period)
+    # 1e7: cycles of one run: their log is held in memory, 1 GB; a day at 10 ms
+    duration = within("duration", positive("duration", duration), 0.0, 1e7 * period)
     if not 0.0 <= spin < period:
         raise InputError(f"expected a time from 0 to the period of {period:g} s, got {spin!r:.60}", key="spin")
     within("soft_start", soft_start, 0.0, 60.0)
@@ -230,7 +224,6 @@ class _Loop:
         self.arm: Callable[[bool], object] = lambda on: None
 
     def run(self, cycles: int, spin: float) -> None:
-        """Run all cycles of the loop on the hardware."""
         controller, period = self.controller, self.controller.period
         idle = getattr(self.driver, "idle", None)
         # A period ahead, so that the first cycle is not late by what was done until here.
@@ -258,7 +251,8 @@ class _Loop:
             self._record(measured)
             if command.health is Health.TRIPPED:
                 self.ended, self.cause = "tripped", command.health_text
-                if np.all(np.abs(self._last - self._rest) <= _RESTS * self._range):
+                # 1e-3: distance of a command from that at rest, per its range, at which a tripped loop ends
+                if np.all(np.abs(self._last - self._rest) <= 1e-3 * self._range):
                     return
             if idle is not None:
                 idle()
@@ -299,7 +293,8 @@ class _Loop:
         """Go from the last command to the input at rest, period by period, also where the driver fails again."""
         period, first = self.controller.period, self._last
         command = self._command or self.controller.step(None, late=True)
-        count = max(1, math.ceil(_RAMP * float(np.max(np.abs(first - self._rest) / self._range)) / period))
+        # 0.5: time in which the last command goes to that at rest [s], as the safe ramp of controllers
+        count = max(1, math.ceil(0.5 * float(np.max(np.abs(first - self._rest) / self._range)) / period))
         for k in range(count):
             try:
                 self._send(command, first + (k + 1) / count * (self._rest - first), Status.SAFE_RAMP)
@@ -310,7 +305,6 @@ class _Loop:
             time.sleep(period)
 
     def found(self, granted: tuple[str, ...]) -> HardwareRun:
-        """The run as it was recorded."""
         controller, count = self.controller, len(self.u)
         none = np.full(len(controller.measurement_names), np.nan)
         lacking = max(0, 2 - count)  # a log has two rows at least

@@ -16,7 +16,7 @@ from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.core.source import filled, generated, template
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.functions import Remade
 
 GUIDES = "guides"
 """Name of the method of chains of guides, which is none of ``INTEGRATORS``."""

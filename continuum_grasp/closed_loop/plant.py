@@ -204,12 +204,6 @@ class SharedPlant:
         return joint.parts(self._integration.advance(joint.joined(x), np.concatenate(u), *timing))
 
 
-_EXPLICIT_UP_TO = 40
-"""Sub-steps per control period up to which the explicit method is taken."""
-_LONGEST = 1.25e-3
-"""Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
-_GUIDED_STEP = 1e-3
-"""Step of a chain of guides, which is implicit [s]."""
 _SHAPES = 4
 """Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
@@ -230,7 +224,8 @@ def choose_method(model: PlantModel, period: float) -> Method:
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
     if isinstance(system, ChainSystem):
-        return Method(GUIDES, math.ceil(period / _GUIDED_STEP - 1e-9), radius)
+        # 1e-3: step of a chain of guides, which is implicit [s]
+        return Method(GUIDES, math.ceil(period / 1e-3 - 1e-9), radius)
     for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
@@ -241,15 +236,12 @@ def choose_method(model: PlantModel, period: float) -> Method:
     if system.surroundings is not None or system.structure.has_law("damping"):
         partial = stiff_method(system.structure) if system.structure.has_law("damping") else "ros2"
         return Method(partial, math.ceil(period / PARTIAL_STEP - 1e-9), radius)
-    wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / _LONGEST - 1e-9)
-    if wanted <= max(_EXPLICIT_UP_TO, least):
+    # 1.25e-3: longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6
+    wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / 1.25e-3 - 1e-9)
+    # 40: sub-steps per control period up to which the explicit method is taken
+    if wanted <= max(40, least):
         return Method("rk4", max(wanted, least, 1), radius)
     return Method(stiff_method(system.structure), max(least, 1), radius)
-
-
-_PER_ELEMENT = 4
-"""Sections of each element of the controller's model whose angles are compared [1]: more than the two bending
-coordinates of a clothoid, so that the least squares average over the element."""
 
 
 class Sensors:
@@ -301,7 +293,9 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
     """
     n, length = prediction.system.n, plant.scene.finger.rod.length
     edges = np.cumsum([0.0, *prediction.system.finger_model.lengths])
-    parts = [np.linspace(a, b, _PER_ELEMENT + 1)[1:] for a, b in pairwise(edges)]
+    # 4: sections of each element of the controller's model whose angles are compared: more than the two bending
+    # coordinates of a clothoid, so that the least squares average over the element
+    parts = [np.linspace(a, b, 4 + 1)[1:] for a, b in pairwise(edges)]
     at = tuple(float(s) for s in np.minimum(np.concatenate(parts), length))
     angles = _angles(prediction, at)
     plant_states = plant.named_states | _friction_states(plant, prediction) | _section_states(plant, prediction)

@@ -15,14 +15,14 @@ from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import System
 from continuum_grasp.model.actuation import lag_names, lag_rates
+from continuum_grasp.model.functions import Remade
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.planar import column
-from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.loads import Actuation
+from continuum_grasp.scene.methods import FAMILIES, default_family
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -261,7 +261,6 @@ class PlantModel(Remade):
 
     @property
     def chain(self) -> ChainSystem:
-        """The chain of a plant of guides."""
         if not isinstance(self.system, ChainSystem):
             raise TypeError("the plant is no chain of guides")
         return self.system

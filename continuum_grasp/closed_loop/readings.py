@@ -1,4 +1,4 @@
-"""Tracked and bounded quantities, read off the plant itself."""
+"""Tracked and bounded quantities, read off the plant itself, and the performance of a closed loop by them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.bounds import curvature_limits, distance_from
 from continuum_grasp.control.ocp.cost_terms import Quantities, cost_terms
+from continuum_grasp.control.ocp.setpoints import Tracking, amount
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.labels import unit_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.contacts import ContactForces
 
@@ -136,7 +138,7 @@ class Readings:
     def bounds(self, x: Array, u: Array, w: Array, held: Array, period: float) -> list[Bound]:
         """By how much each bound is exceeded at K instants; zones themselves, without the clearance asked for."""
         scene, bounds = self._scene, self._scene.controller.bounds
-        unit = self._stages.u_names[0].split("[")[1][:-1]
+        unit = unit_of(self._stages.u_names[0])
         beyond = np.maximum(u - self._stages.u_max, self._stages.u_min - u).max(axis=1)
         span = float(np.max(self._stages.u_max - self._stages.u_min))
         exceeded = [Bound("input", unit, beyond, span)]
@@ -160,3 +162,81 @@ class Readings:
                 depth = half[of] - distance_from(zone, *fine[:, of].transpose(2, 0, 1))
                 exceeded.append(Bound(name, "m", depth.max(axis=1), self._length))
         return exceeded
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Greatest amount by which a bound was exceeded (negative: the least distance from it), and for how long."""
+
+    name: str
+    unit: str
+    worst: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Times:
+    """Time that a phase of the controller took, or the whole step [s]."""
+
+    name: str
+    median: float
+    p99: float
+    max: float
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """A closed loop in numbers.
+
+    ``tracking`` is per quantity that is followed; distances of points are Euclidean, over all of them for sections.
+    ``cost`` is the sum over the run of the controller's own running cost, on the plant. ``effort_rms`` is of the
+    input's deviation from the setpoint of effort, or from its least where there is none [N or N m], ``rate_rms`` of
+    its rate [N/s or N m/s]. ``late`` counts steps that took longer than the deadline; ``mismatch`` is the greatest
+    mean squared normalized innovation of a sensor, about 1 where sensors and model agree.
+    """
+
+    tracking: tuple[Tracking, ...]
+    cost: float
+    effort_rms: float
+    rate_rms: float
+    input_unit: str
+    violations: tuple[Violation, ...]
+    times: tuple[Times, ...]
+    late: int
+    statuses: dict[str, int]
+    anomalies: dict[str, int]
+    health: dict[str, int]
+    mismatch: float
+
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Return a table of four columns: what, and three values with their units."""
+        rows = [("tracking error", "r.m.s.", "max", "final")]
+        rows += [(t.name, amount(t.rms, t.unit), amount(t.max, t.unit), amount(t.final, t.unit)) for t in self.tracking]
+        rows.append(("bound", "worst", "exceeded", ""))
+        rows += [(v.name, amount(v.worst, v.unit), f"{100 * v.share:.1f} %", "") for v in self.violations]
+        return rows + self.time_rows()
+
+    def time_rows(self) -> list[tuple[str, str, str, str]]:
+        """Return the rows of that table which say how long the phases of a step and the whole step took."""
+        rows = [(t.name, amount(t.median, "s"), amount(t.p99, "s"), amount(t.max, "s")) for t in self.times]
+        return [("time", "median", "99 %", "max"), *rows]
+
+    def pairs(self) -> dict[str, str]:
+        """Single values by name."""
+        counts = {"status": self.statuses, "anomalies": self.anomalies, "health": self.health}
+        words = {k: ", ".join(f"{n} {name}" for name, n in v.items()) or "none" for k, v in counts.items()}
+        return {
+            "closed-loop cost": f"{self.cost:.6g}",
+            "effort": f"{amount(self.effort_rms, self.input_unit)} r.m.s.",
+            "input rate": f"{amount(self.rate_rms, self.input_unit + '/s')} r.m.s.",
+            "late": f"{self.late}",
+            **words,
+            "mismatch": f"{self.mismatch:.2g} at most",
+        }
+
+
+def violation_of(bound: Bound) -> Violation:
+    """Evaluate a bound; what exceeds it by rounding alone does not count."""
+    worst = float(bound.excess.max())
+    rounding = 1e-9 * max(1.0, float(np.abs(bound.excess).max()))
+    return Violation(bound.name, bound.unit, worst, float(np.mean(bound.excess > rounding)))

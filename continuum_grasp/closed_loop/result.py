@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.metrics import Metrics, Times, violation_of
-from continuum_grasp.closed_loop.readings import Bound, Readings
+from continuum_grasp.closed_loop.readings import Bound, Metrics, Readings, Times, violation_of
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.control.ocp.setpoints import amount, missed_setpoints, rms, tracking_of
 from continuum_grasp.control.status import spread
+from continuum_grasp.labels import name_of, unit_of
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene
@@ -209,8 +209,8 @@ class ControlRun(MotionResult):
     def metrics(self) -> Metrics:
         """Compute tracking error, effort, violations, times and counts."""
         error, u = self.tracked - self.r, self.u
-        names = [name.split(" ")[0] for name in self.r_names]
-        inputs = [names.index(name.split(" ")[0]) for name in self.u_names if name.split(" ")[0] in names]
+        names = [name_of(name) for name in self.r_names]
+        inputs = [names.index(name) for name in map(name_of, self.u_names) if name in names]
         away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
         held = np.vstack([u[:1], u[:-1]])
         steps = self.phase_times.sum(axis=1)
@@ -220,7 +220,7 @@ class ControlRun(MotionResult):
             cost=float(0.5 * self.period * np.sum(self.weights * error[:-1] ** 2)),
             effort_rms=rms(np.linalg.norm(away, axis=1)),
             rate_rms=rms(np.linalg.norm(u - held, axis=1) / self.period),
-            input_unit=self.u_names[0].split("[")[1][:-1],
+            input_unit=unit_of(self.u_names[0]),
             violations=tuple(map(violation_of, self.bounds)),
             times=tuple(Times(name, **spread(column)) for name, column in durations.items()) if steps.size else (),
             late=int(np.sum(steps > self.deadline)),
@@ -246,7 +246,7 @@ class ControlRun(MotionResult):
     @cached_property
     def _disturbed(self) -> list[tuple[int, int]]:
         """Columns in ``parameters`` and in ``std`` of each disturbance."""
-        columns = {name.split(" [")[0]: k for k, name in enumerate(self.p_names)}
+        columns = {name_of(name): k for k, name in enumerate(self.p_names)}
         added_to = [_parameter(name) for name in self.estimated_names]
         return [(columns[name], k) for k, name in enumerate(added_to) if name in columns]
 
@@ -305,7 +305,9 @@ class ControlRun(MotionResult):
         warnings += self.missed
         for bound in self.bounds:
             k = int(bound.excess.argmax())
-            if bound.excess[k] > _LEFT * bound.scale:
+            # 1e-3: share of a bound's scale, of zones the finger's length, by which it is exceeded where there is a
+            # warning
+            if bound.excess[k] > 1e-3 * bound.scale:
                 beyond = f"{bound.name}: exceeded by {amount(bound.excess[k], bound.unit)} at {self.t[k]:.3g} s"
                 warnings.append(
                     f"{beyond}; likely cause: a start or a setpoint beyond it, a low penalty, or a finger that differs "
@@ -371,15 +373,13 @@ class ControlRun(MotionResult):
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))
 """Statuses of commands that come from the solver."""
-_LEFT = 1e-3
-"""Share of a bound's scale, of zones the finger's length, by which it is exceeded where there is a warning [1]."""
 _RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 
 
 def _parameter(name: str) -> str:
     """The parameter that a disturbance of the estimator adds to, by its name without unit and what tells them apart."""
     name = name.removesuffix(_RELATIVE).removesuffix(_OF_MASS)
-    return name.removeprefix("unknown_").split(" [")[0]
+    return name_of(name.removeprefix("unknown_"))
 
 
 def log_text(run: ControlRun) -> str:

@@ -28,9 +28,6 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 
-_CHECKED = 50
-"""Periods that are integrated again with steps half as long [1]; their cost does not grow with the run."""
-
 
 @runtime_checkable
 class Controls(Protocol):
@@ -294,7 +291,8 @@ def _plant_errors(shared: SharedPlant, runs: Sequence[ControlRun]) -> list[float
     count = len(runs[0].u)
     if not count:
         return [0.0] * len(runs)
-    chosen = np.unique(np.linspace(0, count - 1, min(count, _CHECKED)).astype(int))
+    # 50: periods that are integrated again with steps half as long; their cost does not grow with the run
+    chosen = np.unique(np.linspace(0, count - 1, min(count, 50)).astype(int))
     finer = [
         shared.replayed([run.x[k] for run in runs], [run.u[k] for run in runs], float(runs[0].t[k])) for k in chosen
     ]

@@ -45,7 +45,6 @@ class Schedule:
 
     @property
     def phase(self) -> Phase:
-        """The present phase."""
         return self.phases[self.current]
 
     @property

@@ -116,7 +116,6 @@ class SharedModel:
 
     @property
     def chains(self) -> tuple[ChainSystem, ...]:
-        """The chain of each finger."""
         return tuple(plant.chain for plant in self.plants)
 
     @property

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.mounting import Connection, Mounting
+from continuum_grasp.scene.estimator import Connection, Mounting
 
 TIP = ("tip_x [m]", "tip_y [m]")
 

@@ -12,8 +12,7 @@ from continuum_grasp.control.estimation.contact_detector import DetectedContact,
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 from continuum_grasp.errors import InputError
-from continuum_grasp.labels import name_of
-from continuum_grasp.summary import Summarized, quoted
+from continuum_grasp.labels import Summarized, name_of, quoted
 
 _HEALTH = tuple(Health)
 

@@ -23,8 +23,8 @@ from continuum_grasp.control.parts import ControlParts, Settings
 from continuum_grasp.control.status import Statistics, Status
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.remade import Remade
-from continuum_grasp.summary import Summarized
+from continuum_grasp.labels import Summarized
+from continuum_grasp.model.functions import Remade
 
 _STATUS = tuple(Status)
 CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")

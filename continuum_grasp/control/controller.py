@@ -17,9 +17,9 @@ from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction, first_state
+from continuum_grasp.labels import quoted
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.summary import quoted
 
 
 class Controller(CompiledController):

@@ -16,13 +16,13 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.contacts import friction_parameter
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.functions import Remade
 from continuum_grasp.model.winches import Motor, Winch
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, ForceLoad, MomentLoad
+from continuum_grasp.scene.methods import FAMILIES, default_family
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state

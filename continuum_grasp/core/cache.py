@@ -24,8 +24,6 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 _LOCK = "lock"
-_LONGEST_BUILD = 2.0 * 3600.0
-"""Age at which a build is over where there are no locks [s]; a compiler is stopped after half an hour."""
 
 
 def cache_folder(kind: str = "compiled") -> Path:
@@ -143,7 +141,8 @@ def is_building(kind: str) -> bool:
 
 def _is_left(build: Path) -> bool:
     """Whether no process works in a folder of a build any more."""
-    if time.time() - build.lstat().st_mtime > _LONGEST_BUILD:
+    # 2.0 * 3600.0: age at which a build is over where there are no locks [s]; a compiler is stopped after half an hour
+    if time.time() - build.lstat().st_mtime > (2.0 * 3600.0):
         return True
     if fcntl is None:
         return False

@@ -209,7 +209,6 @@ def check_moment(model: FingerModel, u: Array) -> None:
 
 
 def functions_of(given: FingerModel | System) -> tuple[str, ...]:
-    """Names of the functions of a model or system."""
     return SYSTEM_FUNCTIONS if isinstance(given, System) else FUNCTIONS
 
 

@@ -39,8 +39,6 @@ _SHORT = 15_000
 _SPILLS = ("--param", "lra-max-considered-reload-pseudos=50")
 """Registers that gcc looks at when it spills one [1], of usually 500: straight-line code of 24,000 lines takes 5.8
 instead of 8.3 s, with as many instructions and the same time of a call (gcc 12)."""
-_QUICK = 300
-"""Lines of a unit's longest function up to which a quick build optimizes it, by -O1: what runs often is short."""
 _PER_LINE, _PER_LINE_QUICK = 0.25e-3, 0.03e-3
 """Seconds of a line, of a quick build and of others, by which compiling is announced (gcc 12, one core of an AMD EPYC:
 the controller of ``configs/mpc/tip_steps.yaml``, 18,000 lines, takes 4.7 s, a plant of 75,000 lines 16 s)."""
@@ -73,7 +71,9 @@ class Compiler:
         """
         common = (*_COMMON, *((_NATIVE,) if _takes(self.command, _NATIVE) else ()))
         if quick_compile():
-            return (*common, "-O1" if longest_function(unit) <= _QUICK else "-O0")
+            # 300: lines of a unit's longest function up to which a quick build optimizes it, by -O1: what runs often is
+            # short
+            return (*common, "-O1" if longest_function(unit) <= 300 else "-O0")
         level = ("-O3",) if longest_function(unit) <= LONG else _LONG_LEVEL
         is_gcc = "clang" not in self.version.lower()
         of_gcc = (*_SPILLS, *(_GCC if unit.count("\n") <= _SHORT else ()))
@@ -230,7 +230,6 @@ _RESULT = re.compile(r"  if \(res\[\d+\]!=0\) res\[\d+\]\[\d+\]=.*;|  if \(!res\
 
 
 def longest_function(source: str) -> int:
-    """Lines of the longest function."""
     return max(function.count("\n") for function in _END.split(source))
 
 

@@ -29,10 +29,10 @@ from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import generated, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.labels import Summarized
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.remade import Remade
-from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
-from continuum_grasp.summary import Summarized
+from continuum_grasp.model.functions import Remade
+from continuum_grasp.scene.methods import INTEGRATORS, SIMULATION_METHODS
 
 _WARNED: set[str] = set()
 """Reports of missing or failing compilers so far."""

@@ -14,9 +14,8 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp.core.calls import calls_source, straight_functions
-from continuum_grasp.core.lanes import lane_function
+from continuum_grasp.core.lanes import lane_function, with_loops
 from continuum_grasp.core.precision import literal, single
-from continuum_grasp.core.sweeps import with_loops
 from continuum_grasp.errors import InputError
 
 _MARK = re.compile(

@@ -2,21 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import ast
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 from scipy.optimize import nnls
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.design.expression import Expression
 from continuum_grasp.design.grasps import CaseGrasps, Effort, LostGrasp, fingers_mass
 from continuum_grasp.design.held import Along, Stencil, StructureChanges
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.scene.design import names_in
 from continuum_grasp.scene.design_space import DesignSpace
 from continuum_grasp.scene.grasp import GraspScene
+
+_FUNCTIONS = {"sqrt": ca.sqrt, "exp": ca.exp, "log": ca.log}
+
+
+class Expression:
+    """A formula of named quantities."""
+
+    def __init__(self, text: str) -> None:
+        self.text, self.names = text, tuple(sorted(names_in(text)))
+        symbols = {name: ca.SX.sym(name) for name in self.names}
+        tree = ast.parse(text.strip(), mode="eval")
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant):  # powers of integers may have any number of digits
+                node.value = float(str(node.value))
+        # The scene has refused all but numbers, names, sums, products, powers and these functions.
+        formula = ca.SX(eval(compile(tree, text, "eval"), {"__builtins__": {}}, {**_FUNCTIONS, **symbols}))
+        column = ca.vertcat(*symbols.values())
+        self._read = ca.Function("expression", [column], [formula, ca.gradient(formula, column)])
+
+    def value(self, quantities: Mapping[str, float]) -> float:
+        return float(self._read([quantities[name] for name in self.names])[0])
+
+    def gradient(self, quantities: Mapping[str, float], slopes: Mapping[str, Array]) -> Array:
+        """Derivatives (n,) where those of the quantities are ``slopes``, (n,) each."""
+        parts = np.array(self._read([quantities[name] for name in self.names])[1]).ravel()
+        total: Array = np.sum([part * slopes[name] for part, name in zip(parts, self.names, strict=True)], axis=0)
+        return total
+
 
 Signs = tuple[float, ...]
 """Errors of what is tolerated, as parts of the greatest error, -1 to 1."""
@@ -25,8 +55,6 @@ _ACTIVE = 1e-4
 """Distance from a limit, and of a case's cost from the worst, as a part of it, from which on it acts [1]."""
 _AT_BOUND = 1e-6
 """Distance of a coordinate from its bound at which it counts as there [1]."""
-_ASIDE = 1e-5
-"""Distance by which a design moves, in coordinates, from where the structure of the grasp problem changes."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +176,6 @@ class DesignProblem:
         self._tangents: dict[tuple[Signs, str], list[dict[str, Array]]] = {}
 
     def values(self, coordinates: Sequence[float]) -> list[float]:
-        """Values of the variables at coordinates."""
         return [coordinate.value(float(u)) for coordinate, u in zip(self.space.coordinates, coordinates, strict=True)]
 
     def scene(self, case: str, coordinates: Sequence[float], signs: Sequence[float]) -> GraspScene:
@@ -182,7 +209,6 @@ class DesignProblem:
         self._at = None
 
     def snapshot(self) -> dict[tuple[Signs, str], CaseGrasps]:
-        """The grasps at hand."""
         return {key: replace(case_grasps, held=dict(case_grasps.held)) for key, case_grasps in self._grasps.items()}
 
     def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps]) -> None:
@@ -205,7 +231,9 @@ class DesignProblem:
         except StructureChanges:
             # A rest curvature of zero, or equal diameters at both ends, are special: a little beside they are not.
             inwards = np.where(np.asarray(coordinates) < 0.5, 1.0, -1.0)
-            return self._evaluated(coordinates + _ASIDE * inwards * np.arange(1, len(coordinates) + 1), True)
+            # 1e-5: distance by which a design moves, in coordinates, from where the structure of the grasp problem
+            # changes
+            return self._evaluated(coordinates + 1e-5 * inwards * np.arange(1, len(coordinates) + 1), True)
 
     def _evaluated(self, at: Array, search: bool) -> Evaluation:
         try:

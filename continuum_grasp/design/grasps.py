@@ -32,10 +32,6 @@ _SETTLED = 1e-9
 """Relative change of a quantity at which another run from the same point is not worth it [1]."""
 _SEARCH, _LEAST_SEARCH = 5, 1000
 """Iterations of a full search, per those of the longest one that has found a grasp, and at least [1]."""
-_RUNS = 4
-"""Most runs until guarded places stand still."""
-_MORE = 3.0
-"""Mass in the scene, per payload that is held, below which the greatest is sought."""
 _MASSES = 12
 """Number of times that the mass in the scene is set until the payload lies below, or any is held."""
 
@@ -166,7 +162,8 @@ class CaseGrasps:
     ) -> HeldGrasp | None:
         """The grasp that a solver finds from a start, its guarded places moved until they stand still."""
         budget, before = Budget.of(scene.solver), None
-        for _ in range(_RUNS):
+        # 4: most runs until guarded places stand still
+        for _ in range(4):
             attempt = solver.run(scene, start, budget, **options)
             self.effort.solves += 1
             self.effort.iterations += attempt.iterations
@@ -253,7 +250,8 @@ class CaseGrasps:
         """
         grasp: HeldGrasp | None = None
         for _ in range(_MASSES):
-            limit = _MORE * payload
+            # 3.0: mass in the scene, per payload that is held, below which the greatest is sought
+            limit = 3.0 * payload
             more = self._run(_with_mass(scene, limit), start, relaxed=[(MASS, 1.0 - payload / limit)])
             grasp = more or grasp
             if more is None or not more.full:

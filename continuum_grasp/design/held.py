@@ -81,7 +81,6 @@ class Stencil:
         return sum(weight * value for weight, value in zip(self.weights, values, strict=True)) / _STEP
 
     def change(self, change: Callable[[GraspScene], GraspScene]) -> Stencil:
-        """A copy with other scenes."""
         return replace(self, scenes=tuple(change(scene) for scene in self.scenes))
 
 
@@ -163,7 +162,6 @@ class HeldGrasp:
         return x, quantities
 
     def _beside(self, scene: GraspScene) -> tuple[Start, dict[str, Feature]]:
-        """Start and features of the grasp in a scene beside its own."""
         start, features = self.attempt.start, self.attempt.features
         return moved_start(self.scene, scene, start), moved_features(self.scene, scene, start.contacts, features)
 

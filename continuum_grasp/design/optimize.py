@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,8 @@ from scipy.stats.qmc import Halton
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
-from continuum_grasp.design.evaluation import DesignProblem, Evaluation
+from continuum_grasp.design.evaluation import DesignProblem, Evaluation, Signs
 from continuum_grasp.design.grasps import LostGrasp
-from continuum_grasp.design.manufacture import HOLDS, worse_than_known, worst_cases
 from continuum_grasp.design.result import DesignResult, Status, WorstCase
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp.result import GraspResult
@@ -34,18 +34,62 @@ from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.design_space import DesignSpace, design_space_of
 from continuum_grasp.scene.load import placed_scene_of
 
+HOLDS = 1e-6
+"""Violation up to which a limit holds, as a part of it."""
+
+
+def worst_cases(problem: DesignProblem, best: Evaluation) -> tuple[WorstCase, ...]:
+    """Cost and limits at the worst combinations of errors: to first order, and as they are at the corners; none without
+    tolerances. The grasps of the problem are those of the last corner then.
+    """
+    space = problem.space
+    if not space.tolerated:
+        return ()
+    n = len(space.coordinates)
+    nominal = [row for row in best.costs if not any(row.signs)]
+    bound = max(row.value + float(np.abs(row.slope[n:]).sum()) for row in nominal)
+    scenarios = problem.scenarios
+    cases: list[WorstCase] = []
+    for signs in _corners(problem, best):
+        problem.scenarios = [signs]
+        try:
+            there = problem.evaluate(best.coordinates)
+        except LostGrasp as error:
+            cases.append(WorstCase(signs, np.inf, np.inf, bound, str(error)))
+            continue
+        cases.append(WorstCase(signs, there.cost, there.violation, bound, ""))
+    problem.scenarios = scenarios
+    return tuple(sorted(cases, key=lambda case: (-case.violation if case.violation > HOLDS else 0.0, -case.cost)))
+
+
+def _corners(problem: DesignProblem, best: Evaluation) -> list[Signs]:
+    """Combinations of greatest errors: all of them where these are few, else those that first order calls worst."""
+    m, n = len(problem.space.tolerated), len(problem.space.coordinates)
+    # 6: tolerated numbers up to which all combinations of their greatest errors are tried: 64
+    if m <= 6:
+        return [tuple(signs) for signs in product((-1.0, 1.0), repeat=m)]
+    rows = [*(row.slope[n:] for row in best.costs), *(-row.slope[n:] for row in best.limits)]
+    return list(dict.fromkeys(tuple(np.where(slope >= 0.0, 1.0, -1.0).tolist()) for slope in rows))
+
+
+def worse_than_known(worst: Sequence[WorstCase], known: Sequence[Signs], best: Evaluation, same: float) -> list[Signs]:
+    """The combination of errors with the greatest cost and that with the greatest violation, each where it is worse
+    than the best design with those that are ``known``; costs closer than ``same`` are equal.
+    """
+    bad = [case for case in worst if case.signs not in known and np.isfinite(case.cost)]
+    if not bad:
+        return []
+    costly, broken = max(bad, key=lambda case: case.cost), max(bad, key=lambda case: case.violation)
+    change = max(abs(case.cost - best.cost) for case in bad)
+    # 0.02: cost by which a combination of errors must exceed those at hand to count, as a part of what errors change
+    add = [costly.signs] if costly.cost > best.cost + max(0.02 * change, same) else []
+    return [*add, broken.signs] if broken.violation > max(best.violation, 0.0) + HOLDS else add
+
+
 Acting = tuple[tuple[float, ...], ...]
 
 _LOST = 1e2
 """Cost of a design without a grasp, in units of the first one: any other is better."""
-_SHRINK = 0.25
-"""Part of the box around the best design that is searched next where a step lost the grasp."""
-_SMALLEST = 0.02
-"""Half width of that box, in coordinates, below which the search ends."""
-_MOST_LOST = 5
-"""Designs without a grasp after which a run of the optimizer ends: each takes a full search."""
-_LEFT = 0.02
-"""Slope that is left at an optimum over the range of a variable, as a part of the cost."""
 
 
 @dataclass
@@ -163,7 +207,8 @@ class _DesignSearch:
         status = Status.OPTIMAL if settled and self._converged else Status.FEASIBLE
         before = best if self._first is None else self._first
         message = f"cost {best.cost:.6g}, from {before.cost:.6g} at the start"
-        if status is Status.OPTIMAL and best.left > _LEFT * self._scale:
+        # 0.02: slope that is left at an optimum over the range of a variable, as a part of the cost
+        if status is Status.OPTIMAL and best.left > 0.02 * self._scale:
             # As at a kink, beside which other grasps are best.
             status, self._ended = Status.FEASIBLE, f"with a slope of {best.left:.3g} over the range of a variable"
         if status is Status.FEASIBLE:
@@ -239,8 +284,10 @@ class _DesignSearch:
         """Improve the best design until it stays; a step that loses the grasp makes the region smaller."""
         self._round, half = number + 1, 1.0
         while self._descend(half):
-            half *= _SHRINK
-            if half < _SMALLEST:
+            # 0.25: part of the box around the best design that is searched next where a step lost the grasp
+            half *= 0.25
+            # 0.02: half width of that box, in coordinates, below which the search ends
+            if half < 0.02:
                 self._ended, self._converged = "beside this design grasps are lost", False
                 return
 
@@ -269,7 +316,8 @@ class _DesignSearch:
                 except LostGrasp:
                     memo[key], lost = None, True
                     self.problem.restore(self._grasps)
-                    if sum(known is None for known in memo.values()) >= _MOST_LOST:
+                    # 5: designs without a grasp after which a run of the optimizer ends: each takes a full search
+                    if sum(known is None for known in memo.values()) >= 5:
                         raise
             return memo[key]
 

@@ -13,8 +13,8 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.design.evaluation import Evaluation, Signs
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.results.result import Result
-from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.design import QUANTITIES, Design
 from continuum_grasp.scene.design_space import DesignSpace
 
@@ -260,12 +260,10 @@ class DesignResult(Result):
         """
         if self.best is None or self.first is None:
             return ()
-        first = {
-            case_values.case: set(case_values.acting) for case_values in self.first.cases if not any(case_values.signs)
-        }
-        last = {
-            case_values.case: set(case_values.acting) for case_values in self.best.cases if not any(case_values.signs)
-        }
+        first, last = (
+            {case.case: set(case.acting) for case in design.cases if not any(case.signs)}
+            for design in (self.first, self.best)
+        )
         kinks = []
         for case, count in self.acting.items():
             if count > 1:

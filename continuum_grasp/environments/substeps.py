@@ -11,7 +11,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.environments.plants import Plants, rows_of
 from continuum_grasp.environments.sensing import Sensing
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 
 _TOLERANCE = 1e-4
 """Greatest error of the tip's position that steps in time may leave, per length [1]: that of ``time.tolerance``."""
@@ -19,8 +19,6 @@ _SUBSTEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Steps of RK4 per period that are tried [1]."""
 _PLANTS, _PERIODS, _HELD = 16, 100, 7
 """Plants and periods of the motions that are compared, and how long these hold a random command [1]."""
-_LEFT = 0.1
-"""Least share of these periods in which plants must be within the range of their model [1]."""
 
 
 def check_stiffness(radius: float, period: float) -> None:
@@ -52,7 +50,8 @@ def choose_substeps(plants: Plants, sensing: Sensing, change: Array | float, rad
         coarse, fine = ends[substeps], ends[2 * substeps]
         within: NDArray[np.bool_] = np.isfinite(fine[..., 0])
         # Steps that are too long for all plants lose them at once.
-        if within.mean() >= _LEFT and np.isfinite(coarse[within]).all():
+        # 0.1: least share of these periods in which plants must be within the range of their model
+        if within.mean() >= 0.1 and np.isfinite(coarse[within]).all():
             # Of order 4: 16/15 of the difference to half the step.
             error = 16.0 / 15.0 * float(np.linalg.norm((coarse - fine)[within], axis=1).max()) / length
             if error <= _TOLERANCE:

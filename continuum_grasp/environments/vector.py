@@ -15,8 +15,7 @@ from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import choose_method
 from continuum_grasp.environments.plants import Plants, plants_of, rows_of, scenes_of
-from continuum_grasp.environments.sensing import sensing_of
-from continuum_grasp.environments.spaces import observed_of, single_precision, state_bounds
+from continuum_grasp.environments.sensing import observed_of, sensing_of, single_precision, state_bounds
 from continuum_grasp.environments.substeps import check_stiffness, choose_substeps
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import textwrap
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.core.precision import literal
+from continuum_grasp.core.source import filled, template
 
 
 @dataclass(frozen=True)
@@ -191,3 +192,8 @@ def _comment(field: Field) -> str:
     limits = f", {field.limits}" if field.limits else ""
     text = f"; {field.text}" if field.text else ""
     return f"/* [{field.unit}]{limits}{text} */"
+
+
+def fill(name: str, words: Mapping[str, object]) -> str:
+    """Fill a template, by its path below ``templates``, of some of the words; ``P`` is the prefix ``p`` in capitals."""
+    return filled(template("export", name), {"P": str(words.get("p", "")).upper(), **words})

@@ -16,9 +16,8 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.core.lanes import OPERATORS
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import Real
+from continuum_grasp.export.fields import Real, fill
 from continuum_grasp.export.strict_math import FUNCTIONS, reference
-from continuum_grasp.export.template import fill
 
 _NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP_")}
 _C: dict[int, str] = OPERATORS | {
@@ -139,7 +138,6 @@ class Kernel:
         return f"{self.name}_lanes" if prefix is None else f"{prefix}_kernel_{self.name}"
 
     def c_source(self, prefix: str, real: Real) -> str:
-        """The C definition."""
         return "\n".join([f"/* {self.text} */", self.prototype(prefix), *self._body(f"{prefix}_real", real, _C), ""])
 
     def lane_source(self, real: Real) -> str:

@@ -10,12 +10,11 @@ from functools import cached_property
 
 from continuum_grasp import __version__
 from continuum_grasp.core.source import filled
-from continuum_grasp.export.fields import LINE, Struct, each_once
+from continuum_grasp.export.fields import LINE, Struct, each_once, fill
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Call, Code, Part, Stateful
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
 
 _OF_EVERY_FUNCTION = (
     Code.OK,
@@ -64,7 +63,6 @@ class Contents:
 
     @cached_property
     def kernels(self) -> list[Kernel]:
-        """Kernels, each once."""
         return list({kernel.name: kernel for part in self.parts for kernel in part.kernels}.values())
 
     @property

@@ -1,11 +1,12 @@
-"""MANIFEST.json: what a package is made of and from, the same whenever and wherever it is made."""
+"""MANIFEST.json: what a package is made of and from, the same wherever it is made; files that it may replace."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import zipfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -255,3 +256,33 @@ def _is_begin(path: Path, text: str) -> bool:
 
 def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+_HEAD = 4096
+"""Bytes at the begin of a file within which an export names its maker [1]."""
+
+
+def is_marked(file: Path, mark: bytes = b"continuum_grasp") -> bool:
+    """Whether a file begins like one of an export, or has no content."""
+    with open(file, "rb") as stream:
+        head = stream.read(_HEAD)
+    return not head or mark in head
+
+
+def is_unit(file: Path) -> bool:
+    """Whether a file is a functional mock-up unit of an export, or has no content."""
+    if not zipfile.is_zipfile(file):
+        return file.stat().st_size == 0
+    with zipfile.ZipFile(file) as archive:
+        return any(
+            b"continuum_grasp" in archive.read(name) for name in archive.namelist() if name == "modelDescription.xml"
+        )
+
+
+def check_file(file: Path, is_own: Callable[[Path], bool] = is_marked) -> None:
+    """Refuse a file that cannot be written, or that is there and of no export."""
+    check_folder(file.absolute().parent)
+    if file.is_dir():
+        raise InputError("expected the name of a file, got a folder", file=str(file))
+    if file.exists() and not is_own(file):
+        raise InputError("no export wrote this file: move it away, or take another name", file=str(file))

@@ -23,7 +23,6 @@ from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
 from continuum_grasp.export.part import Part, Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
-from continuum_grasp.export.readme import readme
 from continuum_grasp.export.source import (
     Given,
     Source,
@@ -33,16 +32,12 @@ from continuum_grasp.export.source import (
     source_of,
 )
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
-from continuum_grasp.export.targets import example_files, measure, target_of
+from continuum_grasp.export.targets import example_files, measure, readme, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 from continuum_grasp.results.atomic import check_folder
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 
-_ASKED_ERROR = 1e-2
-"""Greatest relative error of single precision by default."""
-_MOST_SECTIONS = 200
-"""Most sections of shape and velocities, each of which is code of its own."""
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
     "export to c, operators",
@@ -184,7 +179,8 @@ class Asked(NamedTuple):
 
 def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[dict[str, str], dict[str, Any]]:
     """Files of a package by path, and what its manifest holds; one that is not ``tested`` is its library alone."""
-    limit = _ASKED_ERROR if asked.error is None else positive("error", asked.error)
+    # 1e-2: greatest relative error of single precision by default
+    limit = 1e-2 if asked.error is None else positive("error", asked.error)
     target, computed_in = target_of(asked.target, asked.real)
     kind = REALS[computed_in]
     source = source_of(given, kind, asked.finger)
@@ -193,7 +189,8 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
     subject = _subject(source, names, kind, asked, longest)
-    subject = replace(subject, sections=whole("sections", asked.sections, 2, _MOST_SECTIONS))
+    # 200: most sections of shape and velocities, each of which is code of its own
+    subject = replace(subject, sections=whole("sections", asked.sections, 2, 200))
     # What is too large is refused before the spectral radius is looked for, which step needs.
     made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
     parts = [made[name] for name in names]

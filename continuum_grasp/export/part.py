@@ -119,12 +119,10 @@ class Argument:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Numbers of the argument."""
         return self.kind.fields if isinstance(self.kind, Struct) else (self.kind,)
 
     @property
     def numbers(self) -> list[Field]:
-        """The field of each of its numbers."""
         return [field for field in self.fields for _ in range(field.size)]
 
     @property

@@ -14,9 +14,8 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.loop import identifiers, unit_of
-from continuum_grasp.export.fields import Field
+from continuum_grasp.export.fields import Field, fill
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.scene.drives import Pull
@@ -26,8 +25,6 @@ _USUAL_RATE = 10.0
 _SPREAD = 2.0
 """Factor up and down from its nominal value that a parameter may take by default."""
 
-_SLIDING = 1.5
-"""A friction state of a tendon that slides [1]."""
 
 _SIGNED = ("base_position", "object_", "base_angle", "gravity", "rest_curvature")
 """Parameters that may be below zero."""
@@ -58,7 +55,6 @@ def parameter_fields(model: FingerModel | System, given: Mapping[str, Sequence[f
 
 
 def finger_of(model: FingerModel | System) -> FingerModel:
-    """The finger of a system."""
     return model.finger_model if isinstance(model, System) else model
 
 
@@ -76,7 +72,8 @@ def state_fields(moving: FingerModel | System, parameters: Sequence[Field]) -> t
         elif k < 2 * model.n:
             fields.append(field.around(_USUAL_RATE * reach[k - model.n]))
         elif field.name in states:
-            fields.append(field.around(_SLIDING))
+            # 1.5: a friction state of a tendon that slides
+            fields.append(field.around(1.5))
         else:
             rate = field.name.endswith("_rate")
             size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
@@ -187,11 +184,6 @@ def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]
 
 CONTACT_FORCE = "contact_force"
 """Name under which a range of the forces of contacts is given [N]."""
-_IMPACT = 2.0
-"""Greatest force of a contact that is taken, per that with which drives and weight press at rest [1]: a load that sets
-in at once makes twice its force."""
-_GRAVITY = 9.81
-"""Acceleration by which an object weighs [m/s2], whichever way it is held."""
 
 
 def contact_depth(system: System, given: Sequence[float] | None) -> float:
@@ -210,8 +202,11 @@ def contact_depth(system: System, given: Sequence[float] | None) -> float:
         rod, tendons = model.finger.rod, model.finger.tendon_list
         moments = [tendon.greatest_offset * tendon.max_tension for tendon in tendons]
         moment = max(moments, default=rod.stiffness * max(model.ranges) / rod.length)
-        weight = _GRAVITY * around.object.mass if around.object_moves else 0.0
-        force = _IMPACT * (moment / min((*model.contacts, rod.length)) + weight)
+        # 9.81: acceleration by which an object weighs [m/s2], whichever way it is held
+        weight = 9.81 * around.object.mass if around.object_moves else 0.0
+        # 2.0: greatest force of a contact that is taken, per that with which drives and weight press at rest: a load
+        # that sets in at once makes twice its force
+        force = 2.0 * (moment / min((*model.contacts, rod.length)) + weight)
     return max(force / around.contact_law.stiffness, 2.0 * around.contact_law.rounding)
 
 

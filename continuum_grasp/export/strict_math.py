@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.export.fields import Real
-from continuum_grasp.export.template import fill
+from continuum_grasp.export.fields import Real, fill
 
 _NUMBERS = {
     "half": 0.5,

@@ -148,7 +148,6 @@ class Subject:
 
     @cached_property
     def system(self) -> System:
-        """The subject as a system."""
         finger, options = self.model.structure.asked
         return self.touching or System(finger, **options)
 
@@ -286,15 +285,6 @@ MOST_SUBSTEPS = 1000
 """Most sub-steps within one step [1]."""
 _CORNERS = 32
 """Corners of the box of parameters, all of them for up to five parameters."""
-_LANDING = 0.125
-"""Product of a sub-step and the fastest oscillation on a contact's spring up to which what lands on it is followed
-[1]: the tip of a finger of 0.18 m that swings against a disc is then off by 8e-6 m."""
-_OPEN = 1.0
-"""Gap of contacts that are open [m]."""
-_PULL = 1.0
-"""Tension of a tendon that is in tension [N]."""
-_BETWEEN = 32
-"""Shapes within the bending range, as many again: the radius is not monotonic in the shape."""
 
 
 def _greatest_rates(
@@ -326,7 +316,10 @@ def _greatest_rates(
                 radii = [float(np.abs(np.linalg.eigvals(slope)).max()) for slope in slopes]
                 radius, resolved = max(radius, *radii), max(resolved, radii[0])
                 if touching is not None:
-                    resolved = max(resolved, spring_frequency(touching, slopes[1] - slopes[0]) / _LANDING)
+                    # 0.125: product of a sub-step and the fastest oscillation on a contact's spring up to which what
+                    # lands on it is followed: the tip of a finger of 0.18 m that swings against a disc is then off by
+                    # 8e-6 m
+                    resolved = max(resolved, spring_frequency(touching, slopes[1] - slopes[0]) / 0.125)
     return radius, resolved
 
 
@@ -337,7 +330,8 @@ def _slopes(moving: FingerModel | System, x: Array, u: Array, p: Array, pressed:
         return [np.array(moving.linearization(x, u, w, p)[0])]
     x = np.concatenate([x, moving.state()[len(x) :]])
     gap = np.array(moving.touch(x, u, w, p)[0]).ravel()
-    return [np.array(moving.pressed_linearization(x, u, w, p, gap - wanted)) for wanted in (_OPEN, -pressed)]
+    # 1.0: gap of contacts that are open [m]
+    return [np.array(moving.pressed_linearization(x, u, w, p, gap - wanted)) for wanted in (1.0, -pressed)]
 
 
 def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Array]]:
@@ -349,7 +343,8 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
         greatest = [tendon.max_tension for tendon in tendons]
         if structure.winches:
             # Both tendons of a pulley have their pretension; what is stiff about friction grows with tension.
-            least = max(_PULL, *(winch.drive.pretension for winch in structure.winches))
+            # 1.0: tension of a tendon that is in tension [N]
+            least = max(1.0, *(winch.drive.pretension for winch in structure.winches))
             drives = [model.drives_at(shape, u, pulled=tension, p=p) for tension in (least, max(greatest))]
         else:
             u[: len(greatest)] = greatest
@@ -361,7 +356,8 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
 def _shapes(reach: Array, rng: np.random.Generator) -> Array:
     """Straight, every bend at a limit (half of them, since the others mirror them), and in between."""
     count = len(reach)
-    between = rng.uniform(-1.0, 1.0, (_BETWEEN, count))
+    # 32: shapes within the bending range, as many again: the radius is not monotonic in the shape
+    between = rng.uniform(-1.0, 1.0, (32, count))
     if 2 ** (count - 1) <= _CORNERS:
         signs = np.array([(1.0, *rest) for rest in itertools.product((-1.0, 1.0), repeat=count - 1)])
     else:

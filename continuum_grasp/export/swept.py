@@ -8,9 +8,8 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.export.fields import Real
+from continuum_grasp.export.fields import Real, fill
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.template import fill
 from continuum_grasp.model.sweep import SECTION, Kernels
 
 _TEXTS = {

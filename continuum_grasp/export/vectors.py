@@ -13,11 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.export.fields import Field, Real
+from continuum_grasp.export.fields import Field, Real, fill
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
 
 _LEAST, _IN_ALL = 64, 200
 """Rows per function, and of all functions together."""
@@ -29,10 +28,6 @@ _FREE = 24
 """Rows of which the object stays where it is drawn."""
 _SIDES = 8
 """Rows with every bend at a limit."""
-_HARD = 5.0
-"""Times the usual input, at which a matched tip is out of its range."""
-_DRAWN_BEYOND = 2.0
-"""Times a number within the range, up to which vectors draw states out of it."""
 _TINY = (0.0, 1e-12, 1e-9)
 """Bends at which a formula with a division by them would fail."""
 
@@ -124,12 +119,14 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     # Moments and inputs that throw a matched tip out of its range, though each is in its own.
     driven = slice(first + 2 * subject.model.n, first + subject.moving.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
-    rows[4, driven] = np.minimum(_HARD * scales, limits)[driven]
+    # 5.0: times the usual input, at which a matched tip is out of its range
+    rows[4, driven] = np.minimum(5.0 * scales, limits)[driven]
     if any(argument.drawn for argument in arguments):
         # Bends and rates whose squares overflow: the function must refuse its own result.
         rows[3, state][: 2 * subject.model.n] = 0.5 * subject.real.greatest
         beyond = rows[5 + _SIDES : 5 + 2 * _SIDES]
-        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.moving.nx))
+        # 2.0: times a number within the range, up to which vectors draw states out of it
+        beyond[:, state] *= rng.uniform(1.0, 2.0, (len(beyond), subject.moving.nx))
     return rows
 
 

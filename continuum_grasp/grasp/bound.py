@@ -35,9 +35,9 @@ from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.grasp.values import NEAR, SAME
-from continuum_grasp.model.surfaces.outline import Outline
+from continuum_grasp.model.surfaces.surface import Outline
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.objects.body import greatest_shift
+from continuum_grasp.scene.objects.shapes import greatest_shift
 from continuum_grasp.scene.supports import Wall
 
 _PIECES, _ROUNDS = 40, 40

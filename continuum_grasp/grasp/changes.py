@@ -18,8 +18,8 @@ from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, Change, Sensitivity, tension_of
 from continuum_grasp.nlp import Budget, Status
-from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.methods import default_family
 
 FINE = 6
 """Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:

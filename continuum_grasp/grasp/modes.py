@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from itertools import product
 
 from continuum_grasp.grasp.starts.supports import touching_supports
-from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger
+from continuum_grasp.scene.methods import ONE_TURN
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Switch
 

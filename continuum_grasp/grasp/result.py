@@ -31,8 +31,8 @@ from continuum_grasp.grasp.values import (
 from continuum_grasp.model.family import family_class
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.result import Result
-from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.methods import default_family
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import DriveState
@@ -95,7 +95,7 @@ class GraspResult(Result):
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.text:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("grasp", "plotting.grasp.picture:plot_grasp"),
-        Picture("robustness", "plotting.grasp.robustness:plot_robustness", needs="robustness", panels=True),
+        Picture("robustness", "plotting.grasp.margins:plot_robustness", needs="robustness", panels=True),
     )
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.page:page"),)
 

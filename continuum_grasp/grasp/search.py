@@ -84,8 +84,6 @@ DOUBTED = 1
 """Rough starts of a set of contacts that lead to nothing better, after which scanned postures of more than two elements
 count as the best although some led nowhere: of 111 scenes of one finger two take 9 and 57 % less tension from the first
 of these starts; eight find one more, in twice the time."""
-UNPROVEN = 6
-"""Starts without a grasp after which a proof is tried that there is none: it takes as long as one or two of them."""
 ALIKE, IN_VAIN = "like one that was solved before", "after others that led to nothing better"
 """Reasons why starts are not tried."""
 
@@ -377,7 +375,9 @@ class Search:
                     continue
                 if self._is_over or self.proven:
                     return
-                if len(self.tried) >= UNPROVEN and not self.good and self.impossible:
+                # 6: starts without a grasp after which a proof is tried that there is none: it takes as long as one or
+                # two of them
+                if len(self.tried) >= 6 and not self.good and self.impossible:
                     return
                 basin = Basin(start)
                 if not math.isnan(start.estimate):

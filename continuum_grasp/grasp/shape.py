@@ -10,8 +10,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.profile import Curve
 
 ROUNDED = 0.01

@@ -15,23 +15,19 @@ from continuum_grasp.grasp.changes import FIRST, NONE, asked_tolerance, resolve_
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, Attempt
-from continuum_grasp.grasp.reasons.diagnosis import Repairs
-from continuum_grasp.grasp.reasons.words import out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import OPEN, Search
 from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports
-from continuum_grasp.grasp.stations import find_station_reasons, search_stations, without_stations
-from continuum_grasp.grasp.steady import stabilize
+from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, STEADIER, UNSTABLE, Reason, Status, force_text, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import STALLED
-from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.methods import ONE_TURN
 
-FINEST = 16
-"""Elements per finger up to which they are doubled where they cannot bend enough: half a turn each is eight turns."""
 _ENDS = {
     OVERDETERMINED: "the contacts leave fewer unknowns than there are forces to balance",
     STALLED: "they came no nearer to contact and balance",
@@ -221,7 +217,9 @@ class _Verdict:
             wide = min(max(2.0 * bending_range, max(bent)), ONE_TURN)
             note, scene = f"fidelity.bending_range of {wide:.4g} rad", with_bending_range(self.scene, wide)
         else:
-            if max(setup.elements for setup in self.scene.setups) > FINEST:
+            # 16: elements per finger up to which they are doubled where they cannot bend enough: half a turn each is
+            # eight turns
+            if max(setup.elements for setup in self.scene.setups) > 16:
                 return self._unsolved(None)
             scene = with_elements(self.scene, max(2 * s.elements // (len(s.middles) + 1) for s in self.scene.setups))
             note = f"{max(setup.elements for setup in scene.setups)} elements"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.results.plain import yaml_text
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
@@ -155,7 +155,6 @@ def _contacts(result: GraspResult) -> Part:
 
 
 def _quality(result: GraspResult) -> Part:
-    """Indices of quality."""
     rows = [(name.replace("_", " "), _short(value), description) for name, value, description in result.quality.rows()]
     return Part("Quality", ("Index", "Value", "What it means"), rows, (1,))
 

@@ -17,8 +17,6 @@ from continuum_grasp.scene.grasp import GraspScene
 SECTORS = 8
 """Sectors of a contact's direction, seen from the object; starts of two are of different branches: those whose contacts
 face alike to within one end in the same grasp as a rule."""
-HOPELESS = 1e-2
-"""Scaled violation of the problem's constraints from which on no certificate is computed: it allows at most 1e-4."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,6 @@ class Tried:
 
     @cached_property
     def start(self) -> Start:
-        """The numbers as a start."""
         return start_from(self.scene, self.arrays)
 
     @property
@@ -49,7 +46,9 @@ class Tried:
         """Whether the certificate confirms it, which is not computed where the solver's own constraints are violated by
         far more than it allows.
         """
-        return self.attempt.badness < HOPELESS and self.certificate.passed
+        # 1e-2: scaled violation of the problem's constraints from which on no certificate is computed: it allows at
+        # most 1e-4
+        return self.attempt.badness < 1e-2 and self.certificate.passed
 
     @property
     def acceptable(self) -> bool:

@@ -28,16 +28,8 @@ Further = tuple[Unknown, Array]
 
 _LEAST = 4
 """Least rows of each way of loading [1]."""
-_MATTERS = 1e-3
-"""Least change of the predictions by a further law, per scatter of the readings about their means [1]: a tenth of what
-models of real fingers are off, and ten times what two integrators differ by."""
-_OF_MEDIAN = 0.37
-"""Degrees of freedom of the median of absolute residuals per residual [1]: its efficiency for normal noise (P. J.
-Rousseeuw, C. Croux, 1993, doi:10.1080/01621459.1993.10476408)."""
 _FEW = 60
 """Residuals from which the median tells outliers [1]: of fewer its own scatter asks for 5 to 15 deviations."""
-_SERIES = 30
-"""Instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long series."""
 _WIDTH = "width"
 """Target of half the width of a loop of one reading."""
 _LATE, _BEFORE, _ORIGIN = "late", "before", "origin"
@@ -64,7 +56,9 @@ def _outliers(problem: Problem, weighted: Array, freedom: float) -> list[str]:
         limit = surely(freedom - 1.0, chances=sizes.size)
         scale = np.sqrt((sizes @ sizes - weighted**2).clip(0.0) / (freedom - 1.0))
     else:
-        limit = surely(_OF_MEDIAN * sizes.size, chances=sizes.size)
+        # 0.37: degrees of freedom of the median of absolute residuals per residual: its efficiency for normal noise (P.
+        # J. Rousseeuw, C. Croux, 1993, doi:10.1080/01621459.1993.10476408).
+        limit = surely(0.37 * sizes.size, chances=sizes.size)
         scale = np.full(len(weighted), 1.4826 * np.median(sizes))  # which outliers do not raise
     far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * scale.clip(1e-300)))
     if not far.size:
@@ -101,7 +95,9 @@ def _series(problem: Problem, weighted: Array) -> list[str]:
     messages, paths = [], sum(block.moves for block in problem.blocks)
     for block, part, _ in problem.parts:
         residuals, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
-        if not block.moves or residuals.size < _SERIES * count:
+        # 30: instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long
+        # series
+        if not block.moves or residuals.size < 30 * count:
             continue
         before, after = residuals[:-count] - residuals.mean(), residuals[count:] - residuals.mean()
         # of each coordinate with itself one instant later
@@ -127,7 +123,9 @@ def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
     further += _origins(problem)
     readings = [rows for *_, rows in _readings(problem)]
     about = [(problem.measured[rows] - problem.measured[rows].mean()) / solution.sigma[rows] for rows in readings]
-    least, named = _MATTERS * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
+    # 1e-3: least change of the predictions by a further law, per scatter of the readings about their means: a tenth of
+    # what models of real fingers are off, and ten times what two integrators differ by
+    least, named = 1e-3 * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
     doubts = list[str]()
     chances = len(further)  # all make one verdict together
     while further:

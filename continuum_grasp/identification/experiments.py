@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, cast
 
@@ -26,10 +24,11 @@ from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
 from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
 from continuum_grasp.identification.unknowns import prior, read_unknowns
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.results.result import Result
-from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.identify import Column, DataSet, IdentifyScene, RowsEqual, StaticPoses, TipTrajectory
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.table import csv_text
 from continuum_grasp.simulation.trajectory import Trajectory
 
 _ABOUT, _TRIED = 0.2, 4
@@ -366,7 +365,7 @@ def _read_back(data_set: StaticPoses, name: str) -> StaticPoses:
 
 def poses_text(plan: ExperimentPlan) -> str:
     """The poses as a table, in which what is to be measured is empty."""
-    return _csv(plan.pose_headings, plan.pose_rows)
+    return csv_text(plan.pose_headings, plan.pose_rows)
 
 
 def configuration_text(plan: ExperimentPlan) -> str:
@@ -379,13 +378,7 @@ def configuration_text(plan: ExperimentPlan) -> str:
 def commands_text(plan: ExperimentPlan) -> str:
     """The commands as a table for the drives' controller, and for a log."""
     rows = [[f"{value:.9g}" for value in row] for row in np.column_stack([plan.t, plan.commands]).tolist()]
-    return _csv(("t [s]", *plan.command_names), rows)
-
-
-def _csv(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([headings, *rows])
-    return text.getvalue()
+    return csv_text(("t [s]", *plan.command_names), rows)
 
 
 def scene_text(plan: ExperimentPlan) -> str:

@@ -16,7 +16,7 @@ from continuum_grasp.identification.searches import LawTrial
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.model.parameters import at_tip, numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
-from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import FingerScene
@@ -190,7 +190,6 @@ class Fit(Predicted):
 
 
 def table_of(**columns: Iterable[Any]) -> list[dict[str, Any]]:
-    """Rows of a table, from its columns."""
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

@@ -136,7 +136,6 @@ def _solved(problem: Problem, report: Callable[[float], None]) -> Solution:
 
 
 def under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
-    """The scene under each of its laws."""
     for k, law in enumerate(scene.laws):
         plain = changed_at(scene.model_copy(update={"laws": ()}), law.set, f"laws[{k}].set")
         yield plain.replaced(estimate=(*scene.estimate, *law.estimate))

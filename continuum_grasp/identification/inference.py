@@ -31,18 +31,8 @@ singular vectors."""
 WEAK = 0.5
 """Standard deviation, relative to the size, from which a parameter is hardly seen [1]: its 95 % interval then reaches
 zero."""
-_ALIKE = 0.99
-"""Correlation [1] from which two parameters can hardly be distinguished: each interval is then seven
-times as wide as with the other known."""
 _TINY = 1e-300
 """In place of zero in a denominator."""
-_LAGS_BEYOND = 5
-"""Lags in a row whose correlation must be that of noise, where the correlation has ended [1] (D. N. Politis, 2003)."""
-_WINDOW = 3.0
-"""Length of the window per lag at which the correlation ends [1]: of 2, 3 and 4, the least whose 90 % intervals cover
-0.81 to 0.93 for residuals of five colors; Parzen's window is below a half from 0.36 of its length on."""
-_FREEDOM = 3.71
-"""Degrees of freedom of a variance by Parzen's window, per length of the series over that of the window [1]."""
 
 
 class Inference(NamedTuple):
@@ -182,7 +172,9 @@ def _weakness(
                 f"{100 * deviations[k] / size:.0f} % of its size"
             )
         for j in range(k):
-            if np.isfinite(correlation[k, j]) and abs(correlation[k, j]) > _ALIKE:
+            # 0.99: correlation from which two parameters can hardly be distinguished: each interval is then seven times
+            # as wide as with the other known
+            if np.isfinite(correlation[k, j]) and abs(correlation[k, j]) > 0.99:
                 messages.append(
                     f"{unknowns[j].name} and {unknown.name} can hardly be distinguished: their estimates are "
                     f"correlated by {correlation[k, j]:+.4f}"
@@ -227,7 +219,9 @@ def last_lag(residuals: Array) -> int:
             continue
         beyond = np.flatnonzero(np.abs(autocovariance) > limit * autocovariance[0])
         # the first lag behind which so many are those of noise
-        ends = [int(k) for k, after in zip(beyond, [*beyond[1:], np.inf], strict=True) if after - k > _LAGS_BEYOND]
+        # 5: lags in a row whose correlation must be that of noise, where the correlation has ended (D. N. Politis,
+        # 2003).
+        ends = [int(k) for k, after in zip(beyond, [*beyond[1:], np.inf], strict=True) if after - k > 5]
         lag = max(lag, ends[0])
     return lag
 
@@ -244,14 +238,17 @@ def middle(jacobian: Array, residuals: Array) -> tuple[Array, float]:
     if last == 0:
         flat = jacobian.reshape(-1, n)
         return float(np.mean(residuals**2)) * flat.T @ flat, float(residuals.size)
-    length = min(_WINDOW * last + 1.0, float(count))
+    # 3.0: length of the window per lag at which the correlation ends: of 2, 3 and 4, the least whose 90 % intervals
+    # cover 0.81 to 0.93 for residuals of five colors; Parzen's window is below a half from 0.36 of its length on
+    length = min(3.0 * last + 1.0, float(count))
     tapered = _parzen(np.arange(count) / length)[:, None, None] * _autocovariance(residuals)
     total = np.zeros((n, n))
     for reading, other in np.ndindex(readings, readings):
         # G of the lags of both signs, those of one reading with the other
         lags = tapered[:, reading, other], tapered[:, other, reading]
         total += jacobian[:, reading].T @ matmul_toeplitz(lags, jacobian[:, other])
-    return 0.5 * (total + total.T), _FREEDOM * count / length
+    # 3.71: degrees of freedom of a variance by Parzen's window, per length of the series over that of the window
+    return 0.5 * (total + total.T), 3.71 * count / length
 
 
 def _autocovariance(residuals: Array) -> Array:

@@ -15,12 +15,6 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.identification.unknowns import Unknown
 
-_VAGUE = 1e3
-"""Standard deviation, per typical size, with which an unknown is known before anything is measured [1]: so wide that it
-tells nothing, and the information has an inverse from the first experiment on."""
-_BETTER = 1e-9
-"""Relative decrease of the sum of variances from which an exchange is made [1]: above the rounding of the inverses."""
-
 
 def information(jacobian: Array, sizes: Array) -> Array:
     """Information (..., n, n) of readings whose derivatives (..., readings, n) are per deviation, per typical size."""
@@ -38,7 +32,9 @@ def allotted(
     there is already. The first ``shared`` unknowns count; the others are those of single sets. ``budgets`` are numbers
     (K,) of experiments that share one, and how many of them may be made in all.
     """
-    counts, total = np.zeros(len(each), dtype=np.intp), known + np.eye(len(known)) / _VAGUE**2
+    # 1e3: standard deviation, per typical size, with which an unknown is known before anything is measured: so wide
+    # that it tells nothing, and the information has an inverse from the first experiment on
+    counts, total = np.zeros(len(each), dtype=np.intp), known + np.eye(len(known)) / 1e3**2
 
     def variance(matrices: Array) -> Array:
         return np.asarray(np.einsum("...ii->...", np.linalg.inv(matrices)[..., :shared, :shared]))
@@ -59,7 +55,9 @@ def allotted(
         for members, _ in budgets:
             for pick in members[counts[members] > 0]:
                 variance_sum, other = best(members, total - each[pick])
-                if variance_sum < (1.0 - _BETTER) * reached:
+                # 1e-9: relative decrease of the sum of variances from which an exchange is made: above the rounding of
+                # the inverses
+                if variance_sum < (1.0 - 1e-9) * reached:
                     counts[pick] -= 1
                     counts[other] += 1
                     total, reached, exchanged = total - each[pick] + each[other], variance_sum, True

@@ -24,10 +24,6 @@ _STEP = 1e-9
 """Step per typical size below which the search has converged [1]: measured rods have deviations of 4e-4 and more."""
 _DECREASE = 1e-14
 """Relative decrease of the sum of squares below which it has converged [1]: some 50 roundings of a double."""
-_SEEN = 1e-10
-"""Length of a column of the Jacobian per that of the longest [1] up to which it is rounding of the predictions."""
-_AT_BOUND = 1e-6
-"""Distance from a bound per typical size at which a value is put on it [1]; the iterates themselves stay inside."""
 
 
 class Minimum(NamedTuple):
@@ -78,7 +74,9 @@ def least_squares(
     while True:
         minimum = _search(function, minimum, lower, upper, sizes, free, evaluations, decrease)
         values, gradient = minimum.values, (minimum.jacobian * sizes).T @ minimum.residuals
-        beside = np.where(gradient > 0.0, values - lower, upper - values) <= _AT_BOUND * sizes
+        # 1e-6: distance from a bound per typical size at which a value is put on it; the iterates themselves stay
+        # inside
+        beside = np.where(gradient > 0.0, values - lower, upper - values) <= 1e-6 * sizes
         pushed = free & beside & (gradient != 0.0)
         if not (minimum.converged and pushed.any()):
             return minimum
@@ -142,7 +140,9 @@ def _search(
         jacobian = (known[scaled.tobytes()][2] * sizes)[:, free]
         # a column of rounding alone, scaled by its own length, would take the whole step
         lengths = np.linalg.norm(jacobian, axis=0)
-        return np.asarray(jacobian * (lengths > _SEEN * lengths.max(initial=0.0)))
+        # 1e-10: length of a column of the Jacobian per that of the longest up to which it is rounding of the
+        # predictions
+        return np.asarray(jacobian * (lengths > 1e-10 * lengths.max(initial=0.0)))
 
     iterations, status = start.iterations, "no step possible"
     with suppress(_NoStepPossibleError):

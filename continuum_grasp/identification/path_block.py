@@ -19,10 +19,9 @@ from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, entries_of
 from continuum_grasp.identification.data import Data, Poses, TipPath, column
-from continuum_grasp.identification.driven import Driven
+from continuum_grasp.identification.driven import Driven, MeasuredStart
 from continuum_grasp.identification.observation import check_tensions
 from continuum_grasp.identification.rows import Shapes
-from continuum_grasp.identification.start import MeasuredStart
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
@@ -36,10 +35,6 @@ def block_of(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
 
 _MOST_STEPS = 200_000
 """Steps of a path: seconds per evaluation, of which a search takes dozens."""
-_FINER = 2.0
-"""Steps per step of a simulation [1]: a sixteenth of its error, so that the steps do not pass for parameters."""
-_CHANGE = 0.1
-"""Relative change of parameters from which the steps are chosen anew; smaller ones are within their margin."""
 _SHAPES = 6
 """Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
 
@@ -145,12 +140,14 @@ class PathBlock(Block):
 
         Other steps have another error, which a search would take for a change of the parameters.
         """
-        if self._settled is not None and np.allclose(p, self._settled[0], rtol=_CHANGE, atol=0.0):
+        # 0.1: relative change of parameters from which the steps are chosen anew; smaller ones are within their margin
+        if self._settled is not None and np.allclose(p, self._settled[0], rtol=0.1, atol=0.0):
             return self._settled[2]
         signals, model = self._driven.signals, self._model
         shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
         radius = spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p)
-        rate = _FINER * radius / TARGET_RADIUS
+        # 2.0: steps per step of a simulation: a sixteenth of its error, so that the steps do not pass for parameters
+        rate = 2.0 * radius / TARGET_RADIUS
         if not np.isfinite(rate):
             raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
         if self._settled is not None and 0.5 * self._settled[1] < rate <= self._settled[1]:

@@ -24,12 +24,6 @@ from continuum_grasp.scene.table import read_table
 
 SWAPPED = " swapped"
 """End of the name of a trial with swapped channels."""
-_CAP = 30.0
-"""Cap of a squared normalized innovation [1], as in ``control/c/ekf.h``: one sample alone is no wrong sensor."""
-_STILL = 20
-"""Equal readings in a row [1] of a sensor that is frozen: noise does not repeat itself."""
-_EVIDENCE = 20.0
-"""Logarithm of the likelihood of a delay, per that of the least likely one, from which on it is stated [1]."""
 LATER = 6
 """Periods by which measurements are tried to be older than stated [1]."""
 
@@ -112,7 +106,8 @@ class Periods:
         frozen = []
         for name in self._names:
             changes = np.flatnonzero(np.diff(self._columns[name][1], prepend=np.nan, append=np.nan))
-            if np.diff(changes).max(initial=0) >= _STILL:
+            # 20: equal readings in a row of a sensor that is frozen: noise does not repeat itself
+            if np.diff(changes).max(initial=0) >= 20:
                 frozen.append(name_of(name))
         return tuple(frozen)
 
@@ -141,7 +136,8 @@ class Periods:
             left.append(float(np.nanmean(disagreement(with_variances))))
             count = int((with_variances[:, 1] > 0.0).sum())
         k, best = int(np.argmin(left)), math.nan
-        if 0.5 * count * math.log(max(left) / min(left)) > _EVIDENCE:
+        # 20.0: logarithm of the likelihood of a delay, per that of the least likely one, from which on it is stated
+        if 0.5 * count * math.log(max(left) / min(left)) > 20.0:
             best = float(ages[k])
             if 0 < k < len(ages) - 1:
                 before, at, after = left[k - 1 : k + 2]
@@ -210,6 +206,7 @@ def innovations(commands: Sequence[Any]) -> Array:
 
 def disagreement(periods: Array) -> Array:
     """Mean squared normalized innovation (ny) by innovations and variances (K, 2, ny); NaN if never compared."""
-    square = np.minimum(periods[:, 0] ** 2 / np.where(periods[:, 1] > 0.0, periods[:, 1], np.nan), _CAP)
+    # 30.0: cap of a squared normalized innovation, as in ``control/c/ekf.h``: one sample alone is no wrong sensor
+    square = np.minimum(periods[:, 0] ** 2 / np.where(periods[:, 1] > 0.0, periods[:, 1], np.nan), 30.0)
     count = np.isfinite(square).sum(axis=0)
     return np.where(count > 0, np.nansum(square, axis=0) / np.maximum(count, 1), np.nan)

@@ -43,8 +43,6 @@ _BETTER = 3.0
 least of all slips [1] up to which others are named as well."""
 _NOTHING = 0.01
 """Misfit per what is plausible [1] below which no slip explains the data better than another."""
-_REFITTED = 4
-"""Slips with the least misfits at the start values whose parameters are sought anew: a search takes up to a minute."""
 _FAR = 10.0
 """Factor of an estimate on the scene's value, up or down, from which slips are tried although the fit is good [1]: what
 scales load and stiffness alike leaves no misfit, and materials of one kind differ by less."""
@@ -54,8 +52,6 @@ _MEASURED = {*KIND_OF, *OF_MODES}
 """Columns on whose values no prediction depends."""
 _BASE = ("base_x", "base_y")
 """Unknowns of a base that is elsewhere."""
-_BEND = 2.0
-"""Bend of an arc whose tip is moved by the finger's length, L bend / 2, for small ones [rad]."""
 
 
 class Misfit(NamedTuple):
@@ -101,7 +97,6 @@ def _far(problem: Problem, solution: Solution) -> list[tuple[Unknown, float]]:
 
 
 def judge(problem: Problem, solution: Solution) -> Verdict:
-    """Judge a fit."""
     left = misfits(problem, solution.predictions)
     reason = too_far(problem, solution.values, solution.sigma)
     unexplained = [misfit for misfit in left if misfit.is_unexplained]
@@ -154,7 +149,8 @@ def _limit(kind: str, measured: Array, length: float) -> float:
     size = float(np.sqrt(np.mean(measured**2)))
     sizes = {
         "positions": _PART * length,
-        "angles": _PART * max(_BEND, float(np.ptp(measured))),
+        # 2.0: bend of an arc whose tip is moved by the finger's length, L bend / 2, for small ones [rad]
+        "angles": _PART * max(2.0, float(np.ptp(measured))),
         "frequency": _PART * size,
         "decay_rate": math.inf,
     }
@@ -215,7 +211,9 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
         except ContinuumGraspError:
             continue
         tried[words] = total, partial(Problem, blocks, problem.sought)
-    ranked = sorted(tried.items(), key=lambda attempt: np.nan_to_num(attempt[1][0], nan=math.inf))[:_REFITTED]
+    # 4: slips with the least misfits at the start values whose parameters are sought anew: a search takes up to a
+    # minute
+    ranked = sorted(tried.items(), key=lambda attempt: np.nan_to_num(attempt[1][0], nan=math.inf))[:4]
     explained: list[tuple[float, str]] = []
     for words, (total, undo) in ranked:
         if total <= max(_BETTER * ranked[0][1][0], _NOTHING):

@@ -22,8 +22,6 @@ _ROUNDS = 25
 """Most rounds of weights; standard deviations settle in two or three."""
 _HORIZONS = (0.1, 0.25, 0.5)
 """Parts of free paths that are fitted before the whole, so that a wrong start does not end in a wrong period."""
-_LEAST_ROWS = 4
-"""Fitted numbers per parameter from which a part of the data is fitted at all."""
 _FIRST, _EVALUATIONS = 12, 200
 """Most evaluations of the search on a part of the data, which only has to lead near, and on all of them: the measured
 rods take 54 or less in all searches together."""
@@ -31,8 +29,6 @@ _KINKED: dict[str, float] = {"decrease": 1e-6}
 """Relative decrease of the sum of squares where a search over kinks ends [1]: they keep it from getting to rounding,
 and of the squares of 2000 numbers it is 4 % of a deviation. Releases of the hose trunk take 57 evaluations so, and more
 than 200 to get to 1e-14."""
-_REACH = 2.0
-"""Greatest relative change of a parameter in a search on a part of the data [1], which may not see it yet."""
 
 
 class Solution(NamedTuple):
@@ -193,7 +189,8 @@ class Problem:
         sigma = self._first_sigma()
         for share in _HORIZONS if any(block.free for block in self.blocks) else (1.0,) * (below < math.inf):
             chosen = self.fitted & self._early(share)
-            if share == 1.0 or chosen.sum() >= _LEAST_ROWS * len(values):
+            # 4: fitted numbers per parameter from which a part of the data is fitted at all
+            if share == 1.0 or chosen.sum() >= 4 * len(values):
                 values = self._search(values, chosen, 1.0 / sigma, self._sought, first=True).values
             progress(0.5 * share)
         if below < math.inf and self.misfit(values) >= below:
@@ -238,7 +235,8 @@ class Problem:
         rows = [(unknown.lower, unknown.upper, max(abs(unknown.start), unknown.typical)) for unknown in unknowns]
         lower, upper, sizes = (np.array(column) for column in zip(*rows, strict=True))
         if first:
-            reach = np.maximum(_REACH * np.abs(start[free]), sizes)
+            # 2.0: greatest relative change of a parameter in a search on a part of the data, which may not see it yet
+            reach = np.maximum(2.0 * np.abs(start[free]), sizes)
             lower, upper = np.maximum(lower, start[free] - reach), np.minimum(upper, start[free] + reach)
 
         def residuals(sought: Array) -> tuple[Array, Array]:

@@ -318,7 +318,9 @@ class _Points:
                     raise table.error(f"{len(mine)} rows of one {self.heading} at one place; {hint}", 0, int(mine[1]))
                 here[k] = mine[0] if len(mine) else -1
             for word, where in (("at", at), ("since", m.since)):
-                if where is not None and not 0.0 <= where <= length * (1 + _ROUNDED):
+                # 1e-6: part of the length by which a measured place may be beyond the tip: places are written with six
+                # digits
+                if where is not None and not 0.0 <= where <= length * (1 + 1e-6):
                     message = f"{where:g} m is not on the finger of {length:g} m"
                     if word == "at" and places is not None:
                         raise table.error(message, table.index(as_column(cast(Column, m.at)).column), int(here.max()))
@@ -389,7 +391,6 @@ def _ring_downs(
 
 
 def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:
-    """Rows that are fitted."""
     chosen = np.full(rows, fitted)
     for row in holdout:
         if row > rows:
@@ -431,8 +432,6 @@ def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) ->
     return definition.scale * values
 
 
-_ROUNDED = 1e-6
-"""Part of the length by which a measured place may be beyond the tip: places are written with six digits."""
 _ROWS = 5000
 """Most rows to choose from [1]: the equilibria of so many take a quarter of a minute."""
 _TIMES = ("t", "time")

@@ -22,14 +22,6 @@ from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 
-_TRUST = 12.0
-"""Mean squared normalized innovation up to which sensors and model agree [1]: a move with half the stiffness stays
-below 9 (``control/c/supervisor.c``), one with drives of 2.5 times the lag below 11."""
-_LEFT = 0.5
-"""Part of the disagreement that is left where the sensor at fault is left out [1], at most."""
-_ALIKE = 1.2
-"""Disagreements within this factor of the least are alike [1]: the log does not tell which of the sensors it is."""
-
 
 class Suspicion(NamedTuple):
     """Sensors read otherwise: mean squared normalized innovation of all that is compared then, and of it as logged."""
@@ -111,7 +103,11 @@ class Replay(Predicted):
         if self.frozen:
             return self.frozen
         alike = [
-            suspicion.what for suspicion in self.suspicions if suspicion.after <= _ALIKE * self.suspicions[0].after
+            # 1.2: disagreements within this factor of the least are alike: the log does not tell which of the sensors
+            # it is
+            suspicion.what
+            for suspicion in self.suspicions
+            if suspicion.after <= 1.2 * self.suspicions[0].after
         ]
         # Without either of two that are swapped, the others agree too; swapped back, nothing need be left out.
         return tuple([what for what in alike if what.endswith(SWAPPED)] or alike)
@@ -197,8 +193,11 @@ def replay(
         suspicions.append(Suspicion(what, float(np.nanmean(after)), float(np.nanmean(disagreements))))
         report((k + 1.0) / (len(trials) + LATER))
     suspicions.sort(key=lambda suspicion: suspicion.after)
-    frozen, status = periods.frozen(), "consistent" if np.nanmax(disagreements) <= _TRUST else "mismatch"
-    explained = bool(suspicions) and suspicions[0].after < _LEFT * suspicions[0].before
+    # 12.0: mean squared normalized innovation up to which sensors and model agree: a move with half the stiffness stays
+    # below 9 (``control/c/supervisor.c``), one with drives of 2.5 times the lag below 11
+    frozen, status = periods.frozen(), "consistent" if np.nanmax(disagreements) <= 12.0 else "mismatch"
+    # 0.5: part of the disagreement that is left where the sensor at fault is left out, at most
+    explained = bool(suspicions) and suspicions[0].after < 0.5 * suspicions[0].before
     if frozen or (status == "mismatch" and explained):
         status = "sensor"
     seen = np.nan_to_num(y) @ estimation.mixing.T

@@ -41,12 +41,8 @@ def set_by(unknowns: Sequence[Unknown], names: Sequence[str]) -> tuple[Array, Ar
     return shares, derivative
 
 
-_TOLERANCE = 1e-11
-"""Last Newton step per bending range [1]: the search for parameters, which converges to 1e-9, must not see it."""
 _ITERATIONS = 25
 """Iterations of Newton's method, which takes a handful where it converges quadratically."""
-_SHORTEST = 1.0 / 1024.0
-"""Step along the path to new parameters [1] below which it is lost: at a fold no step is short enough."""
 
 
 class Resting(NamedTuple):
@@ -153,7 +149,9 @@ class Shapes:
             q = self._newton(state.q, target, history)
             if q is None:
                 step *= 0.5
-                if step < _SHORTEST:
+                # 1.0 / 1024.0: step along the path to new parameters below which it is lost: at a fold no step is short
+                # enough
+                if step < (1.0 / 1024.0):
                     raise SolverError(
                         "the equilibrium cannot be followed to these parameters",
                         status="path lost",
@@ -195,7 +193,9 @@ class Shapes:
             if not size < 0.5:  # NaN too
                 return None
             q = q + change
-            if size <= _TOLERANCE:
+            # 1e-11: last Newton step per bending range: the search for parameters, which converges to 1e-9, must not
+            # see it
+            if size <= 1e-11:
                 return q
         return None
 

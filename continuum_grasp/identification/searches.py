@@ -33,14 +33,6 @@ from continuum_grasp.identification.problem import Problem, Solution
 _FACTORS = tuple(10.0 ** (k / 2) for k in range(-3, 4) if k)
 """Factors on a start value [1], 0.03 to 30: half decades, from which searches over stiffness, mass and damping of rods
 converge."""
-_TOGETHER = 5
-"""Power of two of starts with all parameters off at once [1]: where friction and slack are both too large, nothing
-moves, and no change of one of them is seen."""
-_PASSES = 2
-"""Passes over all parameters [1]: the first finds those that the data see most, the second the others beside them."""
-_STARTS = 3
-"""Starts that are searched from [1]: the best of the scan, and those before that were best for a time. A dozen steps
-tell whether they lead anywhere lower: real data are missed by more than a tenth in their least minimum, too."""
 _LESS = 0.99
 """Sum of squares per that of the first fit [1] below which another minimum is lower, not the same one less exactly."""
 _MISSED = 0.1
@@ -66,7 +58,9 @@ def restarted(problem: Problem, first: Solution | None) -> Solution | None:
     if first is not None:
         least = _LESS * problem.misfit(first.values)
     scaled = np.array([unknown.start > 0.0 and unknown.lower >= 0.0 for unknown in problem.unknowns])
-    for start in _scanned(problem, scaled)[-_STARTS:][::-1]:
+    # 3: starts that are searched from: the best of the scan, and those before that were best for a time. A dozen steps
+    # tell whether they lead anywhere lower: real data are missed by more than a tenth in their least minimum, too.
+    for start in _scanned(problem, scaled)[-3:][::-1]:
         if best is not None and _near(start[scaled], best.values[scaled]):
             continue
         with suppress(SolverError, NumericalError):
@@ -105,9 +99,12 @@ def _scanned(problem: Problem, scaled: NDArray[np.bool_]) -> list[Array]:
             starts.append(about)
 
     if chosen.size > 1:
-        spread = 2.0 * qmc.Sobol(chosen.size, scramble=False).random_base2(_TOGETHER) - 1.0
+        # 5: power of two of starts with all parameters off at once: where friction and slack are both too large,
+        # nothing moves, and no change of one of them is seen
+        spread = 2.0 * qmc.Sobol(chosen.size, scramble=False).random_base2(5) - 1.0
         take_best(max(_FACTORS) ** spread, chosen)
-    for k in np.tile(chosen, _PASSES):
+    # 2: passes over all parameters: the first finds those that the data see most, the second the others beside them
+    for k in np.tile(chosen, 2):
         take_best(np.array(_FACTORS)[:, None], np.array([k]))
     return starts
 

@@ -23,20 +23,14 @@ from continuum_grasp.simulation.trajectory import Trajectory
 
 _BASE = 0.03
 """Tension at which tendons stay in tension, per greatest tension [1]."""
-_HALVINGS = 12
-"""Bisections of the greatest command: to a part in 4000."""
 _LOOP = ((0.0, 0.0), (0.3, 1.0), (0.5, 0.35), (0.65, 0.8), (1.0, 0.0))
 """A loop with an inner one: shares of time and of the greatest command [1]."""
 _STEPS = ((0.0, 0.0), (0.05, 0.3), (0.3, 0.6), (0.5, 0.45), (0.7, 0.6), (0.85, 0.0))
 """Shares of time at which the command changes, and to which share of the greatest one [1]."""
-_RISE = 2.0
-"""Samples in which a step rises [1]."""
 _MIDDLE, _SWING = 0.4, 0.15
 """Command about which a sweep swings, and by how much, per greatest one [1]."""
 _BAND = 0.5, 1.5
 """Frequencies from which and up to which it goes, per first natural frequency [1]."""
-_NYQUIST = 0.1
-"""Greatest frequency times the time between samples [1]."""
 _LESS, _TRIES = 0.85, 24
 """Factor on the commands where the motion that they cause goes beyond a limit [1], and how often at most."""
 
@@ -169,7 +163,8 @@ class Design:
     def _reach(self, pattern: Pattern) -> float:
         """Greatest factor of a pattern at rest."""
         low, high = 0.0, pattern.most
-        for _ in range(_HALVINGS):
+        # 12: bisections of the greatest command: to a part in 4000
+        for _ in range(12):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if self._allowed(self._base + middle * pattern.commands) else (low, middle)
         return low
@@ -239,14 +234,16 @@ class Design:
             return [(0.0, 0.0), (duration, 0.0)]
         if form == "loop":
             return [(share * duration, level) for share, level in _LOOP]
-        rise = _RISE * self.options.sample
+        # 2.0: samples in which a step rises
+        rise = 2.0 * self.options.sample
         if form == "steps":
             points, before = list[tuple[float, float]](), 0.0
             for share, level in _STEPS:
                 points += [(share * duration, before), (share * duration + rise, level)]
                 before = level
             return [*points, (duration, 0.0)]
-        low, high = (min(part * self._frequency, _NYQUIST / self.options.sample) for part in _BAND)
+        # 0.1: greatest frequency times the time between samples
+        low, high = (min(part * self._frequency, 0.1 / self.options.sample) for part in _BAND)
         ramp = 0.1 * duration
         points, t, k = [(0.0, 0.0), (ramp, _MIDDLE)], ramp, 0
         while True:

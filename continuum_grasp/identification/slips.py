@@ -143,7 +143,6 @@ def _undone_data(slip: Slip, data: Data) -> Data:
 
 
 def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
-    """Changes of a scene by a slip."""
     if slip.turn:
         yield "finger.base.angle", math.remainder(scene.finger.base.angle + slip.turn, 2.0 * math.pi)
     if slip.gravity != 1.0:

@@ -17,8 +17,8 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.laws.section import POSITIVE
 from continuum_grasp.model.parameters import numbers_of
 from continuum_grasp.scene.consumer import beside
-from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
+from continuum_grasp.scene.methods import default_family
 from continuum_grasp.scene.simulate import Scene
 
 LAG, DELAY = "drive_time_constant", "drive_delay"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from continuum_grasp.mission.precheck import check_mission as check_mission
     from continuum_grasp.mission.result import MissionRun as MissionRun
     from continuum_grasp.mission.run import run_mission as run_mission
-    from continuum_grasp.mission.trials import run_trials as run_trials
+    from continuum_grasp.mission.run import run_trials as run_trials
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]

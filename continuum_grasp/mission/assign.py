@@ -13,7 +13,9 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
@@ -23,34 +25,89 @@ from continuum_grasp.grasp.quality.resistance import Resistance
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import LARGEST, Assignment, object_of
 from continuum_grasp.mission.budget import lowered_by_pulls, promised
-from continuum_grasp.mission.commands import Commands
 from continuum_grasp.mission.on_pads import standing
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.winches import Winch, winches_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
-from continuum_grasp.scene.families import default_family
+from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.methods import default_family
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.surroundings import Table
 from continuum_grasp.simulation.statics import equilibrium_under
 
-_CLEARANCE = 0.003
-"""Distance from the object at which the approach ends [m]."""
+
+class Commands:
+    """Commands by tensions of a finger whose tendons were pulled to where they are; ``s`` are places along it [m]."""
+
+    def __init__(self, finger: Finger, s: ArrayLike) -> None:
+        self._finger, self._s = finger, np.asarray(s, dtype=float)
+        self._winches = winches_of(finger.tendon_list, finger.rod.length)
+
+    def of(self, tensions: ArrayLike, angles: ArrayLike) -> Array:
+        """Commands (nu) under tensions (T) [N] at the drives, with angles of the backbone at ``s`` [rad]."""
+        pulled = np.asarray(tensions, dtype=float)
+        if not self._winches:
+            return pulled.copy()
+        drawn = [self._drawn(k, np.asarray(angles, dtype=float)) for k in range(len(pulled))]
+        return np.array([self._command(winch, pulled, drawn) for winch in self._winches])
+
+    def closing(self, pulls: ArrayLike) -> Array:
+        """Direction in which each command (nu) pulls harder with the tendons that close the finger: 1 up, -1 down, as
+        of a pulley that winds up its second tendon, 0 where it moves none of them. ``pulls`` says which tendons do (T).
+        """
+        closes = np.asarray(pulls, dtype=bool)
+        directions = []
+        for winch in self._winches:
+            sides = [side for side, k in zip(winch.sides, winch.tendons, strict=True) if closes[k]]
+            directions.append(sides[0] if sides else 0.0)
+        return np.array(directions) if self._winches else closes.astype(float)
+
+    def _drawn(self, tendon: int, angles: Array) -> tuple[float, float]:
+        """Length of a tendon drawn in by the bend [m], and by tension [m/N]."""
+        cable = self._finger.tendon_list[tendon]
+        _, _, channel, arm = self._finger.pulls[tendon]
+        middle = 0.5 * (self._s[1:] + self._s[:-1])
+        inside = np.clip(np.diff(np.minimum(self._s, channel.to)), 0.0, None)
+        bends = np.diff(angles)
+        path = arm * float(channel.shape(middle) @ bends)
+        # A tendon that was drawn in loses tension towards its end, one that was let out gains it.
+        passed = cable.conduit_bend + np.cumsum(np.abs(bends)) - 0.5 * np.abs(bends)
+        share = np.exp(-math.copysign(cable.friction, path) * passed)
+        if cable.axial_stiffness is None or cable.series_stiffness is None:
+            raise TypeError("a tendon whose tension is commanded has no compliance")
+        return path, float(inside @ share) / cable.axial_stiffness + 1.0 / cable.series_stiffness
+
+    def _command(self, winch: Winch, pulled: Array, drawn: list[tuple[float, float]]) -> float:
+        routes = [drawn[k] for k in winch.tendons]
+        lengths = [path + give * pulled[k] for (path, give), k in zip(routes, winch.tendons, strict=True)]
+        # Of two on one pulley that which pulls harder says where it is; the other has what this leaves it.
+        tightest = max(winch.tendons, key=lambda k: pulled[k])
+        position = float(ca.DM(winch.position(lengths, [float(pulled[k]) * (k == tightest) for k in winch.tendons])))
+        drive = winch.drive
+        if not isinstance(drive, MotorDrive):
+            return position
+        held = [
+            max(wound - path, 0.0) / give
+            for wound, (path, give) in zip(map(float, winch.wound(position)), routes, strict=True)
+        ]
+        torque = winch.radius * sum(side * tension for side, tension in zip(winch.sides, held, strict=True))
+        angle = float(ca.DM(winch.at(position, held, None)[0]))
+        return angle + torque / (drive.position_gain or math.inf)
+
+
 _START_CALLS = 3
 """Calls over which a start is spread [1]: its first one integrates a motion of a stiff model, which takes as long as
 four linearizations. The longest call of configs/mission/mug.yaml takes 0.61 instead of 1.11 ms, with commands within
 0.09 N."""
 _MARGIN = 1.5
 """Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
-_MOST_BEND = 20.0
-"""Greatest bending range that a scene may declare [rad]."""
-_OPPOSED = 3.0
-"""Tension that the other tendon may have meanwhile beyond its least tension [N]."""
 _SLIP_SPEED = 0.005
 """Slip speed of the controller's contacts with an object that is turned [m/s]: friction without a state, which is
 enough for horizons below a second. Below this speed the model creeps where the plant sticks, and the controller waits
@@ -60,10 +117,6 @@ restless, and one of nine plants dropped the block.
 """
 _DENSE = 60
 """Places along the finger whose distance is looked at."""
-_INSIDE = 1e-4
-"""Depth in a support up to which an object stands beside it [m]: it is pressed in by as much."""
-_STEPS = 200
-"""Shares of the grasp's tensions that are tried."""
 
 
 def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Assignment, ...]:
@@ -85,7 +138,6 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
 
 
 def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
-    """Task of one finger."""
     name, posture = setup.name, grasp.fingers[setup.name]
     contacts = {contact.name: contact for contact in grasp.contacts if contact.name.startswith(f"{name}.")}
     tip = contacts.pop(setup.tip_name, None)
@@ -121,7 +173,8 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
     ends = np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))
     pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
     firm = commands.of(np.where(pulls, mission.controller.retained * tensions, least), ends)
-    loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + _OPPOSED)), ends)
+    # 3.0: tension that the other tendon may have meanwhile beyond its least tension [N]
+    loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + 3.0)), ends)
     closing, rise = commands.closing(pulls), np.maximum(tensions - before, 0.0)
     reserve = float(np.min((greatest - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
     reserve = max(0.0, reserve) if math.isfinite(reserve) else 0.0
@@ -177,7 +230,8 @@ def _control_scene(
         lengths = (finger.rod.length / (before + after),) * (before + after)
     edges = np.cumsum([0.0, *lengths])
     free = [length * _greatest_curvature(finger, a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)]
-    reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, _MOST_BEND)
+    # 20.0: greatest bending range that a scene may declare [rad]
+    reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, 20.0)
     turn = mission.turn
     cost = Cost(
         object_angle=None if turn is None else Weight(running=asked.object_angle),
@@ -283,12 +337,14 @@ def _about_to_touch(
     pulls = away > 0.0
     farthest = float(np.min((highest - least)[pulls] / away[pulls]))
     before, q, nearest = least, np.zeros(free.n), math.inf
-    for share in np.linspace(0.0, farthest, _STEPS + 1):
+    # 200: shares of the grasp's tensions that are tried
+    for share in np.linspace(0.0, farthest, 200 + 1):
         u = least + share * away
         shape = equilibrium_under(free, u, [], guess=q).q
         points = core.batch("position", shape, u, places[:, None])
         gaps = [body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True)]
-        if min(gaps) < _CLEARANCE:
+        # 0.003: distance from the object at which the approach ends [m]
+        if min(gaps) < 0.003:
             nearest = float(places[int(np.argmin(gaps))]) * (-1.0 if share == 0.0 and min(gaps) < 0.0 else 1.0)
             break
         before, q = u, shape
@@ -305,7 +361,8 @@ def _check_start(control: ControlScene, nearest: float) -> None:
         down = wall.normal_angle + math.pi - body.angle
         deep = max(part.support(down) for part in body.parts) - wall.height(body.position)
         # Beside an edge of finite length it may stand lower.
-        if deep > _INSIDE and math.isinf(wall.half_length):
+        # 1e-4: depth in a support up to which an object stands beside it [m]: it is pressed in by as much
+        if deep > 1e-4 and math.isinf(wall.half_length):
             raise InputError(f"the object stands {1e3 * deep:.3g} mm inside of {wall.name} before its turn", key=key)
     if nearest < 0.0:
         raise InputError("the straight finger overlaps the object where it stands before its turn", key=key)

@@ -18,8 +18,8 @@ from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Variation
+from continuum_grasp.scene.drives import DriveLaw
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.mission import MissionScene
 
 ROUNDING = 1e-6

@@ -28,9 +28,6 @@ from continuum_grasp.mission.plan import (
 )
 from continuum_grasp.mission.plant import Timetable, reserve
 
-_AT_LIMIT = 0.999
-"""Share of the greatest tension from which on a drive is at its limit [1]: commands reach it to solver accuracy."""
-
 
 @dataclass(frozen=True)
 class Shortfall:
@@ -236,7 +233,9 @@ class LiftCheck:
                 return f"{blind}, and what {assignment.name} bears is not known"
             if "tensions" in assignment.control.finger.input_keys:
                 limits = np.array([tendon.max_tension for tendon in assignment.control.finger.tendon_list])
-                if (command.u >= _AT_LIMIT * limits).any():
+                # 0.999: share of the greatest tension from which on a drive is at its limit: commands reach it to
+                # solver accuracy
+                if (command.u >= 0.999 * limits).any():
                     return f"the drive of {assignment.name} is at its limit of {limits.max():.3g} N"
             normal = command.contact_forces.force[names.index(assignment.contact)]
             reached.append(f"{normal:.2f} N of {assignment.force:.2f} N at {assignment.own_name(assignment.contact)}")

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from io import StringIO
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +15,7 @@ from continuum_grasp.mission.verdict import Verdict
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.table import csv_text
 
 
 @dataclass(frozen=True)
@@ -238,8 +237,5 @@ def trials_csv(result: TrialsResult) -> str:
         {name: f"{value:.9g}" if isinstance(value, float) else value for name, value in _row(outcome).items()}
         for outcome in result
     ]
-    text = StringIO()
-    writer = csv.DictWriter(text, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return csv_text(names, [[row.get(name) for name in names] for row in rows])

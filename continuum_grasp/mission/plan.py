@@ -108,22 +108,12 @@ def mission_settings(
 NOTICES = 3
 """Calls in a row in which a contact bears hardly anything until it counts as parted [1]: one update of an estimate that
 jumps is none. As many heights tell what sinks fast from a glitch."""
-_STAYS = 0.1
-"""Time for which a contact that parted may do so under a firm grip until the object is set down [s]: twice as long as
-drives of 400 N/s take to squeeze."""
-_FALSE = 1e-9
-"""Probability per call that noise passes for slip [1]: as the bound on the test of Page has it for an object that
-loses no height at all."""
 _SMOOTHED = 0.15
 """Time constant in which the height from which losses count is smoothed [s]: half of a shipped mission's lift, so that
 it has what contacts give way under the weight, and 0.18 standard deviations of a height."""
-_SETTLES = 3.0
-"""Time in which a firm grip settles, in these time constants [1]: 5 % of the height lost meanwhile count afterwards."""
 _AGAIN = 3.0
 """Height that a firm grip, or one that takes over the weight, may lose, as a multiple of ``slip.sunk`` [1]: the mugs
 that it held lost 0.15 mm further at most while they were pulled, those that fell 0.2 mm in the pull before."""
-_GLITCH = 0.5
-"""Most doubt of one height [1]: a single one that is far off is no slip."""
 
 
 def _share(share: float, certified: Array) -> Array:
@@ -144,12 +134,19 @@ def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Se
         "watches": watches,
         "answers": int(more > 0.0),
         "sunk": limits,
-        "weight": 2.0 * limits / (std**2 * -math.log(_FALSE)),
-        "glitch": _GLITCH,
+        # 1e-9: probability per call that noise passes for slip: as the bound on the test of Page has it for an object
+        # that loses no height at all
+        "weight": 2.0 * limits / (std**2 * -math.log(1e-9)),
+        # 0.5: most doubt of one height: a single one that is far off is no slip
+        "glitch": 0.5,
         "fresh": min(1.0, step / _SMOOTHED),
-        "settles": math.ceil(_SETTLES * _SMOOTHED / step),
+        # 3.0: time in which a firm grip settles, in these time constants: 5 % of the height lost meanwhile count
+        # afterwards
+        "settles": math.ceil(3.0 * _SMOOTHED / step),
         "parts": NOTICES,
-        "stays": NOTICES + math.ceil(_STAYS / step),
+        # 0.1: time for which a contact that parted may do so under a firm grip until the object is set down [s]: twice
+        # as long as drives of 400 N/s take to squeeze
+        "stays": NOTICES + math.ceil(0.1 / step),
         "lost": _share(asked.parted, certified),
         "firm": [firm.get(name, 0.0) for name in names],
     }

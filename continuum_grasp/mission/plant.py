@@ -22,15 +22,6 @@ from continuum_grasp.scene.surroundings import Table
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
 """Numbers of finger and object that vary from plant to plant: run-time numbers, so that equations are compiled once.
 Friction of the tendons is one of them where they have any."""
-_SUNK = 0.05
-"""Distance by which the table sinks [m]."""
-_PROJECTIONS = 200
-"""Supports that a shifted object is moved out of, one after the other [1]: between two walls each leaves a part of what
-the other had, of a groove of 60 degrees a quarter."""
-_CLEAR = 1e-9
-"""Depth in a support that is none [m]: 20 uN at 20 kN/m."""
-_FALLS = 0.02
-"""Time in which friction falls [s]: two periods."""
 MOVES = 0.75
 """Share of a stroke in which the setpoint of the angle moves, and of a squeeze in which inputs grow; in the rest object
 and fingers come to rest."""
@@ -151,10 +142,13 @@ def _clear_of_supports(equations: PlantModel, x: Array, shift: tuple[float, floa
         return np.array(touched["gap"]).ravel()[supports], np.array(touched["normal"])[:, supports]
 
     least = np.minimum(touching(np.zeros(2))[0], 0.0)
-    for _ in range(_PROJECTIONS):
+    # 200: supports that a shifted object is moved out of, one after the other: between two walls each leaves a part of
+    # what the other had, of a groove of 60 degrees a quarter
+    for _ in range(200):
         gap, normal = touching(moved)
         deepest = int(np.argmin(gap - least)) if supports else 0
-        if not supports or gap[deepest] - least[deepest] >= -_CLEAR:
+        # 1e-9: depth in a support that is none [m]: 20 uN at 20 kN/m
+        if not supports or gap[deepest] - least[deepest] >= -1e-9:
             break
         moved -= (least[deepest] - gap[deepest]) * normal[:, deepest]
     return moved
@@ -330,12 +324,14 @@ class Timetable:
         """Share (T,) by which friction of contacts has fallen on a plant at instants (T,) of the mission [s]."""
         span = self._plan("hold")
         return variation.friction_fall * _smooth(
-            (self._along(self._pieces, t) - 0.5 * (span.start + span.end)) / _FALLS
+            # 0.02: time in which friction falls [s]: two periods
+            (self._along(self._pieces, t) - 0.5 * (span.start + span.end)) / 0.02
         )
 
     def _table(self, t: Array) -> Array:
         t = self.planned(t)
-        return -_SUNK * (self._risen(t, "lift") - self._risen(t, "lower"))
+        # 0.05: distance by which the table sinks [m]
+        return -0.05 * (self._risen(t, "lift") - self._risen(t, "lower"))
 
     def _pull(self, axis: int, t: Array) -> Array:
         # What pulls does not know that the object is set down; what has not begun by then does not come.

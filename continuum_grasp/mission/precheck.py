@@ -17,7 +17,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import LARGEST, Assignment
 from continuum_grasp.mission.budget import ROUNDING, held_resistance, lowered_by_pulls, plant_friction, plant_mass
-from continuum_grasp.mission.drop import FALLEN
+from continuum_grasp.mission.causes import FALLEN
 from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.scene.load import scene_of

@@ -289,7 +289,7 @@ class MissionRun(MotionResult):
 
     def yaml(self) -> str:
         """Summary of a mission as YAML, in SI units."""
-        from continuum_grasp.results.yaml_text import yaml_text
+        from continuum_grasp.results.plain import yaml_text
 
         head = {"name": self.name, "status": self.status, "outcome": self.outcome, "warnings": list(self.warnings)}
         return _HEAD + yaml_text(plain({**head, **self.findings()}))

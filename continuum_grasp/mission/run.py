@@ -1,10 +1,12 @@
-"""A mission carried out: grasp, controller and plant from approach to release."""
+"""A mission carried out: grasp, controller and plant from approach to release, on one plant or on many."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
+
+import numpy as np
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
@@ -13,18 +15,21 @@ from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import FingerLoop, run_fingers
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.errors import Interrupted
+from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import Assignment, present
 from continuum_grasp.mission.lift import LiftCheck
+from continuum_grasp.mission.on_pads import reserved
+from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
-from continuum_grasp.mission.precheck import admit, exceeded
+from continuum_grasp.mission.precheck import admit, exceeded, exceeded_by_trials
 from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.mission import MissionScene, Trials
 from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.workers import ProcessPool, cores
 
 Progress = Callable[[float], None]
 
@@ -121,3 +126,135 @@ class MissionRunner:
         verdict = judge(of, table, variation, runs, contacts, check.refused, check.slipped)
         beyond = exceeded(of, variation)
         return MissionRun(of, table, variation, tuple(runs), scenes, contacts, verdict, beyond)
+
+
+def variations(trials: Trials) -> list[Variation]:
+    """The plants that are drawn, the same for the same seed."""
+    rng = np.random.default_rng(trials.seed)
+    of_tendons = np.random.default_rng((trials.seed, 1))  # a stream of its own: the others are what they are without it
+
+    def factor(reach: float) -> float:
+        return float(1.0 + reach * rng.uniform(-1.0, 1.0))
+
+    plants = []
+    # Plant by plant in a fixed order of draws: more plants begin with those of fewer.
+    for _ in range(trials.count):
+        stiffness, damping = factor(trials.stiffness), factor(trials.damping)
+        mass, friction = factor(trials.mass), factor(trials.friction)
+        dx, dy = (float(v) for v in trials.position * rng.uniform(-1.0, 1.0, 2))
+        tendon_friction = float(1.0 + trials.tendon_friction * of_tendons.uniform(-1.0, 1.0))
+        plants.append(
+            Variation(
+                stiffness,
+                damping,
+                mass,
+                friction,
+                (dx, dy),
+                int(rng.integers(2**31)),
+                tendon_friction,
+                trials.friction_fall,
+            )
+        )
+    return plants
+
+
+@interrupt.computing()
+@check_arguments
+def run_trials(
+    scene: MissionScene | str | PathLike[str],
+    *,
+    grasp: GraspResult | None = None,
+    jobs: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> TrialsResult:
+    """Carry a mission out on the plants of its ``trials``.
+
+    Parameters
+    ----------
+    scene : MissionScene or path-like
+        The mission, or its YAML file.
+    grasp : GraspResult, optional
+        The grasp, where it has been found already.
+    jobs : int, optional
+        Processes; one per core where not given.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    TrialsResult
+        A sequence of `Outcome`, in the order of ``variations``; ``summary`` has them in numbers.
+
+    Raises
+    ------
+    SolverError
+        If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
+    InputError
+        If the mission does not make sense.
+    Interrupted
+        On Ctrl-C; ``result`` has those that were done.
+
+    Examples
+    --------
+    Each trial takes some seconds, the first one what its controller takes to compile:
+
+    >>> import continuum_grasp as cg
+    >>> outcomes = cg.run_trials("configs/mission/mug.yaml", jobs=2)  # doctest: +SKIP
+    >>> sum(outcome.succeeded for outcome in outcomes)  # doctest: +SKIP
+    100
+    """
+    mission = scene_of(scene, MissionScene)
+    drawn = variations(mission.trials)
+    count = min(cores() if jobs is None else jobs, len(drawn))
+    if count < 1:
+        raise InputError(f"expected one process at least, got {jobs}", key="jobs")
+    assignments = assign(mission, grasp)
+    known = exceeded_by_trials(assignments, drawn)
+    admit(assignments, known)
+    known += reserved(assignments[0])
+    report = progress or (lambda share: None)
+    done: dict[int, Outcome] = {}
+    try:
+        for k, outcome in _outcomes(assignments, drawn, count):
+            done[k] = outcome
+            report(len(done) / len(drawn))
+    except KeyboardInterrupt:
+        finished = TrialsResult(mission, tuple(done[k] for k in sorted(done)), "interrupted", known)
+        raise Interrupted(f"interrupted after {len(finished)} of {len(drawn)} plants", result=finished) from None
+    return TrialsResult(mission, tuple(done[k] for k in range(len(drawn))), warnings=known)
+
+
+def _outcomes(assignments: Sequence[Assignment], drawn: list[Variation], jobs: int) -> Iterator[tuple[int, Outcome]]:
+    """Number and outcome of each plant, in the order in which they end."""
+    first = MissionRunner(assignments)  # compiles once what all processes then load
+    if jobs == 1:
+        yield from ((k, _outcome(first, variation)) for k, variation in enumerate(drawn))
+        return
+    # Each worker makes its controllers and plant once, from compiled code that is in the cache by now.
+    pool, finished = ProcessPool(jobs, _start, assignments), False
+    try:
+        for k, future in pool.as_completed(_run, drawn):
+            lost = pool.lost(future)
+            yield k, Outcome(drawn[k], None, "its worker process died") if lost else future.result()
+        finished = True
+    finally:
+        pool.close(not finished)
+
+
+def _outcome(runner: MissionRunner, variation: Variation) -> Outcome:
+    try:
+        return Outcome(variation, runner.run(variation).verdict)
+    except ContinuumGraspError as error:
+        return Outcome(variation, None, str(error))
+
+
+_own: list[MissionRunner] = []
+"""Controllers and plant of a worker process."""
+
+
+def _start(assignments: Sequence[Assignment]) -> None:
+    _own.append(MissionRunner(assignments))
+
+
+def _run(variation: Variation) -> Outcome:
+    return _outcome(_own[0], variation)

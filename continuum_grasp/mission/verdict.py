@@ -12,18 +12,13 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment, object_height, present
 from continuum_grasp.mission.budget import is_table, plant_friction
-from continuum_grasp.mission.drop import FALLEN, Drop, find_drop
+from continuum_grasp.mission.causes import FALLEN, Drop, Turned, find_drop, find_turned
 from continuum_grasp.mission.lift import NotLifted, Slipped
 from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.turned import Turned, find_turned
 from continuum_grasp.simulation.contacts import ContactForces
 
 _SETTLED = 0.5
 """Last share of the hold over which forces are judged."""
-_SMOOTHED = 0.1
-"""Time over which forces are averaged before their greatest error is taken [s]."""
-_LOADED = 0.05
-"""Share of the held force below which a contact's friction is not judged."""
 _FALLBACKS = ("previous_plan", "safe_ramp")
 """Statuses of commands that are not of a new plan."""
 
@@ -140,7 +135,8 @@ def judge(
         until = (t >= lift.start) & (t <= lower.end)
         slipped = replace(slipped, slid=float(np.max(height[until][:1] - height[until], initial=0.0)))
     moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
-    window = max(1, round(_SMOOTHED / first.period))
+    # 0.1: time over which forces are averaged before their greatest error is taken [s]
+    window = max(1, round(0.1 / first.period))
     errors, means, estimates, stds = list[Array](), list[float](), list[float](), list[float]()
     for assignment, run in zip(assignments, runs, strict=True):
         for name, wanted in assignment.forces.items():
@@ -160,7 +156,8 @@ def judge(
     limits = plant_friction(mission, variation, names, timetable.fallen(variation, t)) * normal
     margins = 1.0 - shear / np.maximum(limits, 1e-9)
     # Where hardly anything presses, the cone is too small for its share to mean something.
-    margins[normal < _LOADED * min(assignment.force for assignment in assignments)] = 1.0
+    # 0.05: share of the held force below which a contact's friction is not judged
+    margins[normal < 0.05 * min(assignment.force for assignment in assignments)] = 1.0
     calm, pulled = (t >= hold.start) & (t <= hold.end), (t > hold.end) & (t < lower.start)
     return Verdict(
         held=whole and sunk < FALLEN,

@@ -1,7 +1,7 @@
 """The physics of the finger and of what it touches, written once as CasADi expressions."""
 
-from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.finger_model import FingerModel
+from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.stumpff import stumpff
 from continuum_grasp.model.system import System
 

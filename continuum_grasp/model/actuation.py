@@ -33,7 +33,6 @@ class InputLayout:
 
 
 def lag_names(name: str, unit: str, order: int) -> list[str]:
-    """Name and unit of each state of a lag of an order."""
     return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][:order]
 
 

@@ -21,12 +21,9 @@ from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
 from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff import ROUNDING, stumpff
-from continuum_grasp.scene.families import ONE_TURN
+from continuum_grasp.scene.methods import ONE_TURN
 from continuum_grasp.scene.profile import Curve
 
-_GRADED_ACCURACY = 1e-6
-"""Accuracy of the evaluation of arcs whose mass is spread unevenly, where none is asked for [1]: a thousandth of what 8
-arcs are off by."""
 _MOMENTS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 2.0))
 """Weights of c_1, c_2, ... in the cosine part of J_0, J_1, J_2, by integration by parts."""
 _MEANS = ((1.0,), (1.0, -2.0), (1.0, -4.0, 6.0))
@@ -91,7 +88,6 @@ class Arc(Link):
         return self._part(fraction).section_bias(1.0, omega, [fraction * rates[0]])
 
     def _part(self, fraction: Scalar) -> Arc:
-        """The arc up to a fraction of its length."""
         return Arc(
             fraction * self._theta,
             fraction * self._length,
@@ -142,7 +138,6 @@ class Arc(Link):
         return total.scaled(scale)
 
     def _moment(self, j: int, scale: Scalar) -> Vec:
-        """J_j times a scale."""
         return self._pair(1, _MOMENTS[j], scale)
 
     def _mean(self, j: int, scale: Scalar) -> Vec:
@@ -197,7 +192,9 @@ class ArcFamily(Family):
             link: Link
             if None in constants:
                 shapes = self._shapes(k)
-                rule = measured_rule(shapes, min(reach, ONE_TURN), self.accuracy or _GRADED_ACCURACY)
+                # 1e-6: accuracy of the evaluation of arcs whose mass is spread unevenly, where none is asked for: a
+                # thousandth of what 8 arcs are off by
+                rule = measured_rule(shapes, min(reach, ONE_TURN), self.accuracy or 1e-6)
                 link = GradedLink([q[k]], shapes, rod, reach, rule, 0.0)
             else:
                 rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest

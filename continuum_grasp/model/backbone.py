@@ -24,9 +24,6 @@ from continuum_grasp.model.link import Link
 from continuum_grasp.model.planar import Scalar, column, matrix
 from continuum_grasp.model.quadrature import RANGES, Collocation, collocation, node_count, running_weights
 
-_MOST_NODES = 16
-"""Nodes of arcs beyond one turn: exact to 1e-10 up to two [1]."""
-
 
 class Panel(ABC):
     """A part of an element along which the curvature is smooth, as expressions: all of an element that is uniform.
@@ -112,7 +109,8 @@ class Backbone:
         if isinstance(link, CollocatedLink):
             rule = link.rule
         else:
-            rule = collocation(node_count(reach, accuracy) if reach <= RANGES[-1] else _MOST_NODES)
+            # 16: nodes of arcs beyond one turn: exact to 1e-10 up to two
+            rule = collocation(node_count(reach, accuracy) if reach <= RANGES[-1] else 16)
         return [_Uniform(link, self._eq.rod.linear_density, rule, start, self.lengths[k], point, angle)]
 
     def _function(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:

@@ -86,7 +86,6 @@ class Chain:
         return total
 
     def rotation(self, place: Place) -> Rotation:
-        """Rotation of a section."""
         if is_end(place.fraction):
             return self.rotations[place.link + 1]
         return self.rotations[place.link] @ self.links[place.link].link.section(place.fraction).rotation

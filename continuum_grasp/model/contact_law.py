@@ -15,21 +15,6 @@ import casadi as ca
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.surroundings import ContactLaw
 
-_ELASTIC = 0.5
-"""Share of the cone up to which friction is elastic [1]: a contact that bears less does not creep, however it is
-shaken, and above it the onset of slip is smooth."""
-_RELAXATION = 100.0
-"""Rate at which an open contact forgets its tangential displacement [1/s]: after some 10 ms it touches without a stale
-force."""
-_SLOW = 100.0
-"""Rate of slip, per displacement, up to which contacts below the elastic share spring back without loss [1/s]: a held
-object that swings at a few Hz does not creep."""
-_SHORTEST = 1e-3
-"""Least time in which friction turns with a fast slip [s]: the rate of the states would otherwise grow with the speed
-of slip, and set the step of explicit integrators."""
-_TINY = 1e-24
-"""Keeps roots differentiable at zero [m2/s2]: the square of 1e-12 m/s, far below any slip that matters."""
-
 
 def normal_force(law: ContactLaw, gap: Scalar, gap_rate: Scalar) -> Scalar:
     """Normal force [N], zero or positive, of a gap [m], negative where the surfaces overlap, and its rate [m/s]."""
@@ -96,15 +81,21 @@ def friction_rate(law: ContactLaw, gap: Scalar, z: Sequence[Scalar], v: Sequence
     touching = near * near * (3.0 - 2.0 * near)
     fast, speed = _fast(law, v)
     # One displacement of slip turns the state at any slow speed; a fast one takes at least the shortest time.
-    pace = touching / (law.displacement + _SHORTEST * fast * speed)
-    fade = (1.0 - touching) * _RELAXATION
+    # 1e-3: least time in which friction turns with a fast slip [s]: the rate of the states would otherwise grow with
+    # the speed of slip, and set the step of explicit integrators
+    pace = touching / (law.displacement + 1e-3 * fast * speed)
+    # 100.0: rate at which an open contact forgets its tangential displacement [1/s]: after some 10 ms it touches
+    # without a stale force
+    fade = (1.0 - touching) * 100.0
     elastic = _elastic_velocity(law, z, v)
     return [pace * rate - fade * each for each, rate in zip(z, elastic, strict=True)]
 
 
 def _elastic_velocity(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
     """Part of the slip that goes into the elastic displacement [m/s]."""
-    low = _ELASTIC**2
+    # 0.5: share of the cone up to which friction is elastic: a contact that bears less does not creep, however it is
+    # shaken, and above it the onset of slip is smooth
+    low = 0.5**2
     t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
     outward = sum(a * b for a, b in zip(z, v, strict=True))
     fast, speed = _fast(law, v)
@@ -118,9 +109,12 @@ def _fast(law: ContactLaw, v: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
     """Whether a slip is fast, from 0 to 1, and its speed [m/s]."""
     square = _square(v)
     # Fourth powers: a sharp but smooth switch that needs no root of the speed.
-    limit = (_SLOW * (law.displacement or 0.0)) ** 4
+    # 100.0: rate of slip, per displacement, up to which contacts below the elastic share spring back without loss
+    # [1/s]: a held object that swings at a few Hz does not creep
+    limit = (100.0 * (law.displacement or 0.0)) ** 4
     fourth = square * square
-    return fourth / (fourth + limit), ca.sqrt(square + _TINY)
+    # 1e-24: keeps roots differentiable at zero [m2/s2]: the square of 1e-12 m/s, far below any slip that matters
+    return fourth / (fourth + limit), ca.sqrt(square + 1e-24)
 
 
 def _square(values: Sequence[Scalar]) -> Scalar:

@@ -129,7 +129,6 @@ class Equations:
 
     @cached_property
     def full_rates(self) -> list[Scalar]:
-        """Rates of the full coordinates."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
         return [*rates, *self._known([drive.rate for drive in self.drives])]
 
@@ -163,7 +162,6 @@ class Equations:
 
     @cached_property
     def chain(self) -> Chain:
-        """The chain of links."""
         family = self._family
         local = [family.local(k) for k in range(len(self.lengths))]
         *links, last = family.links(self.full, self.rod)
@@ -175,7 +173,6 @@ class Equations:
 
     @property
     def tip_body(self) -> EndBody | None:
-        """The rigid body at the tip."""
         if self._structure.finger.tip_body is None:
             return None
         mass, inertia, across, along = (self._par[f"tip_body_{key}"] for key in ("mass", "inertia", "across", "along"))
@@ -464,7 +461,6 @@ class Equations:
 
     @cached_property
     def mass_matrix(self) -> list[list[Scalar]]:
-        """Mass matrix of the unknowns."""
         return [row[: self._structure.n] for row in self.chain.mass_matrix[: self._structure.n]]
 
     @property
@@ -514,7 +510,6 @@ class Equations:
 
     @cached_property
     def state_rate(self) -> list[Scalar]:
-        """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
         accelerations = solve_ldl(self.mass_matrix, self.net_force(self.moving))
         return [*rates, *accelerations, *self.drive_rates, *self.contacts.rates(self._world_gravity)]

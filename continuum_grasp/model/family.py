@@ -19,7 +19,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.profile import Curve, integral, smooth_parts
 
 
@@ -73,7 +73,6 @@ def gathered(family: Family, on_elements: Sequence[Sequence[Scalar]]) -> list[Sc
 
 
 def mean(mesh: Mesh, element: int, curve: Curve) -> float:
-    """Mean of a curve over an element."""
     constant = mesh.constant(curve, element)
     if constant is not None:
         return constant

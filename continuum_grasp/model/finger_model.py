@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.backbone import Backbone
-from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.functions import Functions, function_names, named
+from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene.finger import Finger

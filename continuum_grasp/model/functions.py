@@ -1,19 +1,51 @@
-"""Named CasADi functions of the expressions of a model."""
+"""Named CasADi functions of the expressions of a model, and objects with them, which are pickled by their arguments."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import casadi as ca
 
+from continuum_grasp.labels import Summarized
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
-from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.sweep import Builder, sweep_function
-from continuum_grasp.summary import Summarized
+
+
+class Remade:
+    """Pickles and copies by the arguments of its constructor.
+
+    An object that arrives in another process, or is copied deeply, is constructed there as it was here; compiled code
+    is found in the cache by its content.
+    """
+
+    _arguments: tuple[tuple[Any, ...], dict[str, Any]]
+
+    def __new__(cls, *arguments: Any, **named: Any) -> Self:
+        made = super().__new__(cls)
+        made._arguments = tuple(map(_own, arguments)), {name: _own(value) for name, value in named.items()}
+        return made
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _remake, (type(self), *self._arguments), self.__getstate__()
+
+    def __getstate__(self) -> Any:
+        """Changes since the object was made; for ``__setstate__`` of the copy, None for none."""
+        return None
+
+
+def _own(value: Any) -> Any:
+    """A copy of what the caller may change later."""
+    return copy.copy(value) if isinstance(value, list | dict) or hasattr(value, "__array__") else value
+
+
+def _remake(cls: type[Remade], arguments: tuple[Any, ...], named: dict[str, Any]) -> Remade:
+    return cls(*arguments, **named)
+
 
 Output = ca.SX | Vec | Scalar | list[Scalar]
 
@@ -166,7 +198,6 @@ class Functions(Remade, Summarized):
 
 
 def function_names(cls: type[Functions]) -> tuple[str, ...]:
-    """Names of the functions of a class."""
     attributes = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
     return tuple(n for n, value in attributes.items() if isinstance(value, cached_property) and not n.startswith("_"))
 

@@ -19,8 +19,6 @@ from continuum_grasp.scene.profile import Curve, integral, nodes_of, smooth_part
 
 _MOST_NODES = 32
 """Most nodes of each smooth part of an element [1]."""
-_TRIED = 8
-"""By how many nodes per piece a rule is finer that another one is measured with [1]."""
 _ROUNDING = 3e-14
 """Relative error of a rule that is rounding [1]: two rules that are exact differ by some 2e-14."""
 _FIT = 20
@@ -158,7 +156,8 @@ def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
         return np.array(ends), np.array(masses)
 
     wanted = max(accuracy if accuracy > STRICT else 0.1 * accuracy, _ROUNDING)
-    end, mass = sample(_MOST_NODES + _TRIED)
+    # 8: by how many nodes per piece a rule is finer that another one is measured with
+    end, mass = sample(_MOST_NODES + 8)
     for count in range(fewest, _MOST_NODES + 1):
         ends, masses = sample(count)
         error = max(np.abs(ends - end).max(), np.abs(masses - mass).max() / np.abs(mass).max())

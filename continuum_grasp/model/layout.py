@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
-from continuum_grasp.scene.families import DEFAULT_RANGE, ONE_TURN
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
+from continuum_grasp.scene.methods import DEFAULT_RANGE, ONE_TURN
 from continuum_grasp.scene.profile import Profile, smooth_parts
 from continuum_grasp.scene.value import SAME
 
@@ -32,12 +32,6 @@ MOST_ELEMENTS = 128
 """Most elements [1]: four times as many as a tolerance ever chooses, and the expressions grow with the square."""
 _FINE = 400
 """Parts of each smooth part of a rod over which its waves are counted [1]: boundaries are then off by 1e-5 of it."""
-_BEYOND_STOPS = 1.5
-"""Bend per that at which links touch [1] for which a finger with stops is evaluated: 4 to 16 elements of a SpiRob that
-8 N curl up within 0.2 s reach 1.4 at the tip of the last one."""
-_MOST_OPEN = 16
-"""Elements that are chosen for stops at the most [1]: a finger whose links touch so late that these do not suffice is
-hardly bent so far."""
 WIDEST = 20.0
 """Greatest bending range [rad]: the series for arcs are then off by 5e-9, by cancellation; at one turn by 4e-15."""
 
@@ -83,7 +77,9 @@ def open_lengths(finger: Finger, contacts: Sequence[float]) -> tuple[float, ...]
     that none bends by more than one turn where links touch.
     """
     lengths = element_lengths(finger.profile, contacts, None)
-    while len(lengths) < _MOST_OPEN and _beyond_stops(finger, lengths).max() > ONE_TURN:
+    # 16: elements that are chosen for stops at the most: a finger whose links touch so late that these do not suffice
+    # is hardly bent so far
+    while len(lengths) < 16 and _beyond_stops(finger, lengths).max() > ONE_TURN:
         lengths = element_lengths(finger.profile, contacts, len(lengths) + 1)
     return lengths
 
@@ -94,7 +90,9 @@ def _beyond_stops(finger: Finger, lengths: Sequence[float]) -> NDArray[np.float6
     if stop is None:
         return np.zeros(len(lengths))
     at = np.array([np.linspace(a, b, _LOOKED) for a, b in itertools.pairwise(ends)])
-    return np.asarray(_BEYOND_STOPS * stop(at).max(axis=1) * lengths)
+    # 1.5: bend per that at which links touch for which a finger with stops is evaluated: 4 to 16 elements of a SpiRob
+    # that 8 N curl up within 0.2 s reach 1.4 at the tip of the last one
+    return np.asarray(1.5 * stop(at).max(axis=1) * lengths)
 
 
 class _Waves:

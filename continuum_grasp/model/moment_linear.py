@@ -22,11 +22,8 @@ from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import collocation, node_count
-from continuum_grasp.scene.families import ONE_TURN
+from continuum_grasp.scene.methods import ONE_TURN
 from continuum_grasp.scene.profile import Curve
-
-_RESIDUAL = 1e-12
-"""Share of a moment below which what is left of it between the nodes is rounding [1]."""
 
 
 class Clothoid(CollocatedLink):
@@ -87,7 +84,8 @@ class MomentLinearFamily(Family):
         s = np.concatenate([np.linspace(a, b, 7)[1:-1] for a, b in parts])
         first, last = moment([start, end])
         line = first + (last - first) * (s - start) / (end - start)
-        return bool(np.abs(moment(s) - line).max() > _RESIDUAL * np.abs(moment(self.mesh.ends)).max())
+        # 1e-12: share of a moment below which what is left of it between the nodes is rounding
+        return bool(np.abs(moment(s) - line).max() > 1e-12 * np.abs(moment(self.mesh.ends)).max())
 
     def _shapes(self, element: int) -> tuple[Shapes, bool]:
         """Shapes of an element, and whether it is a clothoid."""

@@ -91,7 +91,6 @@ class Vec:
         return Vec(factor * self.x, factor * self.y)
 
     def dot(self, other: Vec) -> Scalar:
-        """Scalar product."""
         return self.x * other.x + self.y * other.y
 
     def cross(self, other: Vec) -> Scalar:
@@ -124,7 +123,6 @@ class Rotation:
         return Vec(self.c * v.x - self.s * v.y, self.s * v.x + self.c * v.y)
 
     def transposed(self) -> Rotation:
-        """The inverse rotation."""
         return Rotation(self.c, -self.s)
 
 

@@ -15,18 +15,17 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.actuation import InputLayout, Source, lag_names
 from continuum_grasp.model.chain import Place
-from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Mesh, family_class
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
-from continuum_grasp.model.parameters import Parameters, at_tip
+from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, tendon_sets
 from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
+from continuum_grasp.scene.methods import FAMILIES, default_family
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -217,7 +216,6 @@ class Structure:
 
     @property
     def tip(self) -> Place:
-        """The tip section."""
         return Place(len(self.lengths) - 1)
 
     def on_tip(self, at: float) -> bool:
@@ -299,7 +297,6 @@ class Structure:
 
     @property
     def motors(self) -> tuple[Motor, ...]:
-        """Winches that are motors."""
         return tuple(winch for winch in self.winches if isinstance(winch, Motor))
 
     @property

@@ -33,8 +33,6 @@ from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
 
 SECTION = 3
 """Entries of the velocity of a section: two of its position, one of its angle [1]."""
-_SAME = 1e-15
-"""Difference per size up to which the numbers of two links are the same [1]: rounding of their lengths."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,6 @@ class Kernels:
 
     @property
     def links(self) -> int:
-        """Number of links."""
         return len(self.rows)
 
     @property
@@ -98,7 +95,6 @@ class Kernels:
 
     @cached_property
     def instructions(self) -> int:
-        """Instructions of an evaluation."""
         once = {f.name() for f in (self.head, self.tip, self.loads, self.root)}
         return sum(int(f.n_instructions()) * (1 if f.name() in once else self.links) for f in self.functions)
 
@@ -154,7 +150,8 @@ class Builder:
             ports = [value for port in self._ports for value in port[k].ravel()]
             rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass, *ports])
         numbers = np.array(rows, dtype=float)
-        varies = np.ptp(numbers, axis=0) > _SAME * np.abs(numbers).max(axis=0)
+        # 1e-15: difference per size up to which the numbers of two links are the same: rounding of their lengths
+        varies = np.ptp(numbers, axis=0) > 1e-15 * np.abs(numbers).max(axis=0)
         symbol, at = ca.SX.sym("row", int(varies.sum())), np.cumsum(varies) - 1
         entries = [symbol[int(at[j])] if varied else ca.SX(float(numbers[0, j])) for j, varied in enumerate(varies)]
         self.row = symbol
@@ -163,7 +160,6 @@ class Builder:
     # -- kernels --------------------------------------------------------------------------------------------------
 
     def kernels(self) -> Kernels:
-        """All kernels."""
         return Kernels(
             self._head(),
             self._carry(),

@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.choices import ModelOptions
 from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.layout import place_at
+from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import Vec, column
 from continuum_grasp.scene.consumer import beside, needs
 from continuum_grasp.scene.finger import Finger

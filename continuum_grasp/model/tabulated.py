@@ -34,7 +34,6 @@ class Directions:
 
     @cached_property
     def _rotations(self) -> list[Rotation]:
-        """Rotations of the nodes."""
         # Products of two turns first: half the depth, so the processor can work on them side by side.
         rotations = [self._turns[0], self._doubled[0]]
         for k in range(2, self._count):
@@ -48,7 +47,6 @@ class Directions:
 
     @cached_property
     def end(self) -> Rotation:
-        """Direction of the end section."""
         return self._rotations[-1] @ self._turns[-1]
 
     @cached_property
@@ -175,7 +173,6 @@ class TabulatedLink:
 
     @cached_property
     def end(self) -> Section:
-        """The end section."""
         table, length = self._table, self._length
         position, arms = self._weighed(table.position, length), self._rows(table.arms, length * length)
         return Section(position, self.directions.end, arms, tuple(bend * length for bend in table.bends.elements()))

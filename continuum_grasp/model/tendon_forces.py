@@ -20,9 +20,6 @@ from continuum_grasp.model.tendon_friction import (
 )
 from continuum_grasp.model.winches import Cables, Motor, Winch, soft_integral, stiffnesses
 
-_LITTLE = 1e-3
-"""Tension that keeps a mean over slack tendons finite [N]."""
-
 
 @dataclass(frozen=True)
 class Held:
@@ -186,7 +183,6 @@ class TendonForces:
 
     @cached_property
     def _cables(self) -> list[Cables]:
-        """Cables of each winch."""
         return [held.winch.cables(self.compliances, self._paths) for held in self.held]
 
     @cached_property
@@ -306,7 +302,8 @@ class TendonForces:
         unit, lengths = self._lengths_of(cells)
         # Nothing elongates where a tendon is slack: there its tension, and with it the weight, is none.
         weight = (0.5 * unit / self._presliding(cells)) / (
-            sum(self.tensions[tendon] for tendon in cells.tendons) + _LITTLE
+            # 1e-3: tension that keeps a mean over slack tendons finite [N]
+            sum(self.tensions[tendon] for tendon in cells.tendons) + 1e-3
         )
         rates: list[Scalar] = [0.0] * len(cells.cells)
         for tendon, side, tensions in zip(cells.tendons, cells.sides, pulled, strict=True):

@@ -21,10 +21,6 @@ from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.tendons import Tendon
 
-_BEND_ROUNDING = 1e-3
-"""Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
-the tension is off by a share of 5e-4 at most."""
-
 
 @dataclass(frozen=True)
 class Cell:
@@ -123,7 +119,9 @@ def _cell(family: Family, shape: Curve, element: int, a: float, b: float, unit_r
 
 def rounded(bend: Scalar, share: Scalar) -> Scalar:
     """A bend [rad] without sign, smooth when straight: b^2 / sqrt(b^2 + (1e-3 rad share)^2)."""
-    square, rounding = bend * bend, _BEND_ROUNDING * share
+    # 1e-3: bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient
+    # of 0.5 the tension is off by a share of 5e-4 at most
+    square, rounding = bend * bend, 1e-3 * share
     return square / ca.sqrt(square + rounding * rounding)
 
 

@@ -37,8 +37,6 @@ _DRUM_STEPS = 3
 that are drawn around the corners of gear and tendons (two steps: 1e-4 N m)."""
 _RESTING_STEPS = 1
 """Steps of a motor at rest: torques are off by 7e-5 N m at most, where a tendon begins to pull."""
-_TINY = 1e-12
-"""Keeps a root differentiable at zero [1]."""
 _ROUNDING = 1e-9
 """Relative error of a torque at rest that is none [1]: above that of an equilibrium's residual."""
 
@@ -104,7 +102,6 @@ class Winch(ABC):
 
     @property
     def states(self) -> int:
-        """Number of states."""
         return len(self.names(1))
 
     @property
@@ -451,7 +448,8 @@ class Cables:
             # About where a soft one begins to: e - u + 2 sqrt(u w) - w of u = min(e, w).
             beyond, edge = torque / self._rises[0], SOFT / self.winch.radius
             within = ca.fmin(beyond, edge)
-            begun = 2.0 * ca.sqrt(edge * within + _TINY * edge**2)
+            # 1e-12: keeps a root differentiable at zero
+            begun = 2.0 * ca.sqrt(edge * within + 1e-12 * edge**2)
             return self._tight[0] + (beyond - within) + (begun - edge)
         pulls = ca.SX(torque) > 0.0
         both = (torque + sum(slope * at for slope, at in rises)) / sum(self._rises)

@@ -11,7 +11,7 @@ from enum import StrEnum
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.scene.solver import SolverOptions
+from continuum_grasp.scene.methods import SolverOptions
 
 
 class Status(StrEnum):
@@ -134,7 +134,7 @@ class Attempt:
     violation : float
         Largest amount by which a constraint or a bound is violated, in units of the problem.
     error : float
-        Of the conditions of optimality, scaled; see `continuum_grasp.nlp.optimality`. Infinite where a constraint is
+        Of the conditions of optimality, scaled; see `continuum_grasp.nlp.solver`. Infinite where a constraint is
         violated by more than an acceptable point may.
     """
 

@@ -15,8 +15,6 @@ _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "
 _NEAR = 1e-4
 """Barrier parameter, and distance from bounds, of a start next to a solution [units of the problem]: IPOPT's defaults,
 0.1 and 0.01, would leave it for the middle of the feasible set."""
-_CLOSE = 1e-6
-"""Distance from bounds of a start that is worth staying near [units of the problem]."""
 
 
 _REFINED = {"mu_init": 1e-3, "bound_mult_init_method": "mu-based", **dict.fromkeys(_PUSHES[:4], 1e-3)}
@@ -55,7 +53,8 @@ class Method(Solver):
             options |= {f"warm_start_{name}": near for name in _PUSHES}
         elif approach.barrier is not None:
             options |= {"mu_strategy": "monotone", "mu_init": approach.barrier}
-            options |= dict.fromkeys(_PUSHES[:4], _CLOSE)
+            # 1e-6: distance from bounds of a start that is worth staying near [units of the problem]
+            options |= dict.fromkeys(_PUSHES[:4], 1e-6)
         else:
             options |= _SETS[approach.option_set]
         return {**{f"ipopt.{name}": value for name, value in options.items()}, **problem.functions}

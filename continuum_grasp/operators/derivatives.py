@@ -27,7 +27,7 @@ from continuum_grasp.core.batches import Batch, Scan
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators import differentiated_step, step_function
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.integrators import CONTROL_METHODS, SIMULATION_METHODS
+from continuum_grasp.scene.methods import CONTROL_METHODS, SIMULATION_METHODS
 
 Arrays = list[Any]
 """Arrays of a toolkit, rows first."""
@@ -154,7 +154,6 @@ class Rollout:
         return outputs
 
     def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
-        """Shapes of the outputs."""
         f, count = self.recursion.function, shapes[0][0]
         times = [self.steps + 1, *(shapes[1 + k][1] for k in self.recursion.like)]
         return [(count, time, f.nnz_out(k)) for k, time in enumerate(times)]
@@ -168,12 +167,10 @@ class Rollout:
         return [self._parts(outputs[0])[0], *inputs[1:]]
 
     def push(self, residuals: Arrays, tangents: Arrays) -> tuple[Operator, Arrays]:
-        """Tangents forward."""
         operator = self.recursion.forward.over(self.steps, origin=self)
         return operator, [tangents[0], *residuals, *tangents[1:]]
 
     def pull(self, residuals: Arrays, cotangents: Arrays) -> tuple[Operator, Arrays, Pick]:
-        """Cotangents back."""
         per_step, last = self._parts(cotangents[0])
         operator = self.recursion.reverse.over(self.steps)
         first = -1 if self.recursion.back else 0

@@ -84,7 +84,6 @@ def _on_host(operator: Operator, kind: Any, *arrays: Any) -> list[Any]:
 
 
 def _shapes(operator: Operator, arrays: Any) -> list[tuple[int, ...]]:
-    """Shapes of the outputs of arrays."""
     return operator.shapes([array.shape for array in arrays])
 
 

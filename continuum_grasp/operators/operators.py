@@ -16,12 +16,11 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.core.call import check_moment, finite, functions_of, section_check
 from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.labels import Summarized
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.functions import MATRICES
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.functions import MATRICES, Remade
 from continuum_grasp.operators.derivatives import Operator, Point, Recursion, held_step
-from continuum_grasp.scene.integrators import INTEGRATORS
-from continuum_grasp.summary import Summarized
+from continuum_grasp.scene.methods import INTEGRATORS
 
 
 class Operators(Remade, Summarized, ABC):
@@ -48,11 +47,9 @@ class Operators(Remade, Summarized, ABC):
         self._checks: dict[str, Callable[[Sequence[Array]], None]] = {}
 
     def headline(self) -> str:
-        """Backend of the operators."""
         return self._core.headline()
 
     def pairs(self) -> dict[str, str]:
-        """Model of the operators."""
         return self._core.pairs()
 
     # -- what a toolkit gives -------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ from scipy.sparse.linalg import splu
 from continuum_grasp import interrupt
 from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Status
-from continuum_grasp.nlp.optimality import optimality_error
+from continuum_grasp.nlp.solver import optimality_error
 from continuum_grasp.nlp.sqp import qp_solver
 from continuum_grasp.planning.problem import PlanProblem
 
@@ -39,11 +39,7 @@ _FIRST_PENALTY, _GREATEST_PENALTY = 3e3, 1e8
 """Penalty per violation: raised until the QP lowers what is violated [units of the objective]."""
 _ACCEPTED, _GOOD, _POOR = 1e-3, 0.75, 0.25
 """Shares of the predicted reduction from which on a step counts, the region grows, and shrinks."""
-_RESTORED = 0.3
-"""Share of the violation that a QP has to take away of what the radius lets it, lest the penalty is raised."""
 
-_REFINED = 3
-"""Times that steps are made finer for one motion, at most [1]: with other steps it is a little another one."""
 _PATIENCE, _PROGRESS = 10, 1e-2
 """Iterations in which the objective must fall by this share, where all is satisfied: along kinks it creeps for long."""
 
@@ -94,7 +90,9 @@ class Condensed:
             step, slack, forces = model.step(radius, penalty)
             # The penalty is high enough if the step takes away a share of what can be taken away (section 18.5).
             best = point.violated - model.step(radius, _GREATEST_PENALTY)[1] if slack > self.feasible else 0.0
-            while point.violated - slack < _RESTORED * best - self.feasible and penalty < _GREATEST_PENALTY:
+            # 0.3: share of the violation that a QP has to take away of what the radius lets it, lest the penalty is
+            # raised
+            while point.violated - slack < 0.3 * best - self.feasible and penalty < _GREATEST_PENALTY:
                 penalty *= 10.0
                 step, slack, forces = model.step(radius, penalty)
             lam = model.multipliers(forces)
@@ -164,7 +162,8 @@ class Condensed:
         """The motion under the inputs of w, anew in finer steps where it is too fast for those of the problem, or where
         there is none yet.
         """
-        for _ in range(_REFINED):
+        # 3: times that steps are made finer for one motion, at most: with other steps it is a little another one
+        for _ in range(3):
             at = w if point is None else point.w
             if not self.problem.outpaced(at):
                 break

@@ -11,12 +11,6 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Violation
 from continuum_grasp.planning.problem import PlanProblem
 
-_OUTSIDE = 1e-5
-"""Excess of a bound, in units of the problem, that counts as none."""
-_COUNTS = 0.2
-"""Share of the strongest limit from which on another one is named too."""
-_WEAK = 1e-6
-"""Gain per share of a limit, in units of the squared distance, below which it does not stop anything."""
 _TEXTS = {
     "input": ("the input limit stops it", "raise the input's limits (finger.tendons.max_tension or input.moment_max)"),
     "input rate": ("the input's rate limit stops it", "raise input.rate_max"),
@@ -50,9 +44,13 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
         levers.append(
             "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
         )
-    if missed and strongest > _WEAK * max(worst, 1.0):
+    # 1e-6: gain per share of a limit, in units of the squared distance, below which it does not stop anything
+    if missed and strongest > 1e-6 * max(worst, 1.0):
         named = [
-            name for name, value in sorted(strengths.items(), key=lambda item: -item[1]) if value > _COUNTS * strongest
+            # 0.2: share of the strongest limit from which on another one is named too
+            name
+            for name, value in sorted(strengths.items(), key=lambda item: -item[1])
+            if value > 0.2 * strongest
         ]
         zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
         texts = [[text.format(name) for text in _TEXTS.get(name, zone)] for name in named]
@@ -98,7 +96,8 @@ def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
     for block in problem.assembly.blocks:
         if block.key.startswith("bounds."):
             violation = block.violation(problem.bounds.values(attempt.x, attempt.g, block))
-            if violation.scaled > _OUTSIDE:
+            # 1e-5: excess of a bound, in units of the problem, that counts as none
+            if violation.scaled > 1e-5:
                 count, size = block.rows.shape
                 time = (violation.index // size + 1) / count * problem.path(attempt.x).duration
                 amount = f"{violation.amount:.3g} {violation.unit}"

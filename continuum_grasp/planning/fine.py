@@ -17,26 +17,14 @@ from continuum_grasp.errors import NumericalError
 from continuum_grasp.planning.guess import Path, first_state_of_plan
 from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.result import Deviation, Plan, PlanStatus
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.spectrum import PARTIAL_STEP, stiff_method
 
 PARTS = 4
 """Parts of an interval at which bounds are looked at."""
-_EXPLICIT_UP_TO = 200
-"""Sub-steps per part up to which the explicit method is taken."""
-_RADIUS = 0.1
-"""Product of step and fastest rate of the explicit method: 1/27 of its stability limit."""
-_IMPLICIT_STEP = 5e-4
-"""Longest step of the implicit method, for what is too stiff [s]."""
-_COMPILE_FROM = 20_000_000
-"""Instructions of a whole motion from which on it is compiled."""
-_OUTSIDE = 1e-3
-"""Share of a bound's scale from which on there is a warning."""
 _FINER_OFF = 0.01
 """Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
-_HELD = 0.1
-"""Time after the end in which a finger that is held must stay where it is [s]: ten times as long as it settles."""
 _AFTER = 0.5
 """Time after the end in which it is seen whether bounds still hold [s]: two periods of the slowest fingers here."""
 
@@ -50,11 +38,14 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     interval = path.duration / intervals
     h = interval / parts
     rate = model.fastest_rate(*(np.array(limit) for limit in scene.input_limits))
-    method, substeps = "rk4", max(2, math.ceil(rate * h / _RADIUS))
-    if substeps > _EXPLICIT_UP_TO:
+    # 0.1: product of step and fastest rate of the explicit method: 1/27 of its stability limit
+    method, substeps = "rk4", max(2, math.ceil(rate * h / 0.1))
+    # 200: sub-steps per part up to which the explicit method is taken
+    if substeps > 200:
         # Stiff contacts: an L-stable method may step over what has died out long before.
         method = stiff_method(model.system.structure)
-        step = PARTIAL_STEP if INTEGRATORS[method].partial else _IMPLICIT_STEP
+        # 5e-4: longest step of the implicit method, for what is too stiff [s]
+        step = PARTIAL_STEP if INTEGRATORS[method].partial else 5e-4
         substeps = max(4, math.ceil(h / step))
     run = _rollout(model, method, intervals * parts * substeps)
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
@@ -94,7 +85,8 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
         implicit = ca.Function("implicit", [*inputs, part], [ca.cse(slowed)], [*names, "part"], ["k"])
         functions.implicit = lambda: implicit
     # Four evaluations per step of rk4.
-    return Rollouts.of(step_function(functions, method), 4 * dynamics.n_instructions() * steps > _COMPILE_FROM)
+    # 20_000_000: instructions of a whole motion from which on it is compiled
+    return Rollouts.of(step_function(functions, method), 4 * dynamics.n_instructions() * steps > 20_000_000)
 
 
 def excess_over_intervals(motion: Motion, states: Array) -> Array:
@@ -154,7 +146,8 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Dev
         return ""
     # Rest may be asked of the drives alone, and friction may let go: the finger has to stay.
     u, p = plan.u[-1], np.array(model.p_nominal)
-    path = Path(plan.x[-2:], np.tile(u, (2, 1)), _HELD)
+    # 0.1: time after the end in which a finger that is held must stay where it is [s]: ten times as long as it settles
+    path = Path(plan.x[-2:], np.tile(u, (2, 1)), 0.1)
     ends = states[-1], simulated(scene, model, path, states[-1], 1)[-1]
     first, last = (np.array(model.tip(x, u, p)).ravel() for x in ends)
     drift = float(np.hypot(*(last - first)))
@@ -164,7 +157,8 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Dev
 def _left(motion: Motion, states: Array) -> str:
     """The hard bound that states leave most, and by how much; empty where they leave none."""
     hard = excess_over_intervals(motion, states)[:, motion.hard]
-    if hard.max(initial=0.0) <= _OUTSIDE:
+    # 1e-3: share of a bound's scale from which on there is a warning
+    if hard.max(initial=0.0) <= 1e-3:
         return ""
     name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
     return f"{name} is left by {100 * hard.max():.2g} % of its limit (of zones: of the finger's length)"

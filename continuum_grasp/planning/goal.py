@@ -9,17 +9,13 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import name_of
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived
 from continuum_grasp.scene.reach import check_reach
 
-_STILL_WHEN_RELAXED = 1e4
-"""Weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest too."""
-
 MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
-_MET_BY_WEIGHT = 0.1
-"""Tolerance of a goal with a weight and no tolerance of its own [1]: 1 % of the finger's length, 0.05 rad."""
 _SETTLED = 1e4
 """Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
 friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""
@@ -62,7 +58,9 @@ class GoalPart:
         """(z, d) -> what the error costs."""
         z, d, error = self._error(motion)
         if relaxed:
-            factor = ca.DM(np.sqrt(_STILL_WHEN_RELAXED if self.at_rest else 1.0))
+            # 1e4: weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest
+            # too
+            factor = ca.DM(np.sqrt(1e4 if self.at_rest else 1.0))
         else:
             factor = ca.DM(self.scale * np.sqrt((self.weight or 0.0) / motion.scales.objective))
         scaled = error * factor
@@ -85,7 +83,8 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
         if len(target) != size:
             raise InputError(f"expected {size} entries ({', '.join(names)}), got {len(target)}", key=key)
         aim = getattr(goal, name)
-        met = MET if aim.weight is None else _MET_BY_WEIGHT if aim.tolerance is None else aim.tolerance / scale
+        # 0.1: tolerance of a goal with a weight and no tolerance of its own: 1 % of the finger's length, 0.05 rad
+        met = MET if aim.weight is None else 0.1 if aim.tolerance is None else aim.tolerance / scale
         scales = np.full(size, scale)
         parts.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
 
@@ -104,7 +103,7 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
         aim = goal.contact_force.value
         add("contact_force", "N", model.contact_names, aim, max(1.0, *map(abs, aim)), model.contact_force(x, u, p))
     if goal.input is not None:
-        names = tuple(name.split(" ")[0] for name in model.u_names)
+        names = tuple(map(name_of, model.u_names))
         add("input", motion.input_unit, names, goal.input.value, motion.scales.u, u)
     if goal.end != "moving":
         all_names, scale = np.array(model.x_names), motion.scales.x

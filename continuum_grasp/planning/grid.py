@@ -14,12 +14,6 @@ from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
-_PARTS = 4
-"""Places per interval at which bounds hold [1], the last one at the node."""
-_OUTSIDE_WHEN_RELAXED = 100.0
-"""Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
-[units of the squared distance]: large, so that bounds give way last."""
-
 
 @dataclass(frozen=True)
 class Grid:
@@ -129,14 +123,17 @@ class StateBounds:
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            parts = _PARTS if smooth or name in zones else 1
+            # 4: places per interval at which bounds hold, the last one at the node
+            parts = 4 if smooth or name in zones else 1
             self._places[name] = (entries, *grid.places(parts), np.repeat(grid.v, parts, axis=0))
             count, scale = len(self._places[name][1]), np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
             self._add(*self._places[name], rows)
             share = motion.first_duration / count / motion.scales.objective  # penalties are per second
             if relaxed:
-                self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
+                # 100.0: penalty per share by which a hard bound is violated, where only the distance from the goal is
+                # minimized [units of the squared distance]: large, so that bounds give way last
+                self._soften(rows, np.full(len(entries), 100.0), np.zeros(len(entries)))
             elif not motion.hard[entries].any():
                 self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
 

@@ -24,16 +24,10 @@ _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
 _BALANCE, _BALANCE_HELD = 0.1, 10.0
 """Weight of balance against that of the goal in the final posture: little, unless the plan has to end in balance."""
-_ANTAGONIST = 10.0
-"""Weight of tensions that are missing, per the least one."""
-_OF_FORCES = 1e4
-"""Weight of half the squared error of the contact forces of a grasp [1/N2]: elements of a plan need not reach them."""
 _PRESSED = 0.25
 """Share of the greatest force of a grasp within which its forces count as reached [1]. A finger at rest has one moment,
 by which it presses soft pads in two places in another ratio than the grasp presses rigid ones: the best of
 configs/plan/close_on_mug.yaml is 0.12 off."""
-_NEAR_FIRST = 1e-3
-"""Weight of what leaves the posture open: little, so that it decides nothing else."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +116,11 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     least = motion.scene.least_tension
     if least > 0.0:
         # A tendon that is slack has no slopes, and a motor under a torque runs away from it.
-        errors.append(_ANTAGONIST * ca.fmax(1.0 - model.tensions(x, u, p) / least, 0.0))
+        # 10.0: weight of tensions that are missing, per the least one
+        errors.append(10.0 * ca.fmax(1.0 - model.tensions(x, u, p) / least, 0.0))
     away = y - ca.DM([*(first.q / reach), *(first.u / motion.scales.u)])
-    residual = ca.vertcat(*errors, rate * (_BALANCE_HELD if held else _BALANCE), _NEAR_FIRST * away)
+    # 1e-3: weight of what leaves the posture open: little, so that it decides nothing else
+    residual = ca.vertcat(*errors, rate * (_BALANCE_HELD if held else _BALANCE), 1e-3 * away)
     return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])
 
 
@@ -228,7 +224,9 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None
     middle = sorted(place for contact, place in of_finger.items() if contact.startswith(f"{name}."))
     backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"].tolist(), data["object.pose"].tolist()
     forces = (*(force for _, force in middle), tip)
-    aim = RowAim(value=forces, weight=_OF_FORCES, tolerance=_PRESSED * max(1.0, *forces))
+    # 1e4: weight of half the squared error of the contact forces of a grasp [1/N2]: elements of a plan need not reach
+    # them
+    aim = RowAim(value=forces, weight=1e4, tolerance=_PRESSED * max(1.0, *forces))
     closed = scene.replaced(
         grasp=None,
         finger=scene.finger.replaced(base=BasePose(position=tuple(base[:2]), angle=base[2])),

@@ -16,16 +16,12 @@ from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import unit_of
 from continuum_grasp.model.memory import RETURN_TIME, clipped
 from continuum_grasp.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.signals import interpolate
-
-_LONGER = 2.0
-"""Factor by which a duration is expected to be longer than where the search begins."""
-_COMPILE_FROM = 150_000
-"""Instructions of the second derivatives at all intervals from which on compiling them pays."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +63,7 @@ class Motion:
         self.hard = np.asarray(self.bounded.linear >= HARD.linear)
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu
-        self.input_unit = model.u_names[0].split("[")[1][:-1]
+        self.input_unit = unit_of(model.u_names[0])
         self.ns = self.nx + (self.nu if self.linear else 0)
         # A duration that is to be found is known by its order of magnitude: the middle of its logarithms.
         self.first_duration = float(np.sqrt(np.prod(scene.duration_range)))
@@ -94,7 +90,7 @@ class Motion:
         return _Scales(x, u, u / time, time, objective)
 
     def _unit(self, k: int, time: float) -> float:
-        n, unit = len(self.reach), self.prediction.x_names[k].rstrip("]").split(" [")[1]
+        n, unit = len(self.reach), unit_of(self.prediction.x_names[k])
         if k < n:
             return float(self.reach[k])
         if k < 2 * n:
@@ -128,7 +124,8 @@ class Motion:
     def steps(self) -> tuple[int, int]:
         """Steps per interval of single shooting, and stages of each, that the stiffness asks for."""
         scene, rates = self.scene, self._rates
-        longest = min(scene.duration_range[1], _LONGER * self.first_duration) / scene.intervals
+        # 2.0: factor by which a duration is expected to be longer than where the search begins
+        longest = min(scene.duration_range[1], 2.0 * self.first_duration) / scene.intervals
         steps, stages = fewest_evaluations(rates, longest, scene.solver.substeps)
         if steps > MOST_STEPS:
             substeps = scene.solver.substeps
@@ -213,7 +210,8 @@ class Motion:
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
         simulated = self.scene.transcription == "single_shooting"  # in many steps
-        flow = compiled(term) if simulated or work > _COMPILE_FROM else term
+        # 150_000: instructions of the second derivatives at all intervals from which on compiling them pays
+        flow = compiled(term) if simulated or work > 150_000 else term
         return _with_given_friction(flow, self.prediction.x_names) if simulated else flow
 
     @cached_property

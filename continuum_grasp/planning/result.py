@@ -22,8 +22,6 @@ from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces
 
-_ACTIVE = 1e-6
-"""Multiplier above which a bound counts as active, in the units of `Constraint.multipliers`."""
 _PARTS = {
     "values": "what is bounded",
     "lower": "its lower bound",
@@ -82,7 +80,8 @@ class Constraint:
     @property
     def active(self) -> bool:
         """Whether a bound holds the plan back somewhere."""
-        return bool(np.any(np.abs(self.multipliers) > _ACTIVE))
+        # 1e-6: multiplier above which a bound counts as active, in the units of `Constraint.multipliers`
+        return bool(np.any(np.abs(self.multipliers) > 1e-6))
 
     def __str__(self) -> str:
         return f"{self.name}: off by {self.excess:.3g} {self.unit} ({self.key})"

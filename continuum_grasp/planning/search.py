@@ -33,26 +33,17 @@ from continuum_grasp.scene.plan import DurationRange, Goal, PlanScene
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
-FEASIBLE_MOTION = 1e-5
-"""Violation below which constraints count as satisfied where inputs alone are unknowns [1]: a micrometer of a finger of
-1 m, and rates of 1e-5 of their range."""
 _FIRST = 3
 """Intervals in which a motion that begins beyond a hard bound has to come back [1]; bounds hold from a quarter on."""
 _SIDES = (0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 1.5, -1.5)
 """Amplitudes of the paths, in half bending ranges, bent to one side or the other in between."""
-_STARTS_WITH_ZONES = 5
-"""The direct path, and two to either side [1], so that both ways past a zone are tried."""
 _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
 _PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
 """Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
-_WORK = 18_000_000
-"""Unknowns, or stages of the steps of single shooting, times states and iterations: some 50 s of one core [1]."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
-_SAME = 1e-3
-"""Relative difference of distances from the goal of two starts that came to the same end [1]."""
 _MOST_TURNING = 60
 """Most iterations from a motion in which friction turns around [1]: the plans of twenty random cases took up to 33."""
 _PACE = 0.85
@@ -79,7 +70,9 @@ class Search:
         self.diagnosis: Diagnosis | None = None
         self.interrupted = False
         self.motion = Motion(scene)
-        self.feasible = FEASIBLE_MOTION if scene.transcription == "single_shooting" else FEASIBLE
+        # 1e-5: violation below which constraints count as satisfied where inputs alone are unknowns: a micrometer of a
+        # finger of 1 m, and rates of 1e-5 of their range
+        self.feasible = 1e-5 if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
         """Problem of the last attempt."""
@@ -87,7 +80,9 @@ class Search:
         if scene.transcription == "single_shooting":
             size = scene.intervals * int(np.prod(self.motion.steps))
         if "max_total_iterations" not in options.model_fields_set:
-            self.budget.left = min(self.budget.left, max(_WORK // (size * self.motion.ns), 50))
+            # 18_000_000: Unknowns, or stages of the steps of single shooting, times states and iterations: some 50 s of
+            # one core
+            self.budget.left = min(self.budget.left, max(18_000_000 // (size * self.motion.ns), 50))
         self.allowed = int(self.budget.left)
         # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
         # since the limits of a plan are reported as satisfied.
@@ -203,7 +198,8 @@ class Search:
 
     def _try_paths(self) -> None:
         """Start from paths; as long as none gave a plan, seek the least distance from the goal too."""
-        count, barrier = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1), None
+        # 5: the direct path, and two to either side, so that both ways past a zone are tried
+        count, barrier = self.scene.solver.starts or (5 if self.scene.bounds.keep_out else 1), None
         for side in _SIDES[:count]:
             name = "direct" if side == 0.0 else f"detour {side:+g}"
             if self.over and self.attempts:
@@ -319,7 +315,6 @@ class Search:
 
     @cached_property
     def _near_goal(self) -> PlanProblem:
-        """The relaxed problem."""
         return PlanProblem(self.motion, self.x0, relaxed=True)
 
     def _approach(self, name: str, path: Path, barrier: float | None) -> bool:
@@ -346,7 +341,8 @@ class Search:
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
             self.diagnosis = diagnosis
         ends = [a.objective for _, a in self.relaxed]
-        return len(ends) > 2 and max(ends) - min(ends) <= _SAME * min(ends)
+        # 1e-3: relative difference of distances from the goal of two starts that came to the same end
+        return len(ends) > 2 and max(ends) - min(ends) <= 1e-3 * min(ends)
 
     @property
     def nearest(self) -> tuple[PlanProblem, Attempt]:

@@ -20,12 +20,8 @@ from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.source import externals_source
 
-_DAMPING = 2.0 / 13.0
-"""Damping of the stability polynomial [1], as in the source: a third of what is fast is left after a step."""
 _MARGIN = np.array([1.0, 1.2, 1.5])[:, None]
 """Factors on the eigenvalues up to which steps must be stable [1], since they are those of some shapes alone."""
-_ACCURATE = 1e-3
-"""Error over an interval of modes that turn once in it at most [1]; a finer simulation checks the plan."""
 _MOST_STAGES, MOST_STEPS = 40, 10_000
 """Most stages per step, beyond which rounding grows, and most steps per interval [1]."""
 
@@ -86,7 +82,8 @@ def compiled(term: Term) -> Term:
 
 def _polynomials(stages: int) -> tuple[float, float, Array, Array, Array]:
     """w0, w1 of the method with so many stages, and b, a, c (stages + 1) of each stage."""
-    w0 = 1.0 + _DAMPING / stages**2
+    # 2.0 / 13.0: damping of the stability polynomial, as in the source: a third of what is fast is left after a step
+    w0 = 1.0 + (2.0 / 13.0) / stages**2
     j, angle = np.arange(stages + 1), np.arccosh(w0)
     # Chebyshev's polynomials at w0 with two derivatives; the latter are zero up to the first.
     t, slope = np.cosh(j * angle), np.maximum(j * np.sinh(j * angle) / np.sinh(angle), 1.0)
@@ -120,7 +117,8 @@ def fewest_evaluations(eigenvalues: Array, length: float, steps: int | None = No
     def stable(count: int, stages: int) -> bool:
         calm = bool((np.abs(amplification(stages, decaying / count)) <= 1.0).all())
         off = amplification(stages, slow / count) ** count - np.exp(slow)
-        return calm and bool(np.abs(off).max(initial=0.0) <= _ACCURATE)
+        # 1e-3: error over an interval of modes that turn once in it at most; a finer simulation checks the plan
+        return calm and bool(np.abs(off).max(initial=0.0) <= 1e-3)
 
     best = MOST_STEPS + 1, _MOST_STAGES
     for stages in range(2, _MOST_STAGES + 1):

@@ -10,8 +10,8 @@ from __future__ import annotations
 from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
-    from continuum_grasp.plotting.grasp.resistance import plot_resistance as plot_resistance
-    from continuum_grasp.plotting.objects import plot_object as plot_object
+    from continuum_grasp.plotting.grasp.margins import plot_resistance as plot_resistance
+    from continuum_grasp.plotting.grasp.view import plot_object as plot_object
 
 _OF_RESULTS = (
     *("accuracy", "contact_forces", "coordinates", "energy", "front", "grasp", "map", "modes", "robustness"),

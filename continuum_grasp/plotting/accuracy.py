@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE
-from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.methods import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,9 +16,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.design.result import DesignResult
 
-_MOST_KEYS = 12
-"""Bars that are read at a glance."""
-
 
 def plot_design(result: DesignResult) -> list[Axes]:
     """Draw the grasp of the case that decides, the costs in the order of the designs, and sensitivities.
@@ -78,7 +75,8 @@ def _draw_costs(ax: Axes, result: DesignResult) -> None:
 
 def _draw_influences(ax: Axes, result: DesignResult) -> None:
     """Bars at the start and at the best design, in its order; at an optimum only those at a bound remain."""
-    influences = result.influences[:_MOST_KEYS]
+    # 12: most bars, which are read at a glance
+    influences = result.influences[:12]
     before = () if result.first is None else 0.01 * result.first.slope[: len(influences)]
     places = np.arange(len(influences))
     ax.barh(places[: len(before)] + 0.05, before, color=GRAY, height=0.22, label="at the start")

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from continuum_grasp.mission.result import MissionRun
 
 
-_SEEN = 0.05
-"""Share of the greatest force below which a force is not drawn: its arrow would be shorter than its head."""
 _COLUMNS = (4, 5, 6)
 """Numbers of snapshots in a row, of which that is taken that leaves the fewest places empty."""
 _WIDE = 2.1
@@ -43,8 +41,6 @@ _BANDS = {
     "pull": "#F8DDD2",
 }
 """Pale, since curves are drawn on them; phases that undo each other share one."""
-_LEAST_INCH = 0.14
-"""Width of a phase below which its name is left out: a line of 7.5 points, upright."""
 _ONE_ROW = 99
 """Columns of a legend [1], more than any has entries."""
 
@@ -184,7 +180,8 @@ def _pull_at(mission: MissionRun, t: float) -> Array:
 def _acting_forces(mission: MissionRun, index: int) -> list[Force]:
     """Forces of the contacts and of a pull at one instant, without what is too small to be seen beside the greatest."""
     pulled = _pull_at(mission, float(mission.t[index]))[:2]
-    least = _SEEN * float(np.max(mission.contacts.normal_force, initial=0.0))
+    # 0.05: share of the greatest force below which a force is not drawn: its arrow would be shorter than its head
+    least = 0.05 * float(np.max(mission.contacts.normal_force, initial=0.0))
     forces = [*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")]
     return [(np.asarray(at), np.asarray(force), kind) for at, force, kind in forces if np.hypot(*force) > least]
 
@@ -242,7 +239,8 @@ def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
         ax.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0)
         stop = min(span.end, float(mission.t[-1]))
         wide = 7.4 / end * (stop - span.start)  # the axes are 7.4 inch wide
-        if wide < _LEAST_INCH or span.name in ("rest", "end"):
+        # 0.14: width of a phase below which its name is left out: a line of 7.5 points, upright
+        if wide < 0.14 or span.name in ("rest", "end"):
             continue
         wrench = mission.pulls.get(span.name)
         text = span.name if wrench is None else _pull_words(wrench).replace("pull ", "")

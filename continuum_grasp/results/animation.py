@@ -27,8 +27,6 @@ _WIDTHS = 159, 4096
 """Between which a width lies [pixels]: labels fill a narrower frame, H.264 takes no wider one."""
 _REST_MS = 700
 """A GIF rests before it starts again [ms]: long enough to see that it ended."""
-_COLORS_APART = 12
-"""Levels of 255 by which colors of a palette differ: closer ones look alike, and make still areas flicker."""
 
 
 def write_animation(
@@ -101,7 +99,8 @@ def _palette(images: list[Image]) -> Image:
     quantized = sheet.quantize(colors=256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     chosen_colors = np.full((1, 3), 255)  # the ground stays white: none is near it, nor near another color
     for color in np.array(quantized.getpalette(), dtype=int).reshape(-1, 3):
-        if np.abs(chosen_colors - color).max(axis=1).min() > _COLORS_APART:
+        # 12: levels of 255 by which colors of a palette differ: closer ones look alike, and make still areas flicker
+        if np.abs(chosen_colors - color).max(axis=1).min() > 12:
             chosen_colors = np.vstack([chosen_colors, color])
     palette = Image.new("P", (1, 1))
     palette.putpalette(chosen_colors.ravel().tolist())

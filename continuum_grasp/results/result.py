@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from continuum_grasp.arguments import check_arguments, choice
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import Summarized, clipped, quoted
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.run_folder import Run, read_run, write_run
-from continuum_grasp.summary import Summarized, clipped, quoted
 
 if TYPE_CHECKING:
     import pandas

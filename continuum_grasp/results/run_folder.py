@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import Summarized
 from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain import digest, plain
 from continuum_grasp.results.record import begin_run, created_now, machine, versions
-from continuum_grasp.summary import Summarized
 
 RESULT = "result.npz"
 META = "meta.json"

@@ -13,16 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.scene.finger import Finger
 
-_SAME_PLACE = 1e-9
-"""Distance per length below which two places are one [1]: far above rounding, far below any distance that matters."""
-_PER_PANEL = 5
-"""Gauss points per panel."""
-
 
 def with_places(fixed: ArrayLike, others: Iterable[float]) -> Array:
     """Fixed places from start to end, and others that are none of those and not at one another, increasing."""
     places = [float(at) for at in np.asarray(fixed)]
-    close = _SAME_PLACE * (places[-1] - places[0])
+    # 1e-9: distance per length below which two places are one: far above rounding, far below any distance that matters
+    close = 1e-9 * (places[-1] - places[0])
     for at in others:
         if min(abs(at - known) for known in places) > close:
             places.append(at)
@@ -161,7 +157,8 @@ class DenseRod:
         self.joints = np.asarray(joints, dtype=float)
         marks = [mass.at for mass in finger.masses] if marks is None else marks
         inner = [at for at in (*marks, *finger_breaks(finger)) if at < self.joints[-1]]
-        self.mesh = Mesh(panel_edges(with_places(self.joints, inner), panel * self.joints[-1]), _PER_PANEL)
+        # 5: Gauss points per panel
+        self.mesh = Mesh(panel_edges(with_places(self.joints, inner), panel * self.joints[-1]), 5)
         self.nodes, self.edges, self.weights = self.mesh.nodes, self.mesh.edges, self.mesh.weights
 
     def angle(self, curvature: Array) -> Array:

@@ -31,15 +31,8 @@ Guess = Callable[[Array], ArrayLike] | ArrayLike
 _COARSE, _FINE = 10, 16
 """Nodes per panel while the shape is sought, and while it is refined: a panel that bends by 1 rad is then exact to 1e-9
 and to rounding."""
-_BEND = 2.5
-"""Turn [rad] of a panel of the first mesh, at most, as far as moments say: some load always undoes part of it."""
-_RESOLVED = 1e-6
-"""Turn of a panel [rad] that the first mesh may miss where the rod changes along its length, see ``unresolved``: far
-below what the shape needs that is then refined."""
 _MAX_NODES = 1600
 """Unknowns of the dense equations: a Newton step then takes some tenths of a second."""
-_MAX_REFINEMENTS = 16
-"""Halvings of a panel, down to 1e-5 of the length: the capstan law is rounded off over some 1e-4 of it."""
 _ROUNDING = 16.0 * np.finfo(float).eps
 """Rounding of angles and positions, which are sums over the nodes [1]."""
 
@@ -220,7 +213,11 @@ def _first_equations(problem: RodProblem) -> RodEquations:
     equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, longest), _COARSE))
     while True:
         # Shorter where the rod itself changes steeply.
-        long = (equations.panel_turns() > _BEND) | (equations.unresolved(equations.rest) > _RESOLVED)
+        # 2.5: turn [rad] of a panel of the first mesh, at most, as far as moments say: some load always undoes part of
+        # it
+        # 1e-6: turn of a panel [rad] that the first mesh may miss where the rod changes along its length, see
+        # ``unresolved``: far below what the shape needs that is then refined
+        long = (equations.panel_turns() > 2.5) | (equations.unresolved(equations.rest) > 1e-6)
         if equations.mesh.size + _COARSE * long.sum() > _MAX_NODES:
             raise _too_many("the loads bend the rod on too small a scale; check their units")
         if not long.any():
@@ -280,7 +277,8 @@ def _refine(equations: RodEquations, start: Array, iterations: int, tolerance: f
     """Finer meshes until two agree."""
     curvature, noise, steps = newton(equations, start)
     iterations += steps
-    for _ in range(_MAX_REFINEMENTS):
+    # 16: halvings of a panel, down to 1e-5 of the length: the capstan law is rounded off over some 1e-4 of it
+    for _ in range(16):
         mesh, problem = equations.mesh, equations.problem
         floor = _ROUNDING * (1.0 + np.abs(curvature).max())
         # Halve what is not resolved; where all is, more nodes show that the error of the last mesh was small.

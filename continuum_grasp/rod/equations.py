@@ -24,10 +24,6 @@ off by 2e-6 rad."""
 CABLE_ROUNDING = 20e-6
 """Half the length [m] in which a tendon goes from slack to tension: as the finger model does."""
 
-STOP_ROUNDING = 0.005
-"""Curvature about that at which links touch, per it [1], over which the stop's law is rounded off: as the finger model
-does. A law that is rounded off over 0.02 has the tip off by 3e-3 of the length where all links touch."""
-
 
 @dataclass(frozen=True)
 class Balance:
@@ -220,7 +216,10 @@ class RodEquations:
         bent = curvature - self.rest
         energy, moment, stiffness = 0.5 * bent**2, bent, np.ones(bent.shape)
         for sign in self._signs if self._added else ():
-            beyond, width = sign * curvature - self._limit, STOP_ROUNDING * self._limit
+            # 0.005: curvature about that at which links touch, per it, over which the stop's law is rounded off: as the
+            # finger model does. A law that is rounded off over 0.02 has the tip off by 3e-3 of the length where all
+            # links touch.
+            beyond, width = sign * curvature - self._limit, 0.005 * self._limit
             root = np.sqrt(beyond**2 + width**2)
             touching, rate = 0.5 * (beyond + root), 0.5 * (1.0 + beyond / root)
             energy = energy + 0.5 * self._added * touching**2

@@ -12,17 +12,11 @@ from continuum_grasp.rod.equations import Balance, RodEquations
 
 _CLOSE = 1e-8
 """Turn [rad] of a Newton step after which the next one, being quadratic, is the last."""
-_MAX_PATH = 600
-"""Steps of a path: three times those of a following force of 1,000 EI / L^2 at the tip."""
-_MAX_DESCENT = 300
-"""Steps of a descent, each by 0.7 rad or less."""
 _LEAST_STEP, _GREATEST_STEP = 1e-6, 1.5
 """Arclengths of a step along a path, in shares of the loads and r.m.s. curvature times length, weighted by EI [rad]:
 below the least the path has a kink; beyond the greatest it may jump to another branch."""
 _NEAR = 1e-3
 """Distance from the full loads [1] that is left to Newton's method."""
-_FARTHEST_BACK = 10.0
-"""Negative share [1] to which a path from a guess may go before it comes back."""
 
 
 def newton(equations: RodEquations, start: Array, *, limit: int = 40) -> tuple[Array, float, int]:
@@ -82,7 +76,8 @@ def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = 
     weights = equations.metric
     x, share, size = start, 0.0, 0.3
     direction, rate = _tangent(at(x, share), weights, np.zeros_like(x), 1.0)
-    for steps in range(1, _MAX_PATH + 1):
+    # 600: steps of a path: three times those of a following force of 1,000 EI / L^2 at the tip
+    for steps in range(1, 600 + 1):
         while True:
             corrected = _correct(at, weights, x, share, direction, rate, size)
             if corrected is not None:
@@ -103,7 +98,8 @@ def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = 
         x, share, direction, rate = trial, reached, ahead, ahead_rate
         if rate <= 0.0 and not folds:
             raise _lost(share, "path turned back", "no equilibrium is connected to the start")
-        if share < (-1e-6 if loads else -_FARTHEST_BACK):
+        # 10.0: negative share to which a path from a guess may go before it comes back
+        if share < (-1e-6 if loads else -10.0):
             raise _lost(share, "path turned back", "no equilibrium is connected to the start")
         if corrections <= 3:
             size = min(1.6 * size, _GREATEST_STEP)
@@ -180,7 +176,8 @@ def descend(equations: RodEquations, start: Array, side: int) -> tuple[Array, in
     curvature, energy = start, equations.energy(start)
     root = np.sqrt(equations.metric)  # into the metric of ``stiffness``, and back
     kicked = False
-    for step in range(1, _MAX_DESCENT + 1):
+    # 300: steps of a descent, each by 0.7 rad or less
+    for step in range(1, 300 + 1):
         balance = equations.balance(curvature)
         values, vectors = np.linalg.eigh(equations.stiffness(balance.slope))
         force = vectors.T @ (equations.mesh.weights * balance.missing / root)

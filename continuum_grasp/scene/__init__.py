@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.cost import RowSamples as RowSamples
     from continuum_grasp.scene.cost import ShapeWeight as ShapeWeight
     from continuum_grasp.scene.cost import Weight as Weight
-    from continuum_grasp.scene.damping import Damping as Damping
-    from continuum_grasp.scene.damping import DryFriction as DryFriction
     from continuum_grasp.scene.design import Design as Design
     from continuum_grasp.scene.design import DesignSolver as DesignSolver
     from continuum_grasp.scene.design import DesignVariable as DesignVariable
@@ -82,7 +80,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.plan import PlanInput as PlanInput
     from continuum_grasp.scene.plan import PlanScene as PlanScene
     from continuum_grasp.scene.plan import PlanSolver as PlanSolver
-    from continuum_grasp.scene.pressure import Chamber as Chamber
+    from continuum_grasp.scene.rod import Damping as Damping
+    from continuum_grasp.scene.rod import DryFriction as DryFriction
     from continuum_grasp.scene.rod import Rod as Rod
     from continuum_grasp.scene.simulate import Fidelity as Fidelity
     from continuum_grasp.scene.simulate import Initial as Initial
@@ -95,6 +94,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.surroundings import ContactLaw as ContactLaw
     from continuum_grasp.scene.surroundings import Surroundings as Surroundings
     from continuum_grasp.scene.sweep import Sweep as Sweep
+    from continuum_grasp.scene.tendons import Chamber as Chamber
     from continuum_grasp.scene.tendons import Tendon as Tendon
     from continuum_grasp.scene.tendons import Tendons as Tendons
 

@@ -127,7 +127,7 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
     if document.varies_outlines:
         part.value["file"] = str(file.resolve())
         return
-    others = import_module("continuum_grasp.scene.objects.body").ObjectBody.model_fields
+    others = import_module("continuum_grasp.scene.objects.shapes").ObjectBody.model_fields
     rest = {key: value for key, value in part.value.items() if key in others}
     part.value = {key: value for key, value in part.value.items() if key not in others} | {"file": str(file)}
     try:
@@ -147,10 +147,10 @@ def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) 
     return file
 
 
-def _part_of(file: Path, words: str, needed: str = "", foreign: str = "") -> Document:
-    """Contents of a file that holds a part of a scene, without its version; the part has one key, or lacks another."""
+def _part_of(file: Path, words: str, foreign: str) -> Document:
+    """Contents of a file that holds a part of a scene, without its version; the part lacks a key of whole scenes."""
     document = read_yaml(file, name=os.path.normpath(file))
-    if not isinstance(document.value, dict) or (needed and needed not in document.value) or foreign in document.value:
+    if not isinstance(document.value, dict) or foreign in document.value:
         raise document.places[()].error(f"expected {words}")
     take_version(document)
     return document

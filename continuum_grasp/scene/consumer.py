@@ -137,3 +137,21 @@ def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
 def _field(model: type[BaseModel], key: str) -> str | None:
     """The field that a key is, where the model has it."""
     return next((name for name, field in model.model_fields.items() if key == (field.alias or name)), None)
+
+
+SECTION_LAWS = {
+    "finger.stops": "stops",
+    "finger.softening": "a material that softens",
+    "finger.gyration_radius": "tendons that shorten the rod",
+    "finger.damping.quadratic": "quadratic damping",
+    "finger.damping.dry_friction": "dry friction in bending",
+    "finger.damping.relaxation": "a material that relaxes",
+}
+FIT_MATCHED_TIP = ("finger.damping.quadratic", "finger.gyration_radius")
+"""Laws under which the moment of the input alone gives the curvature at the tip."""
+
+
+def unknown_to(who: str, *known: str) -> dict[str, str]:
+    """Say, by key, why what has laws of its own refuses all but those that it knows."""
+    others = {key: word for key, word in SECTION_LAWS.items() if key not in known}
+    return {key: f"{who} does not know {word}: leave {key.rpartition('.')[2]} out" for key, word in others.items()}

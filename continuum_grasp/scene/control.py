@@ -10,9 +10,8 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
 from continuum_grasp.scene.cost import Reference, tracked
-from continuum_grasp.scene.estimator import Estimator
+from continuum_grasp.scene.estimator import Estimator, Mounting
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.mounting import Mounting
 from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.value import Duration, doubt

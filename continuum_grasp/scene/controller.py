@@ -11,10 +11,9 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.drives import LengthDrive, of_drives
-from continuum_grasp.scene.families import default_family
+from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.integrators import CONTROL_METHODS
-from continuum_grasp.scene.mounting import Mounting
+from continuum_grasp.scene.methods import CONTROL_METHODS, default_family
 from continuum_grasp.scene.simulate import Fidelity, FingerScene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.sweep import InSI, Key, Varied
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Positive, Real, Value
-from continuum_grasp.scene.varied import InSI, Key, Varied
 
 QUANTITIES = {
     "tension": ("N", "sum of all tendon tensions"),

@@ -44,19 +44,16 @@ class Coordinate(SceneKey):
     name: str | None
 
     def value(self, coordinate: float) -> float:
-        """Value at a coordinate."""
         if self.log:
             return float(self.low * (self.high / self.low) ** coordinate)
         return self.low + (self.high - self.low) * coordinate
 
     def coordinate(self, value: float) -> float:
-        """Coordinate of a value."""
         if self.log:
             return math.log(value / self.low) / math.log(self.high / self.low)
         return (value - self.low) / (self.high - self.low)
 
     def slope(self, value: float) -> float:
-        """Change of the value per coordinate."""
         return value * math.log(self.high / self.low) if self.log else self.high - self.low
 
 

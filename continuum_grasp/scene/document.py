@@ -84,7 +84,6 @@ class Document:
         return Place(place.file, place.line, place.column)
 
     def placed_error(self, error: InputError) -> InputError:
-        """An error about a key of this document, at the place of that key."""
         path = undotted(error.key or "")
         return self.nearest(path).error(error.message, path)
 

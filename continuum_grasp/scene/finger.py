@@ -13,15 +13,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.consumer import beside, excludes, needs
-from continuum_grasp.scene.damping import Damping
+from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, beside, excludes, needs
 from continuum_grasp.scene.drives import Input, LengthDrive, MotorDrive, Pull, numbered
-from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
-from continuum_grasp.scene.pressure import Chamber, ChamberList
-from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.section_laws import FIT_MATCHED_TIP, SECTION_LAWS
-from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon
+from continuum_grasp.scene.methods import FAMILIES
+from continuum_grasp.scene.rod import Damping, Rod
+from continuum_grasp.scene.tendons import (
+    ALIKE,
+    Chamber,
+    ChamberList,
+    Tendon,
+    TendonList,
+    Tendons,
+    channels,
+    check_tendon,
+)
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,

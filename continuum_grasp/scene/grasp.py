@@ -12,8 +12,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.grasp_drive import DriveLaw
+from continuum_grasp.scene.drives import DriveLaw
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
@@ -27,8 +26,9 @@ from continuum_grasp.scene.grasp_options import (
     PlanarGravity,
     Robust,
 )
+from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.objects.body import greatest_shift, pose_bounds
+from continuum_grasp.scene.objects.shapes import greatest_shift, pose_bounds
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Supported, Switch
 from continuum_grasp.scene.tendons import Tendons

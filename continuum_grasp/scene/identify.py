@@ -129,7 +129,7 @@ class _Data(Value):
     origin: Annotated[tuple[Real, Real], Field(strict=False), Unit("m")] = (0.0, 0.0)
     """World position of the origin of the file's x and y [m]."""
 
-    def _check_axes(self) -> None:
+    def _check(self) -> None:
         if self.axes[0][-1] == self.axes[1][-1]:
             raise ValueError(f"axes: both are along {self.axes[0][-1]}: expected x and y, such as [x, -y]")
 
@@ -165,9 +165,6 @@ class StaticPoses(_Data):
     propose: Annotated[int, Field(ge=1, le=200)] | None = None
     """Number of rows that ``identify --design`` proposes to measure, of the ``choices`` of all conditions; None: none,
     these are measured."""
-
-    def _check(self) -> None:
-        self._check_axes()
 
 
 class StartPrior(Value):
@@ -210,9 +207,6 @@ class TipTrajectory(_Data):
     whatever its rates."""
     window: _Window | None = None
     """Instants from and to which samples are used [s]."""
-
-    def _check(self) -> None:
-        self._check_axes()
 
 
 class RingDown(_Data):

@@ -20,7 +20,6 @@ from continuum_grasp.scene.assembly import (
 )
 from continuum_grasp.scene.document import Document, Place
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.kinds import KINDS, model_of
 from continuum_grasp.scene.simulate import Scene
 
 if TYPE_CHECKING:
@@ -32,6 +31,53 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.sweep import Sweep
 
     Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep | Design
+
+from importlib import import_module
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+
+class _Kind(NamedTuple):
+    module: str
+    model: str
+    words: str
+    keys: str
+    """Some by which the kind is recognized."""
+    command: str | None
+    """Verb that runs the kind; None: a finger alone is not run."""
+
+    @property
+    def expected(self) -> str:
+        """Expected kind of file, as errors name it."""
+        return f"{self.words} ({self.keys}, ...)"
+
+
+KINDS = {
+    "simulate": _Kind("simulate", "Scene", "a scene", "finger, gravity", "simulate"),
+    "identify": _Kind("identify", "IdentifyScene", "an identification", "finger, estimate", "identify"),
+    "grasp": _Kind("grasp", "GraspScene", "a grasp", "finger, object", "grasp"),
+    "mpc": _Kind("control", "ControlScene", "a closed loop", "finger, controller", "mpc"),
+    "mission": _Kind("mission", "MissionScene", "a mission", "grasp, controller", "mpc"),
+    "plan": _Kind("plan", "PlanScene", "a plan", "finger, goal", "plan"),
+    "sweep": _Kind("sweep", "Sweep", "a sweep", "scene, vary", "sweep"),
+    "design": _Kind("design", "Design", "a design", "scene, variables, minimize", "design"),
+    "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
+}
+"""Kinds of configurations, by name."""
+DEFINITIONS = "definitions.json"
+"""File beside the schemas of all kinds, with the definitions that they share."""
+
+
+def model_of(kind: str) -> type[BaseModel]:
+    if kind not in KINDS:
+        raise InputError(f"no such kind of configuration: expected one of {', '.join(KINDS)}, got {kind!r}")
+    # A kind's module is loaded with its first file: a simulation needs none of those of control.
+    module = import_module(f"continuum_grasp.scene.{KINDS[kind].module}")
+    model: type[BaseModel] = getattr(module, KINDS[kind].model)
+    return model
+
 
 Kind = TypeVar("Kind")
 
@@ -141,5 +187,4 @@ def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], lo
 
 
 def kind_of_scene(loaded: Loaded) -> str:
-    """Kind of a loaded configuration."""
     return next(name for name, kind in KINDS.items() if kind.model == type(loaded).__name__)

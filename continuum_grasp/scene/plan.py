@@ -12,9 +12,9 @@ from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits
 from continuum_grasp.scene.cost import Cost, Reference, Row, tracked
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.reach import check_reach, check_references, stated_ranges
 from continuum_grasp.scene.simulate import Fidelity, Initial, check_commands
-from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value

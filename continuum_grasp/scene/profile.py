@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 
-_JUMP = 1e-12
-"""Jump per value from which on a curve jumps [1]: above the rounding of its pieces."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 """Nodes and weights of integrals between breaks: rounding for means of a taper to a tenth."""
 
@@ -119,7 +117,8 @@ class Curve:
     def jumps(self) -> tuple[float, ...]:
         """Places where the value jumps [m]."""
         before, after = self(self.edges[1:-1]), self(self.edges[1:-1], tip_side=True)
-        large = np.abs(after - before) > _JUMP * np.maximum(np.abs(after), np.abs(before))
+        # 1e-12: jump per value from which on a curve jumps: above the rounding of its pieces
+        large = np.abs(after - before) > 1e-12 * np.maximum(np.abs(after), np.abs(before))
         return tuple(float(at) for at, jumps in zip(self.edges[1:-1], large, strict=True) if jumps)
 
     def integral(self) -> float:
@@ -288,7 +287,6 @@ def _of_section(section: RodSection, span: float) -> tuple[float | Polynomial, .
 
 
 def of_samples(length: float, samples: RodSamples) -> Profile:
-    """A rod of samples."""
     from scipy.interpolate import PchipInterpolator
 
     at = np.array([*samples.at[:-1], length])

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.cost import CircleReference, Cost, RowSamples
-from continuum_grasp.scene.families import DEFAULT_RANGE
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.methods import DEFAULT_RANGE
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.value import doubt
 

@@ -6,7 +6,7 @@ import copy
 import json
 from typing import Any
 
-from continuum_grasp.scene.kinds import DEFINITIONS, KINDS, model_of
+from continuum_grasp.scene.load import DEFINITIONS, KINDS, model_of
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, to_si
 
@@ -54,7 +54,6 @@ def json_schema(kind: str) -> _Node:
 
 
 def schema_text(schema: _Node) -> str:
-    """A schema as the text of a file."""
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 

@@ -36,7 +36,6 @@ class Shape:
         return list(dict.fromkeys(key for node in self._at(path, data) for key in node.get("properties", {})))
 
     def model_keys(self, name: str) -> list[str]:
-        """The keys of the model of that class name."""
         node = self._root if self._root.get("title") == name else self._root.get("$defs", {}).get(name, {})
         return list(node.get("properties", {}))
 

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, needs
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, needs, unknown_to
 from continuum_grasp.scene.drives import COMMANDS, MotorDrive, of_drives
-from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.integrators import SIMULATION_METHODS
 from continuum_grasp.scene.loads import Actuation, Load, Samples
-from continuum_grasp.scene.section_laws import unknown_to
+from continuum_grasp.scene.methods import SIMULATION_METHODS, FamilyName
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (

@@ -14,10 +14,6 @@ from continuum_grasp.scene.supports import Supported, Wall
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
 
-_PRESLIDING = 1e-4
-"""Displacement before slip by default [m]."""
-
-
 _OF_OBJECTS = "moment_of_inertia out_of_plane_gravity table supports"
 _TOUCHED = f"contact_law object_moves {_OF_OBJECTS}"
 _EMPTY, _FIXED = "has no meaning without an object", "has no meaning for a fixed object: set object_moves"
@@ -73,7 +69,8 @@ class ContactLaw(Value):
         # A friction force that is a function of the slip speed alone needs no state.
         if self.slip_speed is not None:
             return None
-        return _PRESLIDING if self.presliding is None else self.presliding
+        # 1e-4: displacement before slip by default [m]
+        return 1e-4 if self.presliding is None else self.presliding
 
 
 class Table(Value):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import difflib
+import io
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -229,6 +230,13 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     comma = separator != "," and not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
     table = Table(name, headings, units, rows, row_lines, header_line, comma)
     return table if lines[0].partition(separator)[0].strip() != "scorer" else _sure(table)
+
+
+def csv_text(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """A table as text, with commas between the cells."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([headings, *rows])
+    return text.getvalue()
 
 
 def _separated(lines: Sequence[str]) -> tuple[str, list[tuple[str, ...]]]:

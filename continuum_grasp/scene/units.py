@@ -17,10 +17,6 @@ from continuum_grasp.errors import InputError
 
 _NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 """Pattern of numbers of YAML 1.2, without infinity and NaN."""
-_LONGEST = 60
-"""Characters of a text that is read: Fraction would write 1e999999999 out."""
-_LARGEST_EXPONENT = 400
-"""Beyond what a double can hold in any unit of the table, 1e308."""
 # 50 digits beside the 17 of a double, so that what is multiplied by it is rounded correctly.
 _DEGREE = Fraction("3.14159265358979323846264338327950288419716939937510") / 180
 
@@ -85,9 +81,11 @@ def to_si(text: str, si: str) -> float | None:
     ``to_si("-90 deg", "rad")`` is -pi/2. None where the text is not a number and a unit of that quantity, or no double
     can hold it.
     """
-    unit = _unit_in(text, si, _NUMBER) if len(text) <= _LONGEST else None
+    # 60: characters of a text that is read: Fraction would write 1e999999999 out
+    unit = _unit_in(text, si, _NUMBER) if len(text) <= 60 else None
     number = re.match(_NUMBER, text)
-    if unit is None or number is None or abs(int(re.split("[eE]", number[0] + "e0")[1])) > _LARGEST_EXPONENT:
+    # 400: beyond what a double can hold in any unit of the table, 1e308
+    if unit is None or number is None or abs(int(re.split("[eE]", number[0] + "e0")[1])) > 400:
         return None
     exact = Fraction(number[0]) * units_of(si)[unit]
     try:

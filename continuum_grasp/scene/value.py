@@ -30,7 +30,7 @@ from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
-from continuum_grasp.summary import table
+from continuum_grasp.labels import table
 
 SAME = 1e-9
 """Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
@@ -209,7 +209,6 @@ class Configuration(Value):
 
 
 def _written(value: Any) -> str:
-    """A value as it is written in Python."""
     if not isinstance(value, Value):
         return repr(value)
     return f"{type(value).__name__}({', '.join(f'{name}={_written(entry)}' for name, entry in value.stated().items())})"

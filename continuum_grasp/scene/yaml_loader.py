@@ -66,7 +66,6 @@ for _name, _pattern, _first in _CORE_SCHEMA:
 
 
 def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
-    """Read one YAML file."""
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"expected the path of a file, got {path!r:.60}")
     name = name or str(path)

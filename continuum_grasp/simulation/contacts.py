@@ -115,24 +115,20 @@ def greatest_motion(body: GraspObject, poses: Array, others: Array) -> float:
     return float((np.linalg.norm(np.delete(off, 2, axis=1), axis=1) + np.abs(off[:, 2]) * body.size).max())
 
 
-_THROUGH = 0.5
-"""Overlap between stations that is reported, per the half thickness: what chords cut off is less."""
-_LOOKS = 50
-"""Instants at which overlaps are looked for."""
-
-
 def overlap_text(run: Any, body: GraspObject, poses: Array, half_thickness: Curve, points: int) -> str:
     """By how much the finger of a run is deeper in an object with poses (T, 3 or 4) than its stations are pressed into
     it, and when; empty if it is not. Backbones are looked at in so many points.
     """
     contacts: ContactForces = run.contacts
-    looked = np.unique(np.linspace(0, len(run.t) - 1, _LOOKS).astype(int))
+    # 50: instants at which overlaps are looked for
+    looked = np.unique(np.linspace(0, len(run.t) - 1, 50).astype(int))
     columns = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
     pressed = np.maximum(0.0, -contacts.gap[looked][:, columns].min(axis=1))
     beyond = _overlaps(body, poses[looked, :3], run.backbone(looked, points), half_thickness) - pressed
     k = int(beyond.argmax())
     thinnest = float(half_thickness(half_thickness.edges).min())
-    return f"{1e3 * beyond[k]:.2g} mm at t = {run.t[looked[k]]:g} s" if beyond[k] > _THROUGH * thinnest else ""
+    # 0.5: overlap between stations that is reported, per the half thickness: what chords cut off is less
+    return f"{1e3 * beyond[k]:.2g} mm at t = {run.t[looked[k]]:g} s" if beyond[k] > 0.5 * thinnest else ""
 
 
 def _overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: Curve) -> Array:

@@ -11,7 +11,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.memory import state_of
 from continuum_grasp.model.structure import tip_moment_jumps
-from continuum_grasp.scene.families import default_family
+from continuum_grasp.scene.methods import default_family
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import friction_history, friction_states, states_of_motors

@@ -204,7 +204,6 @@ class SmallMotions:
 
 
 def small_motions(equilibrium: Equilibrium) -> SmallMotions:
-    """Small motions about an equilibrium."""
     model, q, u, w, p = equilibrium.model, equilibrium.q, equilibrium.u, equilibrium.w, equilibrium.p
     core, n = Core(model, compiled=False), model.n
     mass, damping = core.mass_matrix(q, u, p), damping_matrix(core, q, u, p)

@@ -15,7 +15,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contacts import overlap_text
 from continuum_grasp.simulation.initial import initial_state, start_warnings
@@ -43,14 +43,8 @@ _MOST_SUBSTEPS = 10_000
 """Sub-steps per output step beyond which an explicit method is refused."""
 _MOST_IMPLICIT = 256
 """Sub-steps per output step of an implicit method, which contacts need to be resolved."""
-_FRICTION_STEP = 2.5e-3
-"""Implicit step up to which friction of tendons is followed [s]: stops have kinks, and steps of 10 ms ran away."""
-_FINER = 4
-"""Factor by which they grow where a motion with contacts is not finite."""
 _GROWTH = (1.3, 16.0)
 """Least and greatest factor from one number of sub-steps to the next that keeps the tolerance."""
-_LONG_RADIUS = 2.0
-"""Product of step and spectral radius up to which longer steps are compared with; they are stable up to 2.7."""
 _MARGIN = 1.25
 """Factor on the number of sub-steps that is foreseen."""
 _MOST_WORK = {_FAST: 4_000_000, "rodas": 400_000, "extrapolated_euler": 400_000}
@@ -156,7 +150,9 @@ class _Run:
         met = [math.sqrt(motor.held_stiffness / float(motor.inertia)) for motor in flanks]
         self._implicit_substeps = self._wanted(max(self._of_contacts(contact_frequency, bent), *met, 0.0))
         if self._model.friction_names:
-            self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / _FRICTION_STEP))
+            # 2.5e-3: implicit step up to which friction of tendons is followed [s]: stops have kinks, and steps of 10
+            # ms ran away
+            self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / 2.5e-3))
         if asked == "reference":
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)
@@ -180,7 +176,8 @@ class _Run:
             # A linearly implicit step does not see what it meets: contacts, stops, friction and quadratic damping.
             if plan.method == "reference" or not isinstance(error, NumericalError):
                 return None, error
-            self._implicit_substeps = _FINER * plan.substeps
+            # 4: factor by which they grow where a motion with contacts is not finite
+            self._implicit_substeps = 4 * plan.substeps
             finer = self._planned(plan.method, plan.radius) if self._implicit_substeps <= _MOST_IMPLICIT else None
             return finer, error
         # The motion may have reached stiffer shapes than those about the start: look again where it was.
@@ -233,7 +230,8 @@ class _Run:
             plan = replace(plan, substeps=plan.substeps + 1)
         step = self._time.step / plan.substeps
         smooth = self._smooth(plan)
-        tame = math.inf if plan.stable is None else _LONG_RADIUS / (plan.radius * step)
+        # 2.0: product of step and spectral radius up to which longer steps are compared with; they are stable up to 2.7
+        tame = math.inf if plan.stable is None else 2.0 / (plan.radius * step)
         # One sub-step and smooth: comparing with steps of four times the length costs a quarter in place of a half.
         sparse = auto and smooth and plan.stable is not None and plan.substeps == 1
         halvings = 2 if sparse and min(steps, tame) >= 4 else 1

@@ -16,8 +16,6 @@ from continuum_grasp.model.structure import Structure
 
 _EVEN, _EXTREME = 12, 6
 """States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""
-_LOST = 2.0
-"""Friction state beyond which a step was too long to mean anything."""
 
 
 def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
@@ -69,7 +67,8 @@ def representative_states(core: Core, states: Array, u: Array, w: Array) -> Arra
     """
     system: System = core.model
     friction = system.friction_states
-    sane = np.all(np.isfinite(states), axis=1) & np.all(np.abs(states[:, friction]) < _LOST, axis=1)
+    # 2.0: friction state beyond which a step was too long to mean anything
+    sane = np.all(np.isfinite(states), axis=1) & np.all(np.abs(states[:, friction]) < 2.0, axis=1)
     finite = np.flatnonzero(sane)
     chosen = [finite[:: max(1, len(finite) // _EVEN)]]
     rows = states[finite], u[finite], w[finite]
@@ -100,12 +99,8 @@ TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 SLIDING = 1.5
 """A friction state beyond its range [1], as of what slides."""
-_PULL = 1.0
-"""Tension of tendons that are in tension [N]: what is stiff about them does not depend on it."""
 _MOVED, _ROUGH = 1e-6, 1e-3
 """Change of a state, per one and its size, by which a step is differentiated; and what is left to differences [1]."""
-_POSES = 12
-"""Random shapes at which the spectral radius is taken, beside the start and the straight finger [1]."""
 
 
 def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Array | None = None) -> float:
@@ -155,7 +150,8 @@ def _states(model: FingerModel, shape: Array, rates: Array, u: Array) -> list[Ar
     """States of a shape, by its drives and friction."""
     states, drives = len(model.friction_names), [model.drives_at(shape, u)]
     if model.structure.winches:
-        drives.append(model.drives_at(shape, u, pulled=_PULL))
+        # 1.0: tension of tendons that are in tension [N]: what is stiff about them does not depend on it
+        drives.append(model.drives_at(shape, u, pulled=1.0))
     return [
         np.concatenate([shape, rates, lag, np.full(states, sliding)])
         for lag, sliding in product(drives, (0.0, SLIDING) if states else (0.0,))
@@ -239,5 +235,6 @@ def sample_shapes(model: FingerModel, start: Array) -> Array:
     """Shapes to estimate the spectral radius at: the start, straight, and some over the bending range."""
     reach = np.array(model.structure.coordinate_limits())
     # Seeded: a scene always gets the same step.
-    spread = np.random.default_rng(0).uniform(-0.5, 0.5, (_POSES, model.n)) * reach
+    # 12: random shapes at which the spectral radius is taken, beside the start and the straight finger
+    spread = np.random.default_rng(0).uniform(-0.5, 0.5, (12, model.n)) * reach
     return np.vstack([start, np.zeros(model.n), spread])

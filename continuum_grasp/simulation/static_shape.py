@@ -195,10 +195,6 @@ def slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
     return np.array(model.sliding()(q, u, p)).ravel()
 
 
-_SAME_STATE = 1e-6
-"""Sliding per its range that is none [1]: far above rounding."""
-
-
 def friction_history(
     model: FingerModel,
     q: Array,
@@ -222,7 +218,8 @@ def friction_history(
         # A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of what it
         # slid. Where nothing slid at all, nothing says from which side.
         sliding = slid(model, q, u, p)
-        history[:count] = np.where(np.abs(sliding) > _SAME_STATE, -np.sign(sliding), 0.0)
+        # 1e-6: sliding per its range that is none: far above rounding
+        history[:count] = np.where(np.abs(sliding) > 1e-6, -np.sign(sliding), 0.0)
     return history
 
 

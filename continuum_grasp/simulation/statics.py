@@ -36,19 +36,11 @@ _TOLERANCE = 1e-11
 """Missing force per that of the forces that balance [1]; a few digits above rounding."""
 _MAX_ITERATIONS = 500
 """Iterations after which the search is given up [1]."""
-_IMPERFECTION = 1e-3
-"""Displacement along the weakest direction with which an unstable equilibrium is left, per typical coordinate [1]:
-large against rounding, small against the buckled shape."""
 _NEAR_BUCKLING, _NEAR_BUCKLING_ARCS = 0.02, 0.25
 """Least stiffness per that of the unloaded finger [1] below which the shape is sensitive to the model's own error; the
 second for families of order 2, arcs, divided by the square of their number. Column under P: below 0.02, 2 matched
 clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling load by 0.21 of it over the square of their
 number."""
-
-_MOST_TURNS = 8
-"""Searches in which the directions of friction settle [1]."""
-_BOUNDLESS = 1e12
-"""Torque that holds a motor wherever it stands [N m]: the greatest number that a scene has."""
 
 
 class Search:
@@ -78,7 +70,9 @@ class Search:
             if stable and not steady:
                 # An eigenvector has no sign of its own: the largest component decides what the sides are.
                 kick = direction * side * (1.0 if direction[np.argmax(np.abs(direction))] > 0 else -1.0)
-                size = _IMPERFECTION * self._reach() / max(np.abs(kick).max(), 1e-300)
+                # 1e-3: displacement along the weakest direction with which an unstable equilibrium is left, per typical
+                # coordinate: large against rounding, small against the buckled shape
+                size = 1e-3 * self._reach() / max(np.abs(kick).max(), 1e-300)
                 q, iterations = self._descend(q + size * kick, iterations)
                 margin, _, steady = self._stability(q)
             warnings = (*self._checked(q), *self._buckling(q, margin))
@@ -298,7 +292,6 @@ def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> Fi
 
 
 def with_drives(finger: Finger, changed: Callable[[Any], Any]) -> Finger:
-    """The finger with other drives of its tendons."""
     tendons: Any = finger.tendons
     if tendons is None:
         return finger
@@ -319,7 +312,8 @@ def _locked(drive: Any) -> Any:
         return following(drive)
     # A servo and a gear of twice the stiffness each yield together what the gear does.
     stiffness = 2.0 * drive.gear_stiffness
-    servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_max": _BOUNDLESS}
+    # 1e12: torque that holds a motor wherever it stands [N m]: the greatest number that a scene has
+    servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_max": 1e12}
     return drive.replaced(gear_stiffness=stiffness, **servo)
 
 
@@ -395,7 +389,8 @@ def equilibrium_under(
     first = "pulling" if reached_by == "releasing" else reached_by
     search = Search(model, command, forces, p, friction_history(model, np.zeros(model.n), command, p, first, states))
     solution = search.find(search.rest() if start is None else start, stable, side)
-    for _ in range(_MOST_TURNS if reached_by == "releasing" else 0):
+    # 8: searches in which the directions of friction settle
+    for _ in range(8 if reached_by == "releasing" else 0):
         # The shape decides which way the tendons slid back; it seldom changes that.
         history = friction_history(model, solution.q, command, p, reached_by)
         if np.array_equal(history, solution.history):

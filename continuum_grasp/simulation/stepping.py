@@ -23,7 +23,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.signals import Signals
@@ -40,12 +40,8 @@ _CHUNK = 200_000
 _LEAST_CHUNK, _LOOKS = 1_000, 16
 """Sub-steps of the shortest chunk, and looks at the error over a motion that is to keep a tolerance: a look takes about
 0.2 ms, as long as 500 sub-steps of two clothoids."""
-_COMPARED = 100
-"""Instants of a chunk that are compared: positions cost as much as a sub-step."""
 _RELATIVE, _ABSOLUTE = 1e-11, 1e-12
 """Tolerances of CVODES [1; units of the states]: motions of 0.2 s have errors below 1e-9 (test_simulation.py)."""
-_LOOSER = 100.0
-"""Factor on the tolerances of the variable-step integrator with which its error is measured."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +164,8 @@ class Stepper:
         """Add the states after the last one and their differences, and say what stopped them."""
         substeps, h, start = plan.substeps, self._time.step, 0
         wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
-        ends, looked = [parts[0][0]] * (1 + len(plan.ratios)), _COMPARED * (_LOOKS if math.isinf(plan.tolerance) else 1)
+        # 100: instants of a chunk that are compared: positions cost as much as a sub-step
+        ends, looked = [parts[0][0]] * (1 + len(plan.ratios)), 100 * (_LOOKS if math.isinf(plan.tolerance) else 1)
         while start < self.steps:
             now = plan if start else plan.start
             # Chunks end where steps of all lengths do; the first is as short as can be, to find out how fast it begins.
@@ -202,7 +199,8 @@ class Stepper:
         """States at every output step by the steps, and at the shared ones by longer ones; the finite ones of them."""
         u, w = self._inputs(start * self._time.step, count, plan)
         if plan.method == "reference":
-            pairs, model = zip(ends, (1.0, _LOOSER), strict=False), self.core.model
+            # 100.0: factor on the tolerances of the variable-step integrator with which its error is measured
+            pairs, model = zip(ends, (1.0, 100.0), strict=False), self.core.model
             runs = [_integrate_reference(model, x, self._time.step, u, w, looser) for x, looser in pairs]
             self._failure = runs[0][1]
             return [states for states, _ in runs]

@@ -25,8 +25,6 @@ from continuum_grasp.sweeps.plan import Plan, differences
 PLAN = "sweep.json"
 TABLE = "table.jsonl"
 _LOCK = ".lock"
-_FLUSH_SECONDS = 2.0
-"""Time between two writes to the disk [s]: what a loss of power can cost."""
 _TAIL = len(b',"check":"00000000"}\n')
 SOLVED = ("optimal", "feasible")
 """Statuses that mean a verified grasp."""
@@ -141,7 +139,8 @@ class TableFile:
         with naming(self._path):
             while view:  # the system may take a part of it
                 view = view[os.write(self._handle, view) :]
-            if time.monotonic() - self._flushed > _FLUSH_SECONDS:
+            # 2.0: time between two writes to the disk [s]: what a loss of power can cost
+            if time.monotonic() - self._flushed > 2.0:
                 os.fsync(self._handle)
                 self._flushed = time.monotonic()
 
@@ -160,7 +159,6 @@ def run_path(folder: Path, index: int) -> Path:
 
 
 def write_run_file(folder: Path, index: int, content: bytes) -> None:
-    """Write the file of a run, whole or not at all."""
     target = run_path(folder, index) / RESULT
     temporary = target.with_name(f".tmp-{target.name}")
     try:

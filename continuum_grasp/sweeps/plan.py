@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.labels import clipped
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.load import placed_scene_of
 from continuum_grasp.scene.sweep import QUANTITIES, Sweep
 from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variation_of
-from continuum_grasp.summary import clipped
 
 FORMAT_VERSION = 1
 """Version of the stored plan: a sweep resumes with the version that began it."""

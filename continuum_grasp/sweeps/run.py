@@ -27,14 +27,6 @@ from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
 from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, cores
 
-_CHUNK_SECONDS = 0.5
-"""Work per submitted chunk [s]: long against handing it over, short against the end of a sweep."""
-_MOST_IN_A_CHUNK = 64
-"""Scenes per chunk [1]: these are tried again one by one where their worker dies."""
-_REPORT_SECONDS = 0.2
-"""Least time between two reports of progress [s]."""
-_TRIES = 2
-"""Times that a scene may end its worker: once with others, and once alone."""
 _ANYWHERE = Consumer("sweep at a scheduler", {"executor": "is given beside scheduler: give one of them, not both"})
 
 
@@ -219,7 +211,9 @@ class _Run:
         if self.each is not None:
             # A third of a worker's share of what is left: chunks shrink, so that all workers end together.
             left = len(self.plan) - self.done
-            size = int(min(_CHUNK_SECONDS / max(self.each, 1e-4), left / (3 * workers), _MOST_IN_A_CHUNK))
+            # 0.5: work per submitted chunk [s]: long against handing it over, short against the end of a sweep
+            # 64: scenes per chunk: these are tried again one by one where their worker dies
+            size = int(min(0.5 / max(self.each, 1e-4), left / (3 * workers), 64))
         return [self.plan.point(index) for index in islice(self.fresh, max(1, size))]
 
     def _taken(self, pool: WorkerPool, future: Future[list[Outcome]]) -> list[Outcome]:
@@ -245,7 +239,8 @@ class _Run:
         given_up = []
         for point in points:
             self.tries[point.index] += 1
-            if self.tries[point.index] < _TRIES:
+            # 2: times that a scene may end its worker: once with others, and once alone
+            if self.tries[point.index] < 2:
                 self.again.append(point)
             else:
                 given_up.append(row_of_crash(self.job, point, "its worker process died, also with this scene alone"))
@@ -266,7 +261,8 @@ class _Run:
 
     def _report(self, last: bool = False) -> None:
         now = time.monotonic()
-        if self.listener is not None and (last or now - self.reported > _REPORT_SECONDS):
+        # 0.2: least time between two reports of progress [s]
+        if self.listener is not None and (last or now - self.reported > 0.2):
             new, seconds = self.done - self.before, now - self.began
             self.listener(Progress(self.done, len(self.plan), new, seconds, dict(self.counts)))
             self.reported = now

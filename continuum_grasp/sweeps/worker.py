@@ -18,11 +18,11 @@ from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
+from continuum_grasp.labels import clipped
 from continuum_grasp.results.plain import digest
 from continuum_grasp.results.run_folder import pack_run
 from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.summary import clipped
 from continuum_grasp.sweeps.folder import SOLVED, encode
 from continuum_grasp.sweeps.plan import Point
 from continuum_grasp.workers import ExecutorPool
@@ -30,8 +30,6 @@ from continuum_grasp.workers import ExecutorPool
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
 """Solvers share memory, so that the threads of a worker take turns."""
-_MESSAGE = 300
-"""Characters of a message in the table: lines stay readable."""
 _PATIENCE = 10.0
 """Time to wait for an answer of the scheduler [s]."""
 _ASK_AGAIN = 2.0
@@ -69,7 +67,6 @@ class Outcome:
 
 
 def solve(scene: GraspScene) -> Any:
-    """The grasp of a scene, or why there is none."""
     from continuum_grasp.grasp import optimize_grasp
 
     return optimize_grasp(scene, raise_on_failure=False)
@@ -126,7 +123,8 @@ def _outcome(
         "values": dict(zip(job.keys, point.labels, strict=True)),
         "status": status,
         "reason": reason,
-        "message": clipped(message, _MESSAGE),
+        # 300: characters of a message in the table: lines stay readable
+        "message": clipped(message, 300),
         **numbers,
     }
     return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), run)

@@ -9,8 +9,8 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.hinge_chain import HingeChain
 from continuum_grasp.closed_loop.integration import ChainIntegration
+from continuum_grasp.closed_loop.links import HingeChain
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.scene.control import ControlScene

@@ -12,15 +12,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop import hardware, real_time
-from continuum_grasp.closed_loop.drivers import SerialBoard, SimulatedBench, line_of
+from continuum_grasp.closed_loop import drivers, hardware
+from continuum_grasp.closed_loop.drivers import RealTime, SerialBoard, SimulatedBench, line_of
 from continuum_grasp.closed_loop.hardware import run_hardware
-from continuum_grasp.closed_loop.real_time import RealTime
 from continuum_grasp.control import Controller
 from continuum_grasp.control.status import Health, Status
 from continuum_grasp.errors import InputError, Interrupted
 from continuum_grasp.identification.replayed import replay
-from continuum_grasp.scene.mounting import Camera, Connection, Mounting
+from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from tests.identification.test_replay import PLANT, SCENE, scene
 
 REST = 1.0
@@ -87,7 +86,7 @@ class Fake:
 @pytest.fixture
 def clock(monkeypatch):
     made = Clock()
-    for module in (hardware, real_time):
+    for module in (drivers, hardware):
         monkeypatch.setattr(module, "time", made)
     return made
 

@@ -26,7 +26,7 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model.finger_model import FUNCTIONS
 from continuum_grasp.model.functions import MATRICES
 from continuum_grasp.scene import Finger, PointMass, Tendons
-from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
+from continuum_grasp.scene.methods import INTEGRATORS, SIMULATION_METHODS
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
 from tests.marks import few
 

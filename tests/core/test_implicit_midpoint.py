@@ -13,7 +13,7 @@ import continuum_grasp as cg
 from continuum_grasp.core import Core
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.scene import Finger, PointMass
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 from tests.finger_cases import ROD
 
 METHOD = "implicit_midpoint"

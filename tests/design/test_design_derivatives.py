@@ -10,8 +10,7 @@ import pytest
 from scipy.optimize import root
 
 import continuum_grasp as cg
-from continuum_grasp.design.evaluation import DesignProblem
-from continuum_grasp.design.expression import Expression
+from continuum_grasp.design.evaluation import DesignProblem, Expression
 from continuum_grasp.design.held import HeldGrasp, Stencil
 from continuum_grasp.nlp import NLP, Multipliers
 from continuum_grasp.scene.assembly import placed

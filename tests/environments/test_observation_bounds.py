@@ -8,7 +8,7 @@ from scipy.signal import step
 
 import continuum_grasp as cg
 from continuum_grasp.environments.plants import plants_of
-from continuum_grasp.environments.spaces import single_precision, state_bounds
+from continuum_grasp.environments.sensing import single_precision, state_bounds
 
 
 def test_bounds_in_single_precision_are_the_nearest_outside():

@@ -10,9 +10,8 @@ import pytest
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, export_fmu, export_mjcf, export_web
-from continuum_grasp.export.destination import is_marked
 from continuum_grasp.export.fmu import write as units
-from continuum_grasp.export.manifest import write_package
+from continuum_grasp.export.manifest import is_marked, write_package
 from continuum_grasp.results.atomic import write_text
 from tests.export_cases import TENDONS, scene
 

@@ -17,9 +17,8 @@ from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp, solve
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.diagnosis import Repairs
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach
 from continuum_grasp.grasp.reasons.elastic import Repair
-from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import GraspScene

@@ -23,12 +23,16 @@ from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
 from continuum_grasp.grasp.values import Change, Reason, Status, force_text
-from continuum_grasp.plotting.grasp.friction import plot_friction
+from continuum_grasp.plotting.grasp.margins import (
+    plot_friction,
+    plot_resistance,
+    resistance_extremes,
+    resistance_words,
+)
 from continuum_grasp.plotting.grasp.picture import plot_grasp
-from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run
-from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.scene.grasp import GraspScene
 from tests.made_up_grasps import REASON, bent, failed, held, made_up, scene_of
 from tests.marks import few

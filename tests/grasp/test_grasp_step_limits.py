@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp import changes, stations, steady
+from continuum_grasp.grasp import changes, stations
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons import words
-from continuum_grasp.grasp.reasons.diagnosis import Repairs
+from continuum_grasp.grasp.reasons import diagnosis
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
 from continuum_grasp.grasp.reasons.elastic import Repair, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts
-from continuum_grasp.grasp.reasons.words import is_clear, is_rare, ordered
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust import joint
 from continuum_grasp.grasp.robust import response as responses
@@ -114,10 +113,10 @@ def stable(*found, value=-0.09):
         return grasp(*found[min(len(asked), len(found)) - 1])
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(steady, "_slope", lambda *_: np.ones(1))
-        patch.setattr(steady, "solver_for", lambda spec: None)
-        patch.setattr(steady, "replace", lambda some, **_: some)
-        steady._stabilize(searching(attempt=attempt), grasp(value))
+        patch.setattr(stations, "_slope", lambda *_: np.ones(1))
+        patch.setattr(stations, "solver_for", lambda spec: None)
+        patch.setattr(stations, "replace", lambda some, **_: some)
+        stations._stabilize(searching(attempt=attempt), grasp(value))
     return asked
 
 
@@ -126,8 +125,8 @@ def unstable(*objectives):
     found = [Some(acceptable=False, attempt=Some(objective=objective)) for objective in objectives]
     seen = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(steady, "_stabilize", lambda search, at: seen.append(at))
-        steady.stabilize(searching(good=found))
+        patch.setattr(stations, "_stabilize", lambda search, at: seen.append(at))
+        stations.stabilize(searching(good=found))
     return len(seen)
 
 
@@ -208,9 +207,9 @@ def slack(pull):
 
 def reached(beyond):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(words, "_reach", lambda *_: 1.0)
-        patch.setattr(words, "_distance", lambda *_: 1.0 + beyond)
-        return words.out_of_reach(SCENE) is None
+        patch.setattr(diagnosis, "_reach", lambda *_: 1.0)
+        patch.setattr(diagnosis, "_distance", lambda *_: 1.0 + beyond)
+        return diagnosis.out_of_reach(SCENE) is None
 
 
 def holds(reserve):

@@ -20,7 +20,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
 from continuum_grasp.grasp.search import Search as GraspSearch
 from continuum_grasp.grasp.starts.starts import make_starts
-from continuum_grasp.grasp.steady import _slope
+from continuum_grasp.grasp.stations import _slope
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.finger import Rod
 from tests import certificate_cases as cases

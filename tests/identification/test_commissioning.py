@@ -18,7 +18,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.commissioning import commission, design_commissioning
 from continuum_grasp.identification.commissioning.bench import camera_through
 from continuum_grasp.scene import ControlScene
-from continuum_grasp.scene.mounting import Camera, Connection, Mounting
+from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from tests.identification.test_replay import SCENE
 
 CONFIGS = Path(__file__).parents[2] / "configs"

@@ -13,7 +13,7 @@ from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, design_experiments
 from continuum_grasp.identification.information import allotted, information
-from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.results.plain import yaml_text
 
 LENGTH, STIFFNESS, SIGMA = 0.2, 0.005, 0.01
 MOMENT = {"name": "tip_moment", "column": "moment [N m]", "choices": [0.0, 0.005, 0.01, 0.02]}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.mission import trials
-from continuum_grasp.mission.commands import Commands
+from continuum_grasp.mission import run as runs
+from continuum_grasp.mission.assign import Commands
 from continuum_grasp.scene.mission import Trials
 
 LENGTH, OFFSET, CABLE = 0.18, 0.005, {"axial_stiffness": 1e4, "series_stiffness": 2e4}
@@ -73,7 +73,7 @@ def test_a_servo_turns_further_by_its_torque():
 
 
 def test_friction_of_tendons_is_drawn_beside_what_was_drawn_before():
-    plain, with_friction = (trials.variations(Trials(count=50, tendon_friction=reach)) for reach in (0.0, 0.5))
+    plain, with_friction = (runs.variations(Trials(count=50, tendon_friction=reach)) for reach in (0.0, 0.5))
     drawn = np.array([one.tendon_friction for one in with_friction])
     assert np.all(np.array([one.tendon_friction for one in plain]) == 1.0)
     assert 0.5 <= drawn.min() < 0.6

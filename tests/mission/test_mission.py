@@ -20,7 +20,7 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError, Solv
 from continuum_grasp.export.web.plant import plant_of_loop
 from continuum_grasp.export.web.record import loop_record
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import trials
+from continuum_grasp.mission import run as runs
 from continuum_grasp.mission.assign import _control_scene, assign
 from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
@@ -200,10 +200,10 @@ def test_what_is_held_is_held_with_most_of_the_grasps_tension(most, table, assig
 
 def test_plants_are_drawn_within_their_ranges():
     asked = Trials(count=400, seed=3)
-    drawn = trials.variations(asked)
-    assert drawn == trials.variations(asked)
-    assert drawn != trials.variations(Trials(count=400, seed=4))
-    assert drawn[:7] == trials.variations(Trials(count=7, seed=3))
+    drawn = runs.variations(asked)
+    assert drawn == runs.variations(asked)
+    assert drawn != runs.variations(Trials(count=400, seed=4))
+    assert drawn[:7] == runs.variations(Trials(count=7, seed=3))
     for name in ("stiffness", "damping", "mass", "friction"):
         reach, away = getattr(asked, name), np.array([getattr(one, name) for one in drawn]) - 1.0
         assert np.abs(away).max() <= reach
@@ -362,7 +362,7 @@ def test_outcomes_are_counted_and_written(tmp_path):
     good = judged(INSTANTS)
     refused = NotLifted(2.4, (), "the drive is at its limit")
     bad = replace(good, held=False, refused=refused, sunk=0.05, force_error=0.5, fallbacks=3)
-    drawn = trials.variations(Trials(count=4))
+    drawn = runs.variations(Trials(count=4))
     outcomes = [Outcome(v, verdict) for v, verdict in zip(drawn[:3], (good, bad, good), strict=True)]
     outcomes.append(Outcome(drawn[3], None, 'not finite,\n"lost"'))
     run = TrialsResult(load(MUG), tuple(outcomes))
@@ -492,7 +492,7 @@ def command(monkeypatch, found, *arguments, error=None):
     grasp = SimpleNamespace(statistics={"interrupted": False})
     monkeypatch.setattr("continuum_grasp.grasp.optimize_grasp", lambda scene: grasp)
     monkeypatch.setattr("continuum_grasp.mission.run.run_mission", instead)
-    monkeypatch.setattr(trials, "run_trials", instead)
+    monkeypatch.setattr(runs, "run_trials", instead)
     return CliRunner().invoke(app, ["mpc", str(MUG), *map(str, arguments)])
 
 
@@ -513,7 +513,7 @@ def test_the_command_keeps_what_there_is(monkeypatch, held, tmp_path):
     done = command(monkeypatch, None, "--out", tmp_path / "one", error=stop)
     assert done.exit_code == 130
     assert read_run(tmp_path / "one").meta["verdict"]["held"]
-    outcomes = tuple(Outcome(variation, held.verdict) for variation in trials.variations(Trials(count=3)))
+    outcomes = tuple(Outcome(variation, held.verdict) for variation in runs.variations(Trials(count=3)))
     some = TrialsResult(held.mission, outcomes)
     stop = Interrupted("interrupted after 3 of 100 plants", result=some)
     done = command(monkeypatch, None, "--trials", "all", "--out", tmp_path / "many", "--no-pictures", error=stop)
@@ -523,7 +523,7 @@ def test_the_command_keeps_what_there_is(monkeypatch, held, tmp_path):
 
 
 def test_the_command_of_many_plants_fails_with_one(monkeypatch, held, tmp_path):
-    drawn = trials.variations(Trials(count=3))
+    drawn = runs.variations(Trials(count=3))
     some = [Outcome(variation, held.verdict) for variation in drawn[:2]]
     some.append(Outcome(drawn[2], replace(held.verdict, held=False, sunk=0.05)))
     found = TrialsResult(held.mission, tuple(some))
@@ -546,10 +546,10 @@ def test_trials_stop_on_the_keyboard_with_what_was_done(assignment, grasp, monke
                 raise KeyboardInterrupt
             raise NumericalError("-")
 
-    monkeypatch.setattr(trials, "MissionRunner", Runner)
+    monkeypatch.setattr(runs, "MissionRunner", Runner)
     with pytest.raises(Interrupted, match="2 of 100") as stopped:
-        trials.run_trials(assignment.mission, grasp=grasp, jobs=1)
-    assert [outcome.variation for outcome in stopped.value.result] == trials.variations(Trials(count=2))
+        runs.run_trials(assignment.mission, grasp=grasp, jobs=1)
+    assert [outcome.variation for outcome in stopped.value.result] == runs.variations(Trials(count=2))
 
 
 @pytest.mark.deep

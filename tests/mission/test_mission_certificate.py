@@ -18,10 +18,10 @@ from continuum_grasp.errors import BeyondCertificate, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.budget import certified_contact
-from continuum_grasp.mission.drop import find_drop
+from continuum_grasp.mission.causes import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
-from continuum_grasp.mission.trials import variations
+from continuum_grasp.mission.run import variations
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
 from tests.mission_cases import planned

@@ -13,7 +13,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.budget import keep_position, lowered_by_pulls
-from continuum_grasp.mission.drop import find_drop
+from continuum_grasp.mission.causes import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded
 from continuum_grasp.mission.run import MissionRunner

@@ -17,8 +17,7 @@ from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable
-from continuum_grasp.mission.run import run_mission
-from continuum_grasp.mission.trials import run_trials
+from continuum_grasp.mission.run import run_mission, run_trials
 from continuum_grasp.scene.load import load
 from tests.mission_cases import CERTIFIED, STEP, fingers
 

@@ -14,11 +14,11 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import run_trials
 from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission.causes import Turned, find_turned
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
 from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.mission.turned import Turned, find_turned
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from tests.declared import assert_declared

@@ -14,7 +14,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.budget import certified_contact
-from continuum_grasp.mission.drop import find_drop
+from continuum_grasp.mission.causes import find_drop
 from continuum_grasp.mission.on_pads import pushed_out
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded

@@ -13,8 +13,8 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.scene import Damping, Fidelity, Finger, Rod, Scene
-from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.methods import FAMILIES
 from tests.control_cases import TARGET, rod_scene
 from tests.finger_cases import LENGTHS, LOADS, Case, State, errors, worst
 from tests.quadratic_family import ENTRY, NAME

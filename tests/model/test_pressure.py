@@ -15,7 +15,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import TipPath
 from continuum_grasp.rod import solve_elastica
-from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from tests.export_cases import needs, shared_library

@@ -33,13 +33,12 @@ from continuum_grasp.nlp import (
     Status,
     new_solver,
 )
-from continuum_grasp.nlp.optimality import optimality_error
-from continuum_grasp.nlp.solver import Solver, _Stop
+from continuum_grasp.nlp.solver import Solver, _Stop, optimality_error
 from continuum_grasp.planning import plan
 from continuum_grasp.scene.grasp_options import GraspSolver
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.methods import Method
 from continuum_grasp.scene.plan import PlanSolver
-from continuum_grasp.scene.solver import Method
 
 METHODS = get_args(Method)
 INF = np.inf

@@ -17,11 +17,11 @@ from continuum_grasp.cli.app import app
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.export import export_fmu
-from continuum_grasp.model.choices import ModelOptions
+from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.system import System
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
-from continuum_grasp.scene.kinds import KINDS
+from continuum_grasp.scene.load import KINDS
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.statics import equilibrium

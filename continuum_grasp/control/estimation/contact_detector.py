@@ -16,11 +16,11 @@ from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, detector_source
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
 from continuum_grasp.core.precision import precision_of
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.labels import Summarized, quoted
+from continuum_grasp.model.functions import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.simulation.statics import Friction
-from continuum_grasp.summary import Summarized, quoted
 
 _MOST = 1e9
 """``CONTACT_MOST`` of ``c/contact_detector.h`` [N]."""

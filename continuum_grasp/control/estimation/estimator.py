@@ -18,10 +18,10 @@ from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.status import Anomaly, Verdict, texts
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.labels import Summarized, quoted
+from continuum_grasp.model.functions import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.summary import Summarized, quoted
 
 _RESTARTED = 1
 """``EKF_RESTARTED`` of ``c/ekf.h``."""

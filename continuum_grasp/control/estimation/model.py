@@ -21,7 +21,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.winches import Motor
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.estimator import Estimator, Measured
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 
 _DISTURBANCES = (
     ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),

@@ -17,10 +17,9 @@ from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
 from continuum_grasp.errors import InputError
-from continuum_grasp.labels import name_of
+from continuum_grasp.labels import Summarized, name_of, quoted
 from continuum_grasp.scene.controller import Penalty
-from continuum_grasp.scene.integrators import CONTROL_METHODS
-from continuum_grasp.summary import Summarized, quoted
+from continuum_grasp.scene.methods import CONTROL_METHODS
 
 
 class ControlProblem(Summarized):

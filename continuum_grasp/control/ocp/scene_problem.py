@@ -17,7 +17,7 @@ from continuum_grasp.control.ocp.stages import Scenarios, Stages
 from continuum_grasp.control.prediction import PRESSED, Prediction
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Horizon
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 
 _TARGET = 1.5
 """Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes

@@ -7,13 +7,9 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.scene.integrators import INTEGRATORS
+from continuum_grasp.scene.methods import INTEGRATORS
 
 __all__ = ["differentiated_step", "step_function"]
-
-_EXPAND_UP_TO = 1500
-"""Instructions of the dynamics up to which explicit steps become one straight-line function [1], which batches compute
-in vector lanes: it has four copies of the dynamics to compile."""
 
 
 def step_function(model: Any, method: str) -> ca.Function:
@@ -30,7 +26,9 @@ def step_function(model: Any, method: str) -> ca.Function:
     following = import_module(f"{__name__}.{method}").step(model, x, u, w, p, h)
     names = ["x", "u0", "um", "u1", "w0", "wm", "w1", "p", "h"]
     step = ca.Function(f"{method}_step", [x, *u, *w, p, h], [following], names, ["xn"])
-    straight = f.is_a("SXFunction") and f.n_instructions() <= _EXPAND_UP_TO
+    # 1500: instructions of the dynamics up to which explicit steps become one straight-line function, which batches
+    # compute in vector lanes: it has four copies of the dynamics to compile
+    straight = f.is_a("SXFunction") and f.n_instructions() <= 1500
     if INTEGRATORS[method].stable is not None and straight:
         step = step.expand()
     return step

@@ -16,9 +16,6 @@ import casadi as ca
 _TOLERANCE = 1e-9
 """Last correction of the iterations, per 1 + |x| [1]. The next would be a hundredth of it; over 2e4 steps of 5 ms (two
 arcs let go) the mean energy moved by 2e-8 of the swing."""
-_MOST_ITERATIONS = 20
-"""Iterations of Newton's method in a step [1]: 5 are usual at steps of 1 ms, 7 at 10 ms (two arcs of 0.6 m with 20 g
-let go)."""
 
 
 def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.MX) -> ca.MX:
@@ -36,7 +33,9 @@ def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.M
     still = ca.MX.zeros(nx)
     start = momenta(x, u[1], p, still)[0]
     middle, correction = x, ca.MX(1.0)
-    for _ in range(_MOST_ITERATIONS):
+    # 20: iterations of Newton's method in a step: 5 are usual at steps of 1 ms, 7 at 10 ms (two arcs of 0.6 m with 20 g
+    # let go)
+    for _ in range(20):
         middle, correction = solved(correction > _TOLERANCE, middle, correction, x, u[1], w[1], p, h, start)
     following = 2.0 * middle - x
     # Momenta are affine in the rates, P = P(rates zero) + M qd, so that one solution gives the rates of the next P.

@@ -9,8 +9,8 @@ import casadi as ca
 
 from continuum_grasp.control.rti.source import SharedSlope
 from continuum_grasp.core.calls import straight_function, straight_functions
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.template import fill
 
 _TEXTS = {
     "slope": "Rate of change with its Jacobian.",

@@ -22,6 +22,7 @@ from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.export.fields import Field, Real, Struct
+from continuum_grasp.labels import name_of
 from continuum_grasp.scene.control import ControlScene
 
 DIAGNOSIS = (
@@ -39,8 +40,6 @@ DIAGNOSIS = (
     ("real", "activity", "mean squared change of the command, per that at its rate limit"),
 )
 """C type, name and meaning of what is known of the last call of a controller."""
-_KICK = 0.1
-"""Size of pushes of a solver's states in test vectors, in their units: what is usual is not known."""
 _WEIGHTS, _LIMITS, _ROWS = CHANGEABLE[:2], CHANGEABLE[2:4], CHANGEABLE[4:]
 _NAMES = {
     "weights": ("weight_{}", "of half the squared error of {0}, per second"),
@@ -127,7 +126,8 @@ class Loop(ControlParts):
             first=np.zeros(nd),
             setpoints=solver.nominal_setpoints,
             duration=1.0,
-            kicks=np.full(nd, _KICK),
+            # 0.1: size of pushes of a solver's states in test vectors, in their units: what is usual is not known
+            kicks=np.full(nd, 0.1),
             safe="the safe command",
         )
 
@@ -155,7 +155,6 @@ class Loop(ControlParts):
 
     @cached_property
     def measurement(self) -> Struct:
-        """Struct of the measurements."""
         text = "What is measured, NaN where it was not." if self.estimation else "The state."
         return Struct("measurement", text, named_fields(self.measurement_names, self.ranges.measurement))
 
@@ -168,7 +167,6 @@ class Loop(ControlParts):
 
     @property
     def start(self) -> Struct:
-        """From which the controller starts."""
         return self.measurement if self.estimation is None else self.estimate
 
     @cached_property
@@ -292,7 +290,7 @@ def identifiers(labels: Iterable[str]) -> list[str]:
     """C identifiers of labels ``name [unit]``, each once."""
     names: list[str] = []
     for label in labels:
-        name = re.sub(r"\W+", "_", label.split(" [")[0], flags=re.ASCII).strip("_")
+        name = re.sub(r"\W+", "_", name_of(label), flags=re.ASCII).strip("_")
         name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
         further = (f"{name}_{count}" for count in itertools.count(2))
         names.append(name if name not in names else next(candidate for candidate in further if candidate not in names))

@@ -126,19 +126,11 @@ def _of_mission(mission: Mapping[str, Any]) -> _Own:
 
 def _reference(entries: list[dict[str, Any]], wanted: list[float], nodes: int, stage: float) -> tuple[Variable, ...]:
     """Setpoints, each held over the horizon, or one each stage from now on [s]."""
-    if not nodes:
-        held = [{**entry, "text": "setpoint, held over the horizon"} for entry in entries]
-        return variables_of("reference", "input", held, wanted)
-    return tuple(
-        variable
-        for entry, value in zip(entries, wanted, strict=True)
-        for variable in variables_of(
-            "reference",
-            "input",
-            [
-                {**entry, "name": f"{entry['name']}[{k}]", "text": f"setpoint {k * stage:g} s from now"}
-                for k in range(nodes)
-            ],
-            [value] * nodes,
-        )
-    )
+    named = [{**entry, "text": "setpoint, held over the horizon"} for entry in entries]
+    if nodes:
+        named = [
+            {**entry, "name": f"{entry['name']}[{k}]", "text": f"setpoint {k * stage:g} s from now"}
+            for entry in entries
+            for k in range(nodes)
+        ]
+    return variables_of("reference", "input", named, [value for value in wanted for _ in range(max(nodes, 1))])

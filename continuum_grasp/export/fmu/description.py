@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 from continuum_grasp import __version__
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.fmu.variable import Unit, Variable
-from continuum_grasp.export.template import fill
 
 
 def model_description(unit: Unit, fmi: str, token: str) -> str:

@@ -115,7 +115,6 @@ class Unit:
 
     @property
     def variables(self) -> list[Variable]:
-        """All real variables."""
         return [variable for group in self.groups.values() for variable in group]
 
     @property

@@ -23,15 +23,13 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.compiler import LONG, CompileError, find_compiler, quick_compile, why_no_compiler
 from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.destination import check_file, is_unit
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.fmu.controller import controller_unit
 from continuum_grasp.export.fmu.description import model_description
-from continuum_grasp.export.fmu.finger import finger_unit
-from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
+from continuum_grasp.export.fmu.plant import finger_unit, loop_plant_unit
 from continuum_grasp.export.fmu.variable import Unit
-from continuum_grasp.export.manifest import manifest_text, strict_flags, write_files
+from continuum_grasp.export.manifest import check_file, is_unit, manifest_text, strict_flags, write_files
 from continuum_grasp.export.source import chosen, names_of, prefix_of
-from continuum_grasp.export.template import fill
 from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.scene.consumer import beside
@@ -331,7 +329,6 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
 
 
 def _page(unit: Unit) -> str:
-    """A page of the variables."""
     rows = []
     for v in (*unit.variables, *unit.counts):
         span = [f"{end:g}" for end in (v.low, v.high) if abs(end) < 1e300]

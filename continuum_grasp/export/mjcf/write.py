@@ -16,28 +16,20 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.links import Links, lump, rounded_step
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.destination import check_file, is_marked
+from continuum_grasp.export.manifest import check_file, is_marked
 from continuum_grasp.export.mjcf.controls import Control, cable_springs, controls_of
 from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import write_text
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, needs
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, needs, unknown_to
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
-_MOST_HINGES = 1000
-"""Far beyond what MuJoCo steps in useful time: the cost of a step is linear in them, the stable step falls with their
-square."""
 _LEAST_INERTIA = 1e-15
 """Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
-_STABLE = 0.5
-"""Share of the longest stable step of the straight chain that is written: bends and tensions change its modes."""
-_LONGEST_STEP = 1e-3
-"""Longest step of a scene without ``time`` [s]."""
 _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
 _PLANAR = "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0"
 _CARRIED = needs("export to mjcf", "out_of_plane_gravity", "table", _PLANAR)
@@ -170,7 +162,9 @@ def export_mjcf(
     scene = scene_of(scene)
     _CARRIED.check(scene)
     listed = _CHAIN.check(scene)
-    whole("hinges", hinges, 1, _MOST_HINGES)
+    # 1000: far beyond what MuJoCo steps in useful time: the cost of a step is linear in them, the stable step falls
+    # with their square
+    whole("hinges", hinges, 1, 1000)
     per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(control.varies for control in controls):
@@ -184,8 +178,10 @@ def export_mjcf(
         )
     pulsations, _ = links.pulsations()
     ratio = 1.0 if scene.finger.stops is None else scene.finger.stops.stiffness_ratio
-    longest = _STABLE * links.longest_step(ratio, cable_springs(controls, links.at))
-    step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, _LONGEST_STEP), None)
+    # 0.5: share of the longest stable step of the straight chain that is written: bends and tensions change its modes
+    longest = 0.5 * links.longest_step(ratio, cable_springs(controls, links.at))
+    # 1e-3: longest step of a scene without ``time`` [s]
+    step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, 1e-3), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = (*listed, *_differences(scene, controls))
     text = written(scene, links, controls, _start(scene, links), names_of(scene)[0], step, frequency, differences)

@@ -8,10 +8,9 @@ from typing import cast
 from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import control_sources
-from continuum_grasp.export.fields import Struct
+from continuum_grasp.export.fields import Struct, fill
 from continuum_grasp.export.part import NUMBER, ROW_FLAGS, Code, Method, Part, Stateful
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
 
 
 def estimator(subject: Subject) -> Part:

@@ -12,11 +12,11 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import correct, predict
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Code, Part, Rows
 from continuum_grasp.export.parts.model import check_derivatives, codes_of, stepping
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
 from continuum_grasp.model.planar import column
 
 LONGEST = 5e-3

@@ -12,13 +12,12 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import Field, Struct, outside
+from continuum_grasp.export.fields import Field, Struct, fill, outside
 from continuum_grasp.export.kernel import Kernel, check_size
 from continuum_grasp.export.part import Argument, Call, Code, Part, Rows
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
-from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.planar import column
@@ -86,7 +85,6 @@ def _acted_on(subject: Subject, kernel: Kernel, name: str, text: str, output: St
 
 
 def rate_fields(states: Sequence[Field]) -> tuple[Field, ...]:
-    """Rates of entries of a state."""
     return tuple(
         Field(f.name, f"{f.unit.removesuffix('/s')}/s2" if f.unit.endswith("/s") else f"{f.unit}/s") for f in states
     )
@@ -191,14 +189,11 @@ def linearization(subject: Subject) -> Part:
     return Part("linearization", (kernel, *subject.kernels), (call,))
 
 
-_PER_STATE = 0.3
-"""Least instructions that the derivative by one state adds, per those of the model [1]: 0.33 to 0.51 of arcs and
-clothoids, 4 to 15 elements."""
-
-
 def check_derivatives(model: FingerModel | System, name: str) -> None:
     """Refuse derivatives of a model by its states that are too much code for certain, before they are found."""
-    check_size(name, round(_PER_STATE * model.nx * model.instructions))
+    # 0.3: least instructions that the derivative by one state adds, per those of the model: 0.33 to 0.51 of arcs and
+    # clothoids, 4 to 15 elements
+    check_size(name, round(0.3 * model.nx * model.instructions))
 
 
 def has_linearization(subject: Subject) -> bool:
@@ -248,7 +243,8 @@ def stepping(
         left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
         return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
 
-    length = Field("h", "s", "step", _LEAST_PART * longest, longest, longest)
+    # 1e-6: shortest step, per the longest, so that zero is refused
+    length = Field("h", "s", "step", 1e-6 * longest, longest, longest)
     return Call(
         name,
         " ".join([text, moment_note(subject)]).strip(),
@@ -262,8 +258,6 @@ def stepping(
 
 
 _STEP = "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4."
-_LEAST_PART = 1e-6
-"""Shortest step, per the longest, so that zero is refused."""
 
 
 def step(subject: Subject) -> Part:

@@ -28,15 +28,16 @@ from continuum_grasp.core.compiler import check_tools
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
 from continuum_grasp.export.control.loop import Loop, identifiers
-from continuum_grasp.export.destination import check_file
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.layer import library_files
+from continuum_grasp.export.manifest import check_file
 from continuum_grasp.export.package import controller_of
 from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.source import assigned, phases_of
-from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
 from continuum_grasp.export.web.wasm import add_sizes, compiled
+from continuum_grasp.labels import name_of
 from continuum_grasp.mission.assignment import Assignment, object_height
 from continuum_grasp.mission.plant import Timetable, mission_plant_model
 from continuum_grasp.model.system import System
@@ -56,10 +57,6 @@ _DIGITS = 6
 """Digits of numbers that are only drawn."""
 _TABLE = 0.005
 """Time between rows of a table of inputs and loads [s]."""
-_GAP = 2.5
-"""Distance of drawn discs, per half thickness."""
-_PULL = 0.25
-"""Greatest force of a hand, per that which bends the straight finger to a right angle."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +244,7 @@ def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, 
         "starts": loop.start.name,
         "commands": identifiers(loop.stages.u_names),
         "reference": reference,
-        "names": [name.split(" ")[0] for name in sensors.names],
+        "names": [name_of(name) for name in sensors.names],
         "std": sensors.std.tolist(),
         "low": loop.stages.u_min.tolist(),
         "high": loop.stages.u_max.tolist(),
@@ -309,7 +306,8 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
         "pushes": {
             "first": plant.pushes,
             "sections": plant.pushed,
-            "most": _PULL * 0.5 * math.pi * finger.rod.stiffness / length**2,
+            # 0.25: greatest force of a hand, per that which bends the straight finger to a right angle
+            "most": 0.25 * 0.5 * math.pi * finger.rod.stiffness / length**2,
         },
         "tendons": [_tendon(tendon, plant.at, length) for tendon in finger.tendon_list],
         "discs": _discs(finger),
@@ -383,7 +381,8 @@ def _discs(finger: Finger) -> list[float]:
     half = float(np.max(finger.profile.half_thickness(np.linspace(0.0, length, 5))))
     if not finger.tendon_list or rod.diameter is None or half < 1.5 * 0.5 * max(ends(rod.diameter)):
         return []
-    count = round(length / (_GAP * half))
+    # 2.5: distance of drawn discs, per half thickness
+    count = round(length / (2.5 * half))
     return [round(k / count, _DIGITS) for k in range(1, count + 1)]
 
 

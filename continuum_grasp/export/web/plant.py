@@ -23,17 +23,16 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
 from continuum_grasp.export.control.loop import unit_of
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.fields import REALS, fill
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
 from continuum_grasp.export.parts.seen import contact_kernel, sections_kernel
 from continuum_grasp.export.strict_math import c_source
-from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.methods import FAMILIES, default_family
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
@@ -50,16 +49,8 @@ STEP, CONTACT_STEP = 1e-3, 2.5e-4
 """Steps in time without an object and with one [s]."""
 
 
-_DIFFERENCE = 1e-7
-"""Step of difference quotients, per usual size: their slopes are for Newton's method alone."""
-_EXACT = 1e-9
-"""Last correction of Newton's method, per usual size, with which a stage is solved."""
-_CORRECTIONS = 8
-"""Most Newton corrections with one slope."""
 _FEW = 3
 """With more of them the next step takes the slope anew."""
-_FAST = 10.0
-"""Usual rate of a coordinate, in its ranges per second."""
 _USUAL = {"1": 1.0, "N": 1.0, "N/s": 10.0, "N m": 0.01, "N m/s": 0.1, "m": 1e-3, "rad": 0.01, "rad/s": 0.1}
 """Usual sizes of other states by their unit."""
 
@@ -138,7 +129,8 @@ class WebPlant:
         """Usual sizes of the states, by which differences are taken."""
         finger = self.system.finger_model
         limits = finger.structure.coordinate_limits()
-        scales = [*limits, *(_FAST * limit for limit in limits)]
+        # 10.0: usual rate of a coordinate, in its ranges per second
+        scales = [*limits, *(10.0 * limit for limit in limits)]
         return scales + [_USUAL.get(unit_of(name), 0.01) for name in self.x_names[len(scales) :]]
 
     @cached_property
@@ -193,9 +185,12 @@ class WebPlant:
             "nx": len(self.scales),
             "n": self.system.n,
             "scales": ", ".join(map(real.literal, self.scales)),
-            "difference": real.literal(_DIFFERENCE),
-            "exact": real.literal(_EXACT),
-            "corrections": _CORRECTIONS,
+            # 1e-7: step of difference quotients, per usual size: their slopes are for Newton's method alone
+            "difference": real.literal(1e-7),
+            # 1e-9: last correction of Newton's method, per usual size, with which a stage is solved
+            "exact": real.literal(1e-9),
+            # 8: most Newton corrections with one slope
+            "corrections": 8,
             "few": _FEW,
             "gamma": real.literal(GAMMA),
             "settled": real.literal(SETTLED),

@@ -16,8 +16,6 @@ from continuum_grasp.export.web.plant import WebPlant
 from continuum_grasp.model import System
 from continuum_grasp.simulation.trajectory import Trajectory
 
-_FRAME = 1.0 / 60.0
-"""Least time between frames of a record [s]; screens show no more."""
 _MOST = 1200
 """Most frames of a record."""
 _DIGITS = 8
@@ -75,7 +73,8 @@ def rounded(rows: ArrayLike) -> list[Any]:
 
 def frames_of(t: Array) -> NDArray[np.intp]:
     """Indices of the instants that are shown."""
-    least = max(_FRAME, float(t[-1]) / _MOST)
+    # 1.0 / 60.0: least time between frames of a record [s]; screens show no more
+    least = max((1.0 / 60.0), float(t[-1]) / _MOST)
     chosen = [0]
     for k in range(1, len(t)):
         if t[k] - t[chosen[-1]] >= least * (1.0 - 1e-9):
@@ -84,7 +83,6 @@ def frames_of(t: Array) -> NDArray[np.intp]:
 
 
 def trajectory_record(run: Trajectory, plant: WebPlant) -> Record:
-    """The record of a motion."""
     known = _columns(run.x_names, run.x)
     if not known.keys() >= set(plant.x_names):
         known = _with_tip(run) | known

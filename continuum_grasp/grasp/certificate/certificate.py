@@ -32,10 +32,10 @@ from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
-from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.labels import Summarized
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.objects.body import Freedom, pose_bounds
-from continuum_grasp.summary import Summarized
+from continuum_grasp.scene.methods import FAMILIES
+from continuum_grasp.scene.objects.shapes import Freedom, pose_bounds
 
 
 @dataclass(frozen=True)

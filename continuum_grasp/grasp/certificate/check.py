@@ -28,8 +28,6 @@ GUARDED = 1e-4
 """Limit of what depends on the places at which the optimizer looks at clearance, some eight per element: penetration of
 the dense backbone between them, as a part of the finger's length (10 um of 0.1 m); and friction cones with other
 friction states, as a part of the greatest force, whose reserve these places change by up to 4e-5."""
-_SHARP = 20.0
-"""Radius of curvature, in distances of two samples, below which a surface may reach between them."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +147,8 @@ def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array)
     depth = float((half - body.distance(points)).max())
     start, end = points[:-1], points[1:]
     step = float(np.hypot(*(end - start).T).max())
-    corners, radii = body.sharp_places(_SHARP * step)
+    # 20.0: radius of curvature, in distances of two samples, below which a surface may reach between them
+    corners, radii = body.sharp_places(20.0 * step)
     if not len(corners):
         return depth
     # Between two samples a corner may reach deeper: panels that pass one are sampled finely.

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes, friction_of
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene.drives import SOFT, MotorDrive
+from continuum_grasp.scene.drives import SOFT, DriveLaw, MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup
-from continuum_grasp.scene.grasp_drive import DriveLaw
 
 LEAST_PULL = 1e-6
 """Tension above which a tendon counts as in tension, per greatest tension."""
@@ -133,7 +132,6 @@ class WoundTendons:
 
     @property
     def drives(self) -> tuple[DriveState, ...]:
-        """States of the drives."""
         pulls = np.where(self.in_tension, self.tensions, 0.0)
         if self.law.pulley:
             return (self._state(("left", "right"), self._wound_by_pulley, float(pulls[0] - pulls[1])),)

@@ -24,11 +24,6 @@ from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-_PRESLIDING = 1e-3
-"""Bend beyond a friction cell from which on it slides [rad]: that of the law that is verified."""
-_PARTS = 4
-"""Parts of a cell of a finger that changes along its length, in each of which the couples of an exact rod take its
-friction as the same: its moment is then off by an eighth of what it changes along the cell."""
 
 
 def cell_nodes(edges: Array, *breaks: Sequence[float]) -> tuple[Array, Array, NDArray[np.int64]]:
@@ -80,7 +75,8 @@ class TendonFriction:
         """
         early, late = self._halves[1].T
         beyond = np.append(np.cumsum((early + late)[::-1])[::-1][1:], 0.0) + late
-        return np.asarray(np.clip(beyond / _PRESLIDING, -1.0, 1.0))
+        # 1e-3: bend beyond a friction cell from which on it slides [rad]: that of the law that is verified
+        return np.asarray(np.clip(beyond / 1e-3, -1.0, 1.0))
 
     @cached_property
     def losses(self) -> Array:
@@ -162,7 +158,9 @@ class DryBending:
     @property
     def couples(self) -> list[tuple[float, float]]:
         """Places [m] and couples [N m] that exert on an elastic rod what this friction does."""
-        parts = 1 if self._profile.bending_stiffness.constant is not None else _PARTS
+        # 4: parts of a cell of a finger that changes along its length, in each of which the couples of an exact rod
+        # take its friction as the same: its moment is then off by an eighth of what it changes along the cell
+        parts = 1 if self._profile.bending_stiffness.constant is not None else 4
         ends = [np.linspace(a, b, parts + 1)[1:] for a, b in pairwise(self.edges)]
         places = np.concatenate([self.edges[:1], *ends])
         against = np.append(self.moment(0.5 * (places[1:] + places[:-1])), 0.0)

@@ -25,10 +25,6 @@ tendons which balance each other to 1e-9 leave as much."""
 OF_FINGER = "q", "lengths", "curvature_shapes", "tip_curvature", "tensions", "base", "backbone"
 OF_CONTACTS = tuple(f"contact_{key}" for key in ("names", "positions", "normals", "forces", "stations", "parts"))
 """Names of the arrays stored of each finger, after its name and a dot, and of the contacts."""
-_COARSE = 1 / 64
-"""Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
-_BLUNT = 1e-3
-"""Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
 
 class RecomputedFinger(StoredFinger):
@@ -92,7 +88,9 @@ class RecomputedFinger(StoredFinger):
         # The tension falls at another rate in each friction cell, and dry friction has another moment in each.
         cells = [friction.edges[1:-1].tolist() for friction in (self.friction, self.dry) if friction is not None]
         marks = [*(mass.at for mass in self.finger.masses), *(edge for edges in cells for edge in edges)]
-        rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base, marks=marks)
+        # 1 / 64: panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for
+        # clearances
+        rod = DenseRod(self.finger, self.shape.joints, (1 / 64), self.base, marks=marks)
         # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
         elastic = self.shape.elastic(rod.nodes, self.q + 1e-30j * np.eye(self.q.size))
         curvature = self.profile.rest_curvature(rod.nodes) + elastic
@@ -238,7 +236,8 @@ class RecomputedGrasp:
                 lean = c.finger.skin.slope(c.finger.joint_position(c.joint))
                 c.normal = np.sqrt(1.0 - lean**2) * normal + lean * np.array([-np.sin(angle), np.cos(angle)])
             else:
-                c.normal = unit if c.radius < _BLUNT * c.length else near.normal[k]
+                # 1e-3: least radius of a tip, as a part of the length, from whose center the normal follows precisely
+                c.normal = unit if c.radius < 1e-3 * c.length else near.normal[k]
             c.point = centers[k] - c.radius * c.normal
             c.gap = abs(float(near.distance[k]) - c.radius)
         # From afar along the normal, the object's nearest point is the point of contact if the normal is right.

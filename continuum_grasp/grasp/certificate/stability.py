@@ -43,7 +43,6 @@ class Stability:
 
     @property
     def word(self) -> str:
-        """The verdict in a word."""
         return "stable" if self.stable else "unstable"
 
 

@@ -66,7 +66,6 @@ class Columns(Places):
 
     @property
     def symbol(self) -> ca.SX:
-        """All of them as a column."""
         return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX(0, 1)
 
 

@@ -139,7 +139,6 @@ def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
 
 
 def _alone(name: str, curve: Curve, scale: float) -> _Made:
-    """A curve on panels of its own."""
     return _made(name, curve, (0.0, *curve.breaks, curve.edges[-1]), scale)
 
 

@@ -105,7 +105,6 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
 
 
 def _moment(finger: UnitFinger) -> ca.SX:
-    """Unit of moments of a finger, in units of the problem."""
     return finger.number("force share") * finger.number("length")
 
 

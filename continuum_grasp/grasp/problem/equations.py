@@ -43,8 +43,6 @@ _FLAGS = ("-std=gnu11", "-O0", "-ffp-contract=off", "-fPIC", "-w")
 _MOST = 8
 """Structures that are compiled after a process has used them, 2 to 10 s each: a search of many random scenes does not
 leave an hour of it."""
-_STORED = 100
-"""Libraries that are stored, those used last: 2 MB each with four elements."""
 _VALUES = ("nlp_f", "nlp_g", "values", "places")
 _DERIVATIVES = {"grad_f": "nlp_grad_f", "jac_g": "nlp_jac_g", "hess_lag": "nlp_hess_l", "slope": "nlp_slope"}
 """Names of a library's functions."""
@@ -142,7 +140,8 @@ def compile_equations(specs: Iterable[ProblemSpec]) -> None:
         for spec in specs:
             build = partial(_compiled, spec, compiler)
             entry_for(_identity(spec, compiler), ".so", build, compiler.version, KIND)
-    forget_oldest(".so", KIND, _STORED)
+    # 100: libraries that are stored, those used last: 2 MB each with four elements
+    forget_oldest(".so", KIND, 100)
 
 
 def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:

@@ -115,7 +115,6 @@ class GradedBackbone(Backbone):
         return ca.vertcat(1.0 - late, late) * self._scales[k : k + 2]
 
     def _moment(self, k: int, s: Any) -> ca.SX:
-        """Moment r."""
         return self.nodal[k] + (self.nodal[k + 1] - self.nodal[k]) * self._late(k, s)
 
     def curvature(self, k: int, s: Any, value: Callable[[str], ca.SX]) -> ca.SX:

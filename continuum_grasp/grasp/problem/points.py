@@ -11,8 +11,8 @@ from continuum_grasp.grasp.problem.values import Units, Values, node_places
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
-from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.methods import FAMILIES
 
 BACKBONE_POINTS = 201
 """Points of a stored backbone: 0.5 % of the length apart, for pictures; the certificate integrates its own."""
@@ -21,7 +21,6 @@ PRESSED = 1e-2
 
 
 def starting_point(problem: Layout, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
-    """Unknowns for a start."""
     units = Units.of(scene)
     values: Values = {"object pose": units.pose(start.object_pose)}
     for setup, finger in zip(scene.setups, problem.fingers, strict=True):

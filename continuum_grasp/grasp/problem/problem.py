@@ -24,17 +24,6 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Touch, Unknowns
 
-_REGULARIZATION = 1e-8
-"""Weight of the squared contact forces (scaled) beside what is sought, so that they are unique: with more than three
-contacts equilibrium alone does not fix them. It changes the optimum by less than the certificate resolves."""
-_ANY = 1e3
-"""Angle of the tip that clearance relaxed by one unit of length allows [rad]: any, from a thousandth on."""
-_CHANGE = 1e-2
-"""Weight of squared changes of tension, per greatest tension, beside the reserve of the cones: far below the reserve,
-per weight, that they bring."""
-_TINY = 1e-6
-"""Rounding of the norm of a relaxation with several components (scaled): keeps its derivative finite at zero."""
-
 
 class GraspProblem(Unknowns):
     """Unknowns, constraints and objective (a casadi.SX) of a grasp."""
@@ -84,7 +73,8 @@ class GraspProblem(Unknowns):
             # Else it would come from within the object, if only by the tolerance: places before the tip, guarded where
             # they are deepest, would follow it by halves, as often the optimum touches with the side of the tip. An
             # angle e leaves a depth of e^2 / 2 per relative curvature; an arc that fits a disc needs one.
-            spare = ca.sqrt(self.numbers("tolerance")) + _ANY * self.slack["clearance at the object"] - tilt
+            # 1e3: angle of the tip that clearance relaxed by one unit of length allows [rad]: any, from a thousandth on
+            spare = ca.sqrt(self.numbers("tolerance")) + 1e3 * self.slack["clearance at the object"] - tilt
             require(f"contact direction, {spec.name}", spare, "rad", key, upper=ca.inf)
 
     def _close_support(self, contact: Touch) -> None:
@@ -155,12 +145,19 @@ class GraspProblem(Unknowns):
             total -= self.reserve
             # Tensions that are chosen anew change as little as they can.
             changes = ((f.pulls - f.number("pull_held", 2)) / f.number("pull_max") for f in self.fingers)
-            total += _CHANGE * sum(ca.sumsqr(change) for change in changes)
+            # 1e-2: weight of squared changes of tension, per greatest tension, beside the reserve of the cones: far
+            # below the reserve, per weight, that they bring
+            total += 1e-2 * sum(ca.sumsqr(change) for change in changes)
         if "greatest_disturbance" in aims:
             total -= number("disturbance weight") * add_disturbances(self)
         forces = ca.vertcat(*(c.force for c in self.contacts)) / number("force reference")
-        effort = total + _REGULARIZATION * ca.sumsqr(forces)
+        # 1e-8: weight of the squared contact forces (scaled) beside what is sought, so that they are unique: with more
+        # than three contacts equilibrium alone does not fix them. It changes the optimum by less than the certificate
+        # resolves.
+        effort = total + 1e-8 * ca.sumsqr(forces)
         slacks = (self.slack[r.name] for r in RELAXATIONS)
-        relaxed = ca.vertcat(*(z if z.numel() == 1 else ca.sqrt(ca.sumsqr(z) + _TINY**2) for z in slacks))
+        # 1e-6: rounding of the norm of a relaxation with several components (scaled): keeps its derivative finite at
+        # zero
+        relaxed = ca.vertcat(*(z if z.numel() == 1 else ca.sqrt(ca.sumsqr(z) + 1e-6**2) for z in slacks))
         weights = number("relaxation weights", len(RELAXATIONS))
         return number("effort weight") * effort + ca.dot(weights, relaxed)

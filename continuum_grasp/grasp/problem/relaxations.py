@@ -9,9 +9,9 @@ from typing import TypeVar
 
 from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.families import FAMILIES, ONE_TURN
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger
+from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
 from continuum_grasp.scene.value import Value
 
 

@@ -30,15 +30,11 @@ from continuum_grasp.nlp.solver import KNOWN
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspSolver
 
-EFFORT_WHEN_RELAXED = 1e-4
-"""Weight of what is sought beside the amount of a relaxed limit."""
 MODEST = 0.8
 """Part of the most that makes sense of an amount, up to which one of several limits is relaxed: else a mass would go to
 zero for a trace of another limit."""
 ROUNDS = 8
 """Number of times that the places that must stay clear are moved to where fingers are deepest."""
-NEXT = 2
-"""Faces and corners next to a place on a circle that are tried, of each contact."""
 OPTION_SETS = (
     (nlp.OptionSet.REFINED, 40),
     (nlp.OptionSet.REFINED_MONOTONE, 60),
@@ -166,7 +162,8 @@ class GraspSolverRun:
             return attempt
         ends = start_from(scene, self.arrays(scene, smooth)).contacts
         parts = {name: scene.object.parts[ends[name].part] for name in circles}
-        near = [surface_of(parts[name]).near(parts[name], *ends[name].place)[:NEXT] for name in circles]
+        # 2: faces and corners next to a place on a circle that are tried, of each contact
+        near = [surface_of(parts[name]).near(parts[name], *ends[name].place)[:2] for name in circles]
         for choice in product(*near):
             features, x = dict(zip(circles, choice, strict=True)), smooth.x.copy()
             for name, feature in features.items():
@@ -224,7 +221,8 @@ class GraspSolverRun:
             if relaxation.size > 1:
                 low[at] = -high[at]
             x[at] = amount / scale
-            values["effort weight"] = EFFORT_WHEN_RELAXED
+            # 1e-4: weight of what is sought beside the amount of a relaxed limit
+            values["effort weight"] = 1e-4
             weight = 1.0 if len(relaxed) == 1 else scale / relaxation.start(scene)
             weight *= (weights or {}).get(relaxation.name, 1.0)
             values["relaxation weights"][RELAXATIONS.index(relaxation)] = weight
@@ -307,7 +305,6 @@ class GraspSolverRun:
 
     @property
     def row_bounds(self) -> tuple[Array, Array]:
-        """Bounds of all constraints."""
         return self.problem.rows.bounds()
 
     @property
@@ -363,7 +360,6 @@ _IPOPT = {
 
 
 def settings_of(options: GraspSolver) -> nlp.Settings:
-    """Settings of a solver of grasps."""
     constraints = min(1e-9, options.tolerance)
     return nlp.Settings(options.method, options.tolerance, constraints, options.max_iterations, {"ipopt": _IPOPT})
 

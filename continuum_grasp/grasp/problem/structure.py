@@ -119,7 +119,6 @@ class FingerSpec:
 
 
 def inner_masses(finger: Finger) -> list[PointMass]:
-    """Point masses that are not on the tip."""
     length = finger.rod.length
     return [mass for mass in finger.masses if abs(mass.at - length) > 1e-9 * length]
 

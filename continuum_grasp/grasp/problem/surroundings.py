@@ -334,10 +334,6 @@ def _peak(values: Array, rows: Array, pick: Array) -> Array:
         return np.clip(np.where(bent < 0.0, 0.5 * (a - c) / bent, 0.0), -1.0, 1.0)
 
 
-_OPPOSITE = 0.1
-"""Angle between the finger's normal and a corner's direction [rad] up to which the corner is opposite to a place."""
-
-
 def _bend_corners(circles: Array, traced: Array, some: Array) -> None:
     """Bend circles (NEAR, K) that stand for corners as the finger bends opposite to them, ``traced`` (K, 3, 2) before,
     at and behind ``some`` (K,) places.
@@ -347,7 +343,9 @@ def _bend_corners(circles: Array, traced: Array, some: Array) -> None:
     """
     along, bend = traced[:, 2] - traced[:, 0], traced[:, 2] - 2.0 * traced[:, 1] + traced[:, 0]
     normal, length = circles[2:4].T, np.linalg.norm(along, axis=1)
-    opposite = np.abs((along * normal).sum(axis=1)) < _OPPOSITE * length
+    # 0.1: angle between the finger's normal and a corner's direction [rad] up to which the corner is opposite to a
+    # place
+    opposite = np.abs((along * normal).sum(axis=1)) < 0.1 * length
     corner = some & opposite & (circles[4] >= 1.0 / ROUND)
     circles[4, corner] = (4.0 * (bend * normal).sum(axis=1) / length**2)[corner]
 

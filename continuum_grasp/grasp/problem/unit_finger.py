@@ -18,15 +18,12 @@ from continuum_grasp.grasp.problem.graded_backbone import GradedBackbone
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import soft
-from continuum_grasp.scene.damping import Damping, DryFriction
 from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.loads import MomentLoad
-from continuum_grasp.scene.rod import Rod
+from continuum_grasp.scene.rod import Damping, DryFriction, Rod
 from continuum_grasp.scene.tendons import Tendons
 
-ACCURACY = 1e-7
-"""Relative accuracy of the model's quadrature by default; its positions are some ten times better."""
 _OFFSET = 0.5
 """Tendon offset of the unit finger; tensions are scaled so that any value does."""
 
@@ -257,7 +254,8 @@ def unit_model(spec: FingerSpec) -> FingerModel:
         family=spec.family,
         elements=(1.0 / spec.elements,) * spec.elements,
         bending_range=spec.bending_range,
-        accuracy=spec.accuracy or ACCURACY,
+        # 1e-7: relative accuracy of the model's quadrature by default; its positions are some ten times better
+        accuracy=spec.accuracy or 1e-7,
         parameters=(*names, *_optional(spec)),
         loads=tuple(MomentLoad(at=at, moment=0.0) for at in (*contacts, 1.0)),
         tip_force=True,

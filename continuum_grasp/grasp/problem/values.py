@@ -24,7 +24,7 @@ from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds
+from continuum_grasp.scene.objects.shapes import Freedom, Pose, pose_bounds
 from continuum_grasp.scene.supports import Wall
 
 Values = dict[str, Any]
@@ -51,7 +51,6 @@ class Units:
 
     @staticmethod
     def of(scene: GraspScene) -> Units:
-        """The units for a scene."""
         rods = [(setup.finger.rod.length, setup.stiffness) for setup in scene.setups]
         return Units(max(length for length, _ in rods), max(stiff / length**2 for length, stiff in rods))
 

@@ -17,9 +17,6 @@ from continuum_grasp.scene.grasp import FingerSetup
 
 CELLS = 32
 """Least number of cells along a finger: the responses of shipped grasps are within 3e-5 of those with 128."""
-CONFORMING = 1e-3
-"""Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
-as lying against each other and do not turn."""
 
 
 class BentFinger(StoredFinger):
@@ -143,6 +140,8 @@ def rolled(object_curvature: float, other_curvature: float | None, size: float) 
         return 0.0, 0.0, 1.0
     if math.isinf(object_curvature):
         return 0.0, 1.0, 0.0
-    total = max(object_curvature + other_curvature, CONFORMING / size)
+    # 1e-3: least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
+    # as lying against each other and do not turn
+    total = max(object_curvature + other_curvature, 1e-3 / size)
     share = object_curvature / total
     return 1.0 / total, share, 1.0 - share

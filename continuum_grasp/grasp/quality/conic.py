@@ -19,8 +19,6 @@ Outcome = Literal["optimal", "infeasible", "unbounded", "failed"]
 
 FAR = 1e3
 """Bound of unknowns that need none, per what is usual: with far greater ones a problem loses digits."""
-_TOLERANCE = 1e-10
-"""Asked of the solver."""
 _REACHED = 1e-6
 """Greatest violation of a point, and what it may be short of the best by the dual problem, per one and the numbers in
 them: a thousand times what is usual, since where hardly any point is allowed the solver gets no farther than 4e-7."""
@@ -106,7 +104,8 @@ def solve_conic(
     settings.verbose = False
     # Numbers are near one already, and rounding must not be scaled up to it: 50 of 1,100 problems of grasps failed.
     settings.equilibrate_enable = False
-    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = _TOLERANCE
+    # 1e-10: tolerance that is asked of the solver; what comes back is checked
+    settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = 1e-10
     found = clarabel.DefaultSolver(
         diags_array(2.0 * weights, format="csc"), cost, csc_matrix(matrix), limits, kinds, settings
     ).solve()

@@ -54,7 +54,6 @@ class ContactSet:
         return None if np.isnan(self.stations[contact]) else self.names[contact].split(".")[0]
 
     def of(self, finger: str) -> list[int]:
-        """Contacts of a finger."""
         return [k for k in range(self.count) if self.finger_of(k) == finger]
 
     def curvature(self, contact: int) -> float:

@@ -16,10 +16,6 @@ from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 
-UNLIMITED = 1e4
-"""A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
-_LITTLE = 1e-7
-"""Worth of the square of a change of tensions per their span, beside the factor in its unit of force."""
 TURN = 3.0
 """Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""
 
@@ -132,11 +128,13 @@ class _Limits:
         row_low = np.concatenate([(self.low - normal) / self.scale, -still, self.ranges[:, 0] / widest])
         row_high = np.concatenate([(self.high - normal) / self.scale, still, self.ranges[:, 1] / widest])
         low, high = (np.append(of_factor, self.ranges[free, k] / spans) for k, of_factor in ((0, 0.0), (1, math.inf)))
-        cost, squares = np.append(-1.0, np.zeros(free.size)), np.append(0.0, np.full(free.size, _LITTLE))
+        # 1e-7: worth of the square of a change of tensions per their span, beside the factor in its unit of force
+        cost, squares = np.append(-1.0, np.zeros(free.size)), np.append(0.0, np.full(free.size, 1e-7))
         solution = solve_conic(cost, rows, row_low, row_high, low, high, cones, squares)
         if solution.status == "infeasible":
             return 0.0, self._reached(self.forces, 0.0 * differences, 0.0 * motion)
-        if solution.status == "unbounded" or solution.x[0] * self.scale >= UNLIMITED * self.normal_max.max():
+        # 1e4: a disturbance that makes forces this many times the greatest limit of a contact counts as unlimited
+        if solution.status == "unbounded" or solution.x[0] * self.scale >= 1e4 * self.normal_max.max():
             return math.inf, ()
         if not solution.optimal:
             return math.nan, ("not computed",)

@@ -16,8 +16,6 @@ from continuum_grasp.grasp.tried import branch_of
 from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import GraspScene
 
-NEARER = 0.95
-"""Imbalance per that without the limit relaxed from which on relaxing it does not help."""
 LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
 WIDER = (1.0, 2.9)
@@ -110,7 +108,8 @@ class Starts:
                 return UNLIKELY
             alike = (basin.start for basin in search.basins if basin.start.contacts.keys() == start.contacts.keys())
             known = min((other.imbalance for other in alike), default=math.inf)
-            return min(threshold, max(NEARER * known, NEAR))
+            # 0.95: imbalance per that without the limit relaxed from which on relaxing it does not help
+            return min(threshold, max(0.95 * known, NEAR))
 
         return [start for start in starts if start.imbalance < enough(start)]
 

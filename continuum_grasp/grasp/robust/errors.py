@@ -42,7 +42,7 @@ from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, se
 from continuum_grasp.grasp.starts.values import ContactStart, Start
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
-from continuum_grasp.scene.objects.body import Freedom, Pose
+from continuum_grasp.scene.objects.shapes import Freedom, Pose
 from continuum_grasp.scene.shape import Shape
 
 OBJECT = len(ERRORS)
@@ -164,7 +164,6 @@ class InError:
         return scene, replace(start, object_pose=scene.object.pose, contacts=contacts, friction_states=states)
 
     def solver(self, contacts: Mapping[str, ContactStart]) -> GraspSolverRun:
-        """The solver of postures with some contacts on."""
         spec = ProblemSpec.of(self.scene, dict(contacts)).in_error(yielding=self.yields)
         solver: GraspSolverRun = solver_for(spec)
         return solver
@@ -182,7 +181,6 @@ class InError:
         return landings
 
     def scene_with(self, error: Array) -> GraspScene:
-        """The scene with an error."""
         friction, mass = 1.0 + float(error[4]), 1.0 + float(error[5])
         x, y, angle = self.pose_in_error(error)
         scene, reach = self._sized(error), YIELDS * self.scene.object.size

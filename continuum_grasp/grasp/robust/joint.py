@@ -163,7 +163,6 @@ class JointSolverRun:
 
     @property
     def problem(self) -> Layout:
-        """The nominal problem."""
         return self.nominal.problem
 
     def run(
@@ -204,7 +203,6 @@ class JointSolverRun:
         return Attempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
 
     def bounds(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> tuple[Array, Array]:
-        """Bounds of all unknowns."""
         # What is linked needs no bounds of its own.
         linked = [f"{setup.name}.base" for setup in scene.setups if setup.finger.base_free is not None]
         linked += ["object pose"] * (scene.object.free is not None)
@@ -222,7 +220,6 @@ class JointSolverRun:
 
     @cached_property
     def row_bounds(self) -> tuple[Array, Array]:
-        """Bounds of all constraints."""
         linked = np.zeros(sum(self._links))
         sets = [*(solver.row_bounds for solver in self._solvers), (linked, linked)]
         lower, upper = (np.concatenate(side) for side in zip(*sets, strict=True))

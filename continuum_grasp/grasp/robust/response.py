@@ -94,7 +94,6 @@ class Responder:
         return best
 
     def _with(self, begin: Start, error: Array) -> Response:
-        """The response to an error with the contacts of a start."""
         solver = self.in_error.solver(begin.contacts)
         scene, start = self.in_error.plant(begin, error)
         solve = partial(solver.run, scene, start, self._budget, pinned=self._pinned(solver, scene, start, error))
@@ -212,7 +211,6 @@ class Responder:
             yield left[chosen]
 
     def _with_contacts(self, begin: Start) -> list[Response]:
-        """The solutions with the contacts of a start."""
         return [response for response in self._known if response.begin.contacts.keys() == begin.contacts.keys()]
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.summary import Summarized
+from continuum_grasp.labels import Summarized
 
 ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
 """Errors, in the order of the columns."""

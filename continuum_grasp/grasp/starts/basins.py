@@ -32,8 +32,6 @@ STRICT, _PENALTY = 2e-4, 100.0
 """Penetration that a posture may have, per length of the finger, and the relative imbalance that the weight of the
 tensions leaves; score of penetration [1/L] and of imbalance beyond: lower, and postures that cannot hold would come
 first."""
-_PER_EXCESS = 10.0
-"""Score of a curvature above its limit, as a part of it."""
 _NEIGHBORS = 1.6
 """Spacings of a scan up to which postures are neighbors; of two arcs, of both bends in sum."""
 _JOINT, _CURVATURE, _NORMAL = 0.08, 2.5, 0.5
@@ -136,7 +134,8 @@ class Basins:
         greatest_cost = float((block.cost * block.high).sum())
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
         score = cost + _PENALTY * np.maximum(left - STRICT, 0.0)
-        score += _PENALTY * np.maximum(candidates.violation, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
+        # 10.0: score of a curvature above its limit, as a part of it
+        score += _PENALTY * np.maximum(candidates.violation, 0.0) + 10.0 * np.maximum(above, 0.0)
         return Scored(branch, candidates, forces, left, score, greatest_cost * score)
 
 

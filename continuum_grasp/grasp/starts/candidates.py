@@ -31,7 +31,7 @@ from continuum_grasp.grasp.starts.scan.task import (
 from continuum_grasp.grasp.starts.scan.touching import onwards, scanned, started
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose
+from continuum_grasp.scene.objects.shapes import Pose
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,6 @@ def _clear(task: FingerTask, family: Postures) -> Postures:
 
 
 def with_tip(task: FingerTask, family: Postures) -> Postures | None:
-    """The postures on to the tip, which touches."""
     point, angle = ends_of(family)
     none, bent = np.zeros(len(family)), np.repeat(family.curvatures[:, -1:], 2, axis=1)
     last = started(none.astype(int), none, none, point, none, angle, family.knots[:, -1], bent)

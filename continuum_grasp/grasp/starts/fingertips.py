@@ -25,7 +25,7 @@ from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violat
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose, pose_bounds
+from continuum_grasp.scene.objects.shapes import Pose, pose_bounds
 
 COUNTS = {2: (14, 400, 48), 3: (8, 36, 96), 4: (6, 14, 96)}
 """By number of fingers: postures per finger that are combined, to 200 to 1300 combinations; and, of those that touch
@@ -105,8 +105,6 @@ nearly in balance, and the last steps balance it."""
 _STEP, _MOST, _DAMPING = 1e-4, 0.8, 1e-4
 """Difference for slopes, whose error is far below the imbalance sought; greatest change of a curvature in one
 step [1/L]; damping of the normal equations, which may be singular."""
-_DESCENTS = 24
-"""Steps to the nearest forces of supports, with which Gauss-Newton steps begin."""
 _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
 
@@ -179,7 +177,8 @@ def pressed(onto: Array, off: Array) -> Array:
     square, slope = onto.T @ onto, off @ onto
     stiff = np.linalg.eigvalsh(square).max(initial=1e-300)
     force = ahead = np.zeros_like(slope)
-    for k in range(_DESCENTS):
+    # 24: steps to the nearest forces of supports, with which Gauss-Newton steps begin
+    for k in range(24):
         new = np.maximum(ahead - (ahead @ square + slope) / stiff, 0.0)
         force, ahead = new, new + k / (k + 3.0) * (new - force)
     return force

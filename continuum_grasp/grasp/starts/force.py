@@ -21,9 +21,9 @@ from continuum_grasp.grasp.starts.scan.kernel import within_bounds
 from continuum_grasp.grasp.starts.scan.task import FINE
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.family import family_class
-from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose
+from continuum_grasp.scene.methods import FAMILIES
+from continuum_grasp.scene.objects.shapes import Pose
 
 _NODES, _WEIGHTS = gauss_legendre(4)
 _TENSION_WEIGHT, _ENOUGH = 5e-5, 1e-6

@@ -30,7 +30,7 @@ from continuum_grasp.grasp.starts.supports import base_poses, object_poses, supp
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start, interleaved
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.objects.body import Pose
+from continuum_grasp.scene.objects.shapes import Pose
 
 
 def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start]:

@@ -11,19 +11,15 @@ import numpy as np
 from continuum_grasp.grasp.starts.scan.curves import EXACT
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import outline_of
-from continuum_grasp.model.surfaces.outline import Outline
+from continuum_grasp.model.surfaces.surface import Outline
 from continuum_grasp.scene.grasp import TOUCHING, FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose, pose_bounds
+from continuum_grasp.scene.objects.shapes import Pose, pose_bounds
 from continuum_grasp.scene.supports import Peg, Wall
 
 Interval = tuple[float, float]
 
-_MORE_POSES = 5
-"""Further poses of a free object."""
 _MORE_BASES = (4, 1)
 """Further poses of a free base: for the first pose of the object, and for the others."""
-_FLAT = 4
-"""Most angles of a free object at which a face lies flat on a wall."""
 
 
 def object_outlines(scene: GraspScene) -> tuple[Outline, ...]:
@@ -122,11 +118,13 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
     is_round = len(shapes) == 1 and shapes[0].is_round
     flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], scene_pose[2])
     tries: list[tuple[Pose, list[Interval]]] = []
-    for angle in flat[:_FLAT]:
+    # 4: most angles of a free object at which a face lies flat on a wall
+    for angle in flat[:4]:
         tries.append(((scene_pose[0], scene_pose[1], angle), [bounds[0], bounds[1], (angle, angle)]))
     tries.insert(min(1, len(tries)), (scene_pose, bounds))
     # Of the further ones every other lies flat, too, where a face can.
-    for k, pose in enumerate(_spread(bounds, _MORE_POSES)):
+    # 5: further poses of a free object
+    for k, pose in enumerate(_spread(bounds, 5)):
         angle = scene_pose[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
         held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
         tries.append(((pose[0], pose[1], angle), held))

@@ -12,7 +12,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.objects.body import Pose
+from continuum_grasp.scene.objects.shapes import Pose
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,6 @@ CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
 """Unknowns of the camera, as `Camera` has them."""
 ZERO, BIAS = "drive_zero", "tension_zero"
 """Unknowns of the lines of drives and load cells, with their number behind them."""
-_DIFFERENCE = 1e-4
-"""Change of an unknown, per typical size, of which the readings are compared [1]."""
 _LONGEST = 4e-3
 """Longest step of the motion, and time between stored states [s]: between those, readings are interpolated by lines, to
 0.02 mm of a tip that swings by 50 mm at 2 Hz."""
@@ -216,7 +214,8 @@ class BenchBlock(Block):
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         seen = self._seen(values)
-        steps = np.diag([_DIFFERENCE * unknown.typical for unknown in self.unknowns])
+        # 1e-4: change of an unknown, per typical size, of which the readings are compared
+        steps = np.diag([1e-4 * unknown.typical for unknown in self.unknowns])
         return seen, np.column_stack([(self._seen(values + step) - seen) / step.max() for step in steps])
 
     def by_friction(self, values: Array) -> Array:

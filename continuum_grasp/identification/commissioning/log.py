@@ -38,7 +38,7 @@ from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.labels import name_of
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.mounting import Camera, Connection, Mounting
+from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 
 Fitted = tuple[float, BenchBlock, Problem, Solution]
 """A fit of one way in which the bench may be connected, and how far it misses the tip (r.m.s.) [m]."""
@@ -48,16 +48,8 @@ _FOLLOWS = 0.5
 _NEAR = 3.0
 """Connections that miss the tip by so many times the best are not fitted [1]: before the fit, a finger that is a fifth
 stiffer than its model misses by 10 % of its length, twisted lines by 50 %."""
-_ALIKE = 1.5
-"""Connections whose fits miss the tip by so many times the best one or less are not distinguished [1]."""
-_SETTLES = 3.0
-"""Time in which a simulated plant comes to rest before a plan is played [s]."""
 _INSTANTS = 500
 """Most instants of a log that are fitted [1], evenly spread."""
-_IDLE = 0.2
-"""Share of its command's range in which a tendon is pulled, below which the drive moves nothing [1]."""
-_MISFIT = 0.05
-"""Root mean square error of the tip per length of the finger from which the log is not of this finger [1]."""
 
 
 @check_arguments
@@ -131,7 +123,8 @@ def commission(
 def _played(scene: ControlScene, plan: ExperimentPlan, plant: Callable[[ControlScene], Plant]) -> ControlLog:
     """Log of the simulated plant, as its bench counts, while it follows a plan."""
     simulated, readings = plant(scene.replaced(mounting=None)), []
-    for _ in range(math.ceil(_SETTLES / simulated.period)):  # its drives and its model do not begin alike
+    # 3.0: time in which a simulated plant comes to rest before a plan is played [s]
+    for _ in range(math.ceil(3.0 / simulated.period)):  # its drives and its model do not begin alike
         simulated.advance(plan.commands[0])
     for u in plan.commands:
         readings.append(simulated.measure())
@@ -193,7 +186,8 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     if not fits:
         raise SolverError("no connection of the drives fits the log", status="no fit", advice="check log and finger")
     fits.sort(key=lambda fit: fit[0])
-    alike = [fit for fit in fits if fit[0] <= _ALIKE * fits[0][0]]
+    # 1.5: connections whose fits miss the tip by so many times the best one or less are not distinguished
+    alike = [fit for fit in fits if fit[0] <= 1.5 * fits[0][0]]
     return _result(scene, bench, log, cells, alike, [*missing, *map(name_of, mute)])
 
 
@@ -264,7 +258,8 @@ def _result(
     )
     cells_of = tuple(lines[name] for name in bench.model.u_names) if whole else ()
     moved = np.ptp(bench.commanded(log.u, way, np.array(zeros)), axis=0)
-    idle = [c for c, tendon in enumerate(way.order) if moved[tendon] < _IDLE * np.ptp(log.u[:, c])]
+    # 0.2: share of its command's range in which a tendon is pulled, below which the drive moves nothing
+    idle = [c for c, tendon in enumerate(way.order) if moved[tendon] < 0.2 * np.ptp(log.u[:, c])]
     undetermined = [
         f"the log has no {name}, or it follows no command: its line is not known; leave it out of estimator.measured, "
         "or log it while its tendon is pulled"
@@ -282,7 +277,8 @@ def _result(
             "cells'"
         )
     status = "identified" if len(alike) == 1 and not idle and not missing else "undecided"
-    status = status if missed <= _MISFIT * scene.finger.rod.length else "mismatch"
+    # 0.05: root mean square error of the tip per length of the finger from which the log is not of this finger
+    status = status if missed <= 0.05 * scene.finger.rod.length else "mismatch"
     return Commissioning(
         **estimates(unknowns, values, inference),
         sigma=solution.sigma,
@@ -316,7 +312,6 @@ def _with_friction(
 
 
 def _words(way: Connected) -> str:
-    """A connection in words."""
     pairs = zip(way.order, way.signs, strict=True)
     lines = ", ".join(
         f"drive {c + 1} on {'-' if sign < 0 else ''}{tendon + 1}" for c, (tendon, sign) in enumerate(pairs)

@@ -30,9 +30,6 @@ from continuum_grasp.scene.identify import Excitation
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.simulation.trajectory import Trajectory
 
-_SOFTER = 0.8
-"""Stiffness of the softest finger that must stay within the limits, per the scene's [1]."""
-
 _TENSIONS = "commissioning takes drives that are commanded tensions, or the tip moment"
 _CONSUMER = Consumer(
     "commission",
@@ -153,7 +150,8 @@ def _limits(scene: ControlScene, bench: Bench) -> Callable[[Array, Array], Itera
     orders = list(permutations(range(model.nu)))
 
     def exceeded(t: Array, u: Array) -> Iterator[str]:
-        for order, factor in product(orders, (1.0, _SOFTER)):
+        # 0.8: stiffness of the softest finger that must stay within the limits, per the scene's
+        for order, factor in product(orders, (1.0, 0.8)):
             ordered = u[:, order]
             p = bench.nominal.copy()
             p[0] *= factor

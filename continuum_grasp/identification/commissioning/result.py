@@ -12,9 +12,9 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.commissioning.bench import BIAS, CAMERA, FRICTION, ZERO
 from continuum_grasp.identification.fit import Fit, applied, estimate_texts
 from continuum_grasp.results.declared import File, Picture
-from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.mounting import Mounting
+from continuum_grasp.scene.estimator import Mounting
 
 
 class Alternative(NamedTuple):

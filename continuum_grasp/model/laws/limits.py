@@ -19,8 +19,6 @@ from continuum_grasp.scene.profile import Curve
 
 _POINTS = 3
 """Points per element at which the curvature is compared with a limit [1]: as good as dense ones."""
-_STOP_ROUNDING = 0.005
-"""Share of the curvature where links touch within which they do so smoothly [1]; 0.02 costs 3e-3 of it."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,8 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
     stops, soft = finger.stops, finger.softening
     if stops is not None and finger.stop_curvature is not None:
         ports, change = points(family, _POINTS, finger.stop_curvature), (stops.stiffness_ratio - 1.0) * stiffness
-        laws.append(Limit(ports, signs=stops.signs, rounding=_STOP_ROUNDING, change=change, with_rest=True))
+        # 0.005: share of the curvature where links touch within which they do so smoothly; 0.02 costs 3e-3 of it
+        laws.append(Limit(ports, signs=stops.signs, rounding=0.005, change=change, with_rest=True))
     if soft is not None:
         ports, change = (
             points(family, _POINTS, Curve.along(finger.rod.length, soft.curvature)),

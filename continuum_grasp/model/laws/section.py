@@ -224,7 +224,6 @@ class SectionForces:
         return gathered(self._family, self.on_elements(*kinds))
 
     def rates(self, kind: Kind) -> list[Scalar]:
-        """Rates of the states of a kind."""
         return [rate for law, _, bend in self._acting if law.kind == kind for rate in law.rates(bend)]
 
     @property

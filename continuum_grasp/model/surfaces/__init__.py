@@ -9,9 +9,8 @@ import casadi as ca
 
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces.offset_polygon import PolygonSurface
-from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.model.surfaces.superellipse import SuperellipseSurface
-from continuum_grasp.model.surfaces.surface import Nearest, Surface, chosen, own_outline
+from continuum_grasp.model.surfaces.surface import Nearest, Outline, Surface, chosen, own_outline
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
 __all__ = ["nearest", "outline_of", "surface_of"]

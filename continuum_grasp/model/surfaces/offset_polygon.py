@@ -25,14 +25,17 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
-from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
 from continuum_grasp.model.surfaces.surface import (
     Feature,
+    Frame,
     Nearest,
+    Outline,
     Surface,
     SurfacePoint,
+    Walk,
     chosen,
     length,
+    picked,
 )
 from continuum_grasp.scene.parts import OffsetPolygon, Point
 

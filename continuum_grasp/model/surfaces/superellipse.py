@@ -15,21 +15,24 @@ import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.model.planar import Scalar, Vec, rotated
-from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
-from continuum_grasp.model.surfaces.surface import TINY, Feature, Nearest, Surface, SurfacePoint, length
+from continuum_grasp.model.surfaces.surface import (
+    TINY,
+    Feature,
+    Frame,
+    Nearest,
+    Outline,
+    Surface,
+    SurfacePoint,
+    Walk,
+    length,
+    picked,
+)
 from continuum_grasp.scene.parts import SuperellipsePart
 
-_TINY_PLACE = 1e-10
-"""Rounding of a contact's place, whose second derivatives IPOPT needs: rounds |xi| below 1e-5 [1]."""
-_TINY_DIRECTION = 1e-14
-"""Rounding of the support function [1, in squared units of the problem]."""
 _STEPS, _FEWER_STEPS = 3, 2  # see below
 _PLAIN_EXPONENT, _PLAIN_ASPECT = 4.0, 1.6
 """Newton steps to the nearest point, and exponent and ratio of the half axes up to which fewer do: the nearest point is
 then exact to 1e-7 of the shorter half axis for points nearer than 0.4 of it."""
-_LONGEST = 0.5
-"""Longest step of the search on superellipses, as an angle of its parameter [rad]: Newton's method overshoots where the
-curvature changes by its own size, which it does within half a radian."""
 _SETTLED = 1e-7
 """Change of the polar angle, whose square is left, up to which a nearest place counts as found [rad]."""
 
@@ -72,7 +75,8 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
     def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
         a, b, power, angle = feature[0], feature[1], feature[2], feature[5]
         # |xi|^p as (xi^2)^(p / 2): even powers of a signed unknown, without its sign.
-        square = place**2 + _TINY_PLACE
+        # 1e-10: rounding of a contact's place, whose second derivatives IPOPT needs: rounds |xi| below 1e-5
+        square = place**2 + 1e-10
         slope = place * square ** (0.5 * power - 1.0) / ca.vertcat(a, b)
         turn = ca.vertcat(ca.horzcat(ca.cos(angle), -ca.sin(angle)), ca.horzcat(ca.sin(angle), ca.cos(angle)))
         point = feature[3:5] + turn @ (ca.vertcat(a, b) * place)
@@ -115,7 +119,8 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
 def smooth_support(beta: ca.SX, shape: ca.SX) -> ca.SX:
     """Support function of a superellipse (a, b, p, center, angle)."""
     a, b, dual = shape[0], shape[1], shape[2] / (shape[2] - 1.0)
-    square = (ca.vertcat(a * ca.cos(beta - shape[5]), b * ca.sin(beta - shape[5]))) ** 2 + _TINY_DIRECTION
+    # 1e-14: rounding of the support function [1, in squared units of the problem]
+    square = (ca.vertcat(a * ca.cos(beta - shape[5]), b * ca.sin(beta - shape[5]))) ** 2 + 1e-14
     center = ca.cos(beta) * shape[3] + ca.sin(beta) * shape[4]
     return center + ca.sum1(square ** (0.5 * dual)) ** (1.0 / dual)
 
@@ -133,7 +138,9 @@ def _from_superellipse(a: float, b: float, power: float, at: Vec) -> Nearest:
         # it would change its sign and the step its direction.
         size = slope.dot(slope) * ca.fmax(1.0 + away.dot(normal) * curvature, 0.3)
         step = away.dot(slope) / size
-        step = step / ca.sqrt(1.0 + (step / _LONGEST) ** 2)  # a smooth limit
+        # 0.5: longest step of the search on superellipses, as an angle of its parameter [rad]: Newton's method
+        # overshoots where the curvature changes by its own size, which it does within half a radian
+        step = step / ca.sqrt(1.0 + (step / 0.5) ** 2)  # a smooth limit
         way = way + way.perp().scaled(step)
         way = way.scaled(1.0 / length(way))
     point, _, normal, _ = _on_superellipse(a, b, power, way)

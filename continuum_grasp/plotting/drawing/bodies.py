@@ -19,21 +19,12 @@ if TYPE_CHECKING:
 
     from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.objects import GraspObject
-    from continuum_grasp.scene.pressure import Chamber
     from continuum_grasp.scene.supports import Support
-    from continuum_grasp.scene.tendons import Tendon
+    from continuum_grasp.scene.tendons import Chamber, Tendon
 
 
 _CLAMP_WIDTH, _CLAMP_DEPTH = 0.12, 0.035
 """As parts of the finger's length."""
-_CLAMP_OVER = 1.3
-"""Least width as a part of the finger's thickness at the base."""
-_EDGE_WIDTH = 3.0
-"""[points]; half of it lies under the filling."""
-_DEPTH = 0.035
-"""Thickness of the hatched material, as a part of the picture: two strokes of the hatching."""
-_LEAST_RADIUS = 0.012
-"""Least radius of a peg, as a part of the diagonal: a point peg is still seen."""
 _POINTS = {False: 60, True: 240}
 """Points of a backbone, without and with a thickness that changes: chords of a spiral of two turns, of which the last
 is a fortieth of the length across, are then as short as its units."""
@@ -146,7 +137,8 @@ def draw_clamp(ax: Axes, backbone: Array, finger: Finger, unit: float = 1.0) -> 
     along = tangent / size if size > 0 else np.array([0.0, 1.0])
     across = np.array([-along[1], along[0]])
     length = unit * finger.rod.length
-    half = max(0.5 * _CLAMP_WIDTH * length, _CLAMP_OVER * unit * float(finger.profile.half_thickness(0.0)))
+    # 1.3: least width as a part of the finger's thickness at the base
+    half = max(0.5 * _CLAMP_WIDTH * length, 1.3 * unit * float(finger.profile.half_thickness(0.0)))
     depth = _CLAMP_DEPTH * length
     face = [p[0] - half * across, p[0] + half * across]
     corners = np.array([*face, face[1] - depth * along, face[0] - depth * along])
@@ -168,14 +160,11 @@ def draw_earlier(ax: Axes, backbones: Array, shades: Array, finger: Finger) -> N
         draw_body(ax, finger_outline(backbone, finger), **look)
 
 
-_LINE = 0.02
-"""Thickness per length that a line of two points shows anyway, in pictures of 4 to 5 inches."""
-
-
 def shows_thickness(finger: Finger) -> bool:
     """Whether the thickness is drawn without an object too: it is wider than a line, or it changes, or tendons do."""
     widest = 2.0 * float(np.max(finger.profile.half_thickness(np.array([0.0, finger.rod.length]))))
-    return widest > _LINE * finger.rod.length or finger.profile.graded or _tendons_change(finger)
+    # 0.02: thickness per length that a line of two points shows anyway, in pictures of 4 to 5 inches
+    return widest > 0.02 * finger.rod.length or finger.profile.graded or _tendons_change(finger)
 
 
 def _tendons_change(finger: Finger) -> bool:
@@ -238,7 +227,8 @@ def draw_object(ax: Axes, outlines: Sequence[Array], *, faint: bool = False, **s
     if faint:
         layers = [{**FAINT, "zorder": Z.FAINT_OBJECT}]
     else:  # all fillings lie on all edges, so that no edge shows where parts overlap
-        edge = {"facecolor": EDGE, "edgecolor": EDGE, "linewidth": _EDGE_WIDTH, "joinstyle": "round"}
+        # 3.0: width of the edge [points], half of which lies under the filling
+        edge = {"facecolor": EDGE, "edgecolor": EDGE, "linewidth": 3.0, "joinstyle": "round"}
         layers = [{**edge, "zorder": Z.OBJECT}, {"facecolor": OBJECT, "linewidth": 0.0, "zorder": Z.OBJECT_FILL}]
     drawn = [Polygon(outline, **{**layer, **style}) for layer in layers for outline in outlines]
     for patch in drawn:
@@ -253,7 +243,8 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support], unit: float = 1.0) 
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     diagonal = math.hypot(right - left, high - low)
     # a half-plane ends outside of the picture, wherever its point is in it
-    far, depth = 2.0 * diagonal, _DEPTH * max(right - left, high - low)
+    # 0.035: thickness of the hatched material, as a part of the picture: two strokes of the hatching
+    far, depth = 2.0 * diagonal, 0.035 * max(right - left, high - low)
     drawn: list[Array] = []
     for name, support in supports.items():
         for block, face in _blocks(support, name, unit, far, depth):
@@ -261,7 +252,8 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support], unit: float = 1.0) 
             ax.plot(*face.T, color=INK, linewidth=1.4, zorder=Z.FACE, scalex=False, scaley=False)
             drawn.append(block)
         for peg in support.pegs(name):
-            center, radius = unit * np.array(peg.position), max(unit * peg.radius, _LEAST_RADIUS * diagonal)
+            # 0.012: least radius of a peg, as a part of the diagonal: a point peg is still seen
+            center, radius = unit * np.array(peg.position), max(unit * peg.radius, 0.012 * diagonal)
             style = {**MATERIAL, "linewidth": 1.2, "edgecolor": INK, "zorder": Z.SUPPORT}
             ax.add_patch(Circle((center[0], center[1]), radius, **style))
             drawn.append(center + radius * CIRCLE)

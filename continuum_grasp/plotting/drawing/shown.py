@@ -27,7 +27,6 @@ class ShownFigure(Figure):
         return super().add_subplot(*arguments, **{"axes_class": ShownAxes, **named})
 
     def add_axes(self, *arguments: Any, **named: Any) -> Any:
-        """Axes that are shown, too."""
         return super().add_axes(*arguments, **{"axes_class": ShownAxes, **named})
 
     def savefig(self, *arguments: Any, dpi: float | str | None = None, **named: Any) -> None:

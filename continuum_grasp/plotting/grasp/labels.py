@@ -17,10 +17,6 @@ if TYPE_CHECKING:
 
 _CELL = 2.0
 """Side of a cell of the map of what is taken [points]: as wide as the widest line."""
-_FONT = 8.0
-"""Size of labels [points]."""
-_PAD = 2.5
-"""Free margin around a label [points]."""
 _TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)
 """Directions in which a label is tried."""
 _NEAR, _FAR, _STEP = 7.0, 170.0, 7.0
@@ -82,11 +78,13 @@ class _Sheet:
 
     def write(self, label: Label) -> None:
         """Place one label and mark its box as taken."""
-        look: dict[str, Any] = {"color": label.color, "fontsize": _FONT, "multialignment": "center"}
+        # 8.0: size of labels [points]
+        look: dict[str, Any] = {"color": label.color, "fontsize": 8.0, "multialignment": "center"}
         look |= {"linespacing": 1.15, "ha": "center", "va": "center", "zorder": Z.LABEL}
         text = self.ax.text(0, 0, label.text, **look)
         shown = text.get_window_extent()
-        half = 0.5 * np.array([shown.width, shown.height]) * self.points_per_pixel + _PAD
+        # 2.5: free margin around a label [points]
+        half = 0.5 * np.array([shown.width, shown.height]) * self.points_per_pixel + 2.5
         at = self.points.transform(label.at)
         wanted = None
         if np.any(label.away):

@@ -14,9 +14,14 @@ from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import INK, SLATE, Z
-from continuum_grasp.plotting.grasp.friction import friction_rows, plot_friction
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
-from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
+from continuum_grasp.plotting.grasp.margins import (
+    friction_rows,
+    plot_friction,
+    plot_resistance,
+    resistance_extremes,
+    resistance_words,
+)
 from continuum_grasp.plotting.grasp.view import MM, GraspView, lighter, turned
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.grasp_options import GraspFinger
@@ -36,8 +41,6 @@ _LEFT, _BELOW, _ABOVE, _LINE = 0.65, 0.55, 0.22, 0.2
 """Margins for the axes' ticks and labels, above the title, and for each of its lines [inch]."""
 _BETWEEN, _PANEL, _POLYGON = 0.3, 2.9, 2.05
 """Distance to the numbers, their width for four columns, and the side of the resisted forces below them [inch]."""
-_DISCS = 0.9
-"""Height of a row of discs of friction [inch]."""
 _FAILED = "#A03000"
 """Color of the title where there is no grasp: a red that is read on white."""
 _WIDTHS = 11.5, 15.5
@@ -90,8 +93,10 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     low, high = view.box
     size = (high - low) * min(np.array(_DRAWING) / (high - low))
     polygon = bool(rows) and resistance_extremes(resisted)[1] > 0
-    discs = _DISCS * friction_rows(view) + 0.4 if rows and view.lifted and view.contacts else 0.0
-    text = _ROW * len(rows)
+    # 0.9: height of a row of discs of friction [inch]
+    discs = 0.9 * friction_rows(view) + 0.4 if rows and view.lifted and view.contacts else 0.0
+    # 0.17: height of a row [inch]
+    text = 0.17 * len(rows)
     beside = _BETWEEN + _PANEL if rows else 0.0
     width = float(_LEFT + size[0] + beside + 0.15)
     title = _title(view.result, float(size[0]))
@@ -186,8 +191,6 @@ def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
     return drawn
 
 
-_CONE = 0.3
-"""Length of a friction cone as a part of the object's width: a little shorter than the greatest force."""
 _ROUND_SIZES = 0.5, 1.0, 2.0, 5.0
 """Forces that the scale may show, times a power of ten."""
 
@@ -198,7 +201,8 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
 
     cones: list[Array] = []
     arrows: list[Array] = []
-    reach = _CONE * view.extent
+    # 0.3: length of a friction cone as a part of the object's width: a little shorter than the greatest force
+    reach = 0.3 * view.extent
     for contact in view.contacts:
         color, at = view.color(contact.name), MM * contact.position
         for half, alpha in _cone_angles(view, contact):
@@ -257,10 +261,6 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
     return [np.array([[left, low[1]], [high[0], low[1]], [high[0], top], [left, top]])]
 
 
-_REASONS = 6
-"""Number of repairs written beside the drawing; the report has all."""
-_ROW = 0.17
-"""Height of a row [inch]."""
 _SIZE = 8.0
 """Size of the font [points]: a row of 0.17 inch is 12 points high."""
 Row = tuple[tuple[str, str], ...]
@@ -273,7 +273,8 @@ def _panel_rows(view: GraspView) -> list[Row]:
     """
     result = view.result
     if not result.solved:
-        repairs = [textwrap.wrap(reason.repair, int(_WIDTHS[1] * _PANEL)) for reason in result.reasons[:_REASONS]]
+        # 6: number of repairs written beside the drawing; the report has all
+        repairs = [textwrap.wrap(reason.repair, int(_WIDTHS[1] * _PANEL)) for reason in result.reasons[:6]]
         head: list[Row] = [(("any one of these repairs it", SLATE),)] if repairs else []
         return [*head, *(((line, INK),) for lines in repairs for line in ("", *lines))]
     written = result.force_text

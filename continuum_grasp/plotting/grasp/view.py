@@ -19,6 +19,16 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.values import Contact
 
+from typing import TYPE_CHECKING
+
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.drawing.style import INK
+from continuum_grasp.scene.objects.shapes import ObjectBody
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 MM = 1e3
 """Grasps are drawn in millimeters: objects for hands have some tens of them."""
@@ -27,8 +37,6 @@ _FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
 _SUPPORT = ORANGE
 _PLACES = 81
 """Points of an unloaded backbone: chords of a quarter circle stray by 5e-5 of its length, a tenth of a pixel."""
-_LONGEST_FORCE = 0.36
-"""Length of the greatest force as a part of the object's width: it stays near, and the least is still seen."""
 _LEAST_MARGIN_MM, _MARGIN = 14.0, 0.13
 """Around everything, for labels; the second as a part of the greater side."""
 
@@ -129,7 +137,8 @@ class GraspView:
     @cached_property
     def force_scale(self) -> float:
         """Drawn length per force [mm/N]."""
-        return _LONGEST_FORCE * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
+        # 0.36: length of the greatest force as a part of the object's width: it stays near, and the least is still seen
+        return 0.36 * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
 
     def color(self, name: str) -> str:
         """Color of a finger, a support, or what a contact's name begins with; gray where there is no grasp."""
@@ -162,3 +171,36 @@ def _unloaded(finger: GraspFinger) -> Array:
     middle = 0.5 * (angle[1:] + angle[:-1])
     path = np.concatenate([np.zeros((1, 2)), step * np.cumsum(np.stack([-np.sin(middle), np.cos(middle)], 1), axis=0)])
     return np.column_stack([MM * s, MM * (np.array(finger.base.position) + path), angle])
+
+
+@check_arguments
+def plot_object(body: ObjectBody, *, ax: Axes | None = None) -> Axes:
+    """Draw an object in its own frame: the corners, its convex pieces, and its center of mass.
+
+    Parameters
+    ----------
+    body : object of a scene
+    ax : matplotlib.axes.Axes, optional
+        Where to draw [m]; None: axes in a new figure.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp import plotting
+    >>> plotting.plot_object(cg.load("configs/grasp/gear.yaml").object).get_title()
+    '48 corners, 13 convex pieces, 79.72 mm x 79.72 mm'
+    """
+    outlines = bodies.object_outlines(body, np.zeros(3))  # type: ignore[arg-type]
+    points = np.concatenate(outlines)
+    ax = axes.plane_axes(ax, axes.bend_box(outlines, 0.1 * body.size), colorbar=False)
+    bodies.draw_object(ax, outlines)
+    pieces = [np.array(piece.outline()) for piece in body.pieces]
+    for piece in pieces:
+        ax.plot(*np.concatenate([piece, piece[:1]]).T, color=INK, linewidth=0.5, linestyle=":", zorder=9)
+    corners = [outline for outline in outlines if len(outline) < 200]
+    ax.plot(*np.concatenate([np.zeros((0, 2)), *corners]).T, ".", color=INK, markersize=3, zorder=9)
+    ax.plot(*body.com, "+", color=INK, markersize=9, zorder=9)
+    wide, high = 1e3 * np.ptp(points, axis=0)
+    count = sum(len(corner) for corner in corners)
+    ax.set_title(f"{count} corners, {len(pieces)} convex pieces, {wide:.4g} mm x {high:.4g} mm", fontsize=9)
+    return ax

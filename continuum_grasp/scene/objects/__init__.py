@@ -11,9 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.body import Freedom, MemberPlace, ObjectBody
 from continuum_grasp.scene.objects.outline import Outline
-from continuum_grasp.scene.objects.shapes import Box, Circle, Ellipse, Polygon, Stadium, Superellipse
+from continuum_grasp.scene.objects.shapes import (
+    Box,
+    Circle,
+    Ellipse,
+    Freedom,
+    MemberPlace,
+    ObjectBody,
+    Polygon,
+    Stadium,
+    Superellipse,
+)
 from continuum_grasp.scene.parts import Part
 
 __all__ = [

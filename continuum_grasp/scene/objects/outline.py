@@ -10,13 +10,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.body import ObjectBody
+from continuum_grasp.scene.objects.shapes import ObjectBody
 from continuum_grasp.scene.parts import OffsetPolygon, Part, Point, check_simple, corners_of, polygon_centroid
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Value
 
-_PIXEL = 0.0254 / 96.0
-"""A user unit of SVG [m]: 96 per inch, by CSS."""
 _SMALLEST, _GREATEST = 1e-4, 10.0
 """Sizes of an outline [m] beyond which its unit is likely another one."""
 _CURVE = 48
@@ -116,7 +114,8 @@ def _from_svg(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
                 points += [segment.point((k + 1) / _CURVE) for k in range(_CURVE)] if not straight else [segment.end]
             if isinstance(path[-1], svgelements.Close) or abs(points[0] - points[-1]) < _JOINED * path.length():
                 rings.append((element.id or "", _once([(p.x, -p.y) for p in points if p is not None])))
-    return _PIXEL, rings
+    # 0.0254 / 96.0: a user unit of SVG [m]: 96 per inch, by CSS
+    return (0.0254 / 96.0), rings
 
 
 def _from_dxf(shape: OutlineFile) -> tuple[float | None, list[Ring]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
-from continuum_grasp.model.surfaces.outline import Outline
+from continuum_grasp.model.surfaces.surface import Outline
 
 
 def gauss_legendre(count: int) -> tuple[Array, Array]:
@@ -27,8 +27,6 @@ NODES, WEIGHTS = gauss_legendre(12)
 EXACT = 1e-12
 """Residual, in lengths of the finger or sizes of the object and rad, at which something touches: rounding after a few
 operations."""
-_STEPS = 14
-"""Newton steps."""
 
 
 def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Array]:
@@ -145,7 +143,8 @@ def touch(
     unknown = np.column_stack([np.zeros((len(walk), len(ways))), walk])
     good = np.zeros(len(walk), bool)
     rows = np.arange(len(walk))
-    for _ in range(_STEPS):
+    # 14: most Newton steps
+    for _ in range(14):
         if not len(rows):
             break
         u = unknown[rows]

@@ -52,10 +52,6 @@ def called(name: str, out: Array, *arguments: Array | float) -> Array:
     return out
 
 
-_STEPS = 30
-"""Most steps: 8 to 11 as a rule, more than 20 in two of a thousand."""
-
-
 def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> Array:
     """Unknowns (B, n) in (0, 1) with the least squares of (K x - goal) and ``weight`` x, of transposed systems K' =
     ``across`` (B, n, m), by an interior point method until distances times multipliers are ``enough`` in the mean.
@@ -67,7 +63,8 @@ def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> A
     count, size, height = across.shape
     if library():
         # A stiffness that is rounding makes every system regular.
-        sizes = count, height, size, _STEPS, ROUNDING, enough
+        # 30: most steps: 8 to 11 as a rule, more than 20 in two of a thousand
+        sizes = count, height, size, 30, ROUNDING, enough
         return called("within_bounds", np.empty((count, size)), *sizes, across, goal, weight)
     solve = _by_library(size, height).map(count, [False, False, True], [False])
     return np.array(solve(across.transpose(0, 2, 1).reshape(-1, size).T, goal.T, weight)).T

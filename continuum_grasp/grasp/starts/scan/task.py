@@ -20,9 +20,9 @@ from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import EXACT, bends, sample
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.outline import Frame, Outline
+from continuum_grasp.model.surfaces.surface import Frame, Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.body import Pose
+from continuum_grasp.scene.objects.shapes import Pose
 
 ALLOWED = 2e-3
 """Penetration that a start may have, per length of the finger: thin feasible pieces of a branch survive the scan, and
@@ -35,8 +35,6 @@ TIP_REACH, TIPS = 8.0, 33
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)
-_TOUCHES = 0.75
-"""Place along the finger whose thickness a posture is found with [1]: between middle contacts and the tip."""
 LOOSER = 1.25
 """Curvature of a posture in the scan per its limits, of fingers with more elements than linear curvatures there, which
 bend otherwise: a hexagon is held within a range of 3.4 rad that its posture exceeds by 14 %."""
@@ -112,7 +110,6 @@ class Rows:
         return len(getattr(self, fields(self)[0].name))
 
     def take(self, index: Any) -> Self:
-        """Select some of the rows."""
         rows = {
             name: value.take(index) if isinstance(value, Rows) else value[index] for name, value in vars(self).items()
         }
@@ -206,7 +203,8 @@ def make_task(
     finger, profile = setup.finger, setup.finger.profile
     places = profile.length * _EVEN
     halves = skin(profile.half_thickness)(places) * scale
-    half = float(halves[int(_TOUCHES * (_STATIONS - 1))])
+    # 0.75: place along the finger whose thickness a posture is found with: between middle contacts and the tip
+    half = float(halves[int(0.75 * (_STATIONS - 1))])
     marks = (0, *setup.before, setup.elements)
     few = min(setup.elements, FINE)
     looser = LOOSER if setup.elements > len(setup.middles) + 1 else 1.0

@@ -22,15 +22,12 @@ from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
 from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_REACH, TIPS, FingerTask, Postures, Rows, object_numbers
-from continuum_grasp.model.surfaces.outline import Outline
+from continuum_grasp.model.surfaces.surface import Outline
 
 _ROOT = 8
 """Steps of a bracketed root: after the first ones each gains digits as the secant method does."""
 _ROUNDED = 1e-10
 """Gap that is none [L]."""
-_NEAR_FOLD = 0.05
-"""Least gap of a parabola through three end curvatures, per its second difference, from which on both roots may lie
-between: the error of the parabola."""
 
 
 PLACES = 256
@@ -146,7 +143,8 @@ def beside(task: FingerTask, some: Branch, shifts: Array) -> tuple[Branch, Array
         return _free(new), rows
     # The tip's root next to the old one.
     last = new.ends[:, 3]
-    width = _NEARBY * (2.0 * TIP_REACH / (TIPS - 1)) / (1.0 - new.joint)
+    # 2.5: greatest change of an end curvature, in spacings of the scan
+    width = 2.5 * (2.0 * TIP_REACH / (TIPS - 1)) / (1.0 - new.joint)
     branch, index = _tips(task, new, last[:, None] + width[:, None] * np.linspace(-1.0, 1.0, 7))
     # Of several the nearest.
     away = np.abs(branch.ends[:, 3] - last[index])
@@ -198,10 +196,6 @@ def _between(ring: Ring, first: Branch) -> Branch:
         bend[earlier] + share * (bend[later] - bend[earlier]),
     )
     return branch.take(good)
-
-
-_NEARBY = 2.5
-"""Greatest change of an end curvature, in spacings of the scan."""
 
 
 def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
@@ -371,7 +365,9 @@ def folds(grid: Array, gap: Array) -> tuple[Array, Array, Array]:
     turns &= np.abs(here) <= np.minimum(np.abs(before), np.abs(after))
     rows, columns = np.nonzero(turns)
     here, bend, slope = here[rows, columns], bend[rows, columns], (after - before)[rows, columns]
-    near = np.sign(here) * (here - 0.125 * slope**2 / bend) < _NEAR_FOLD * np.abs(bend)
+    # 0.05: least gap of a parabola through three end curvatures, per its second difference, from which on both roots
+    # may lie between: the error of the parabola
+    near = np.sign(here) * (here - 0.125 * slope**2 / bend) < 0.05 * np.abs(bend)
     rows, columns, share = rows[near], columns[near] + 1, -0.5 * (slope / bend)[near]
     at = grid[rows, columns]
     return rows, columns, at + share * (grid[rows, columns + 1] - at)

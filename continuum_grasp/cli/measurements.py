@@ -1,4 +1,4 @@
-"""``continuum-grasp identify``."""
+"""Verbs of measurements and logs: ``compare``, ``identify``, ``commission``, ``replay``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from continuum_grasp.cli.compare import compared, show_channels
 from continuum_grasp.cli.options import option, verb
 from continuum_grasp.cli.output import FAILED, Output
 from continuum_grasp.errors import InputError
@@ -19,6 +18,51 @@ if TYPE_CHECKING:
     from continuum_grasp.identification.experiments import ExperimentPlan
     from continuum_grasp.identification.fit import Fit
     from continuum_grasp.scene.simulate import FingerScene
+
+from typing import TYPE_CHECKING, Annotated
+
+if TYPE_CHECKING:
+    from continuum_grasp.identification.comparison import Predicted
+    from continuum_grasp.scene.simulate import Scene
+
+
+@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+def compare(
+    output: Output,
+    data: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[DATA...]", help="Tables of measurements, or folders; none: those that CONFIG names."),
+    ] = None,
+) -> None:
+    """Compare a simulation with measurements. Nothing is estimated."""
+    from continuum_grasp.scene.simulate import Scene
+
+    compared(output.scene(Scene), data, output)
+
+
+def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
+    """Compare a scene with measurements, and save that."""
+    output.check_folder()
+
+    from continuum_grasp.identification import compare as run
+    from continuum_grasp.identification.read import located
+
+    paths = list(data or located(scene, output.config.parent))
+    with output.busy("comparing") as report:
+        prediction = run(scene, paths, progress=report)
+    files = output.save(prediction)
+    show_channels(prediction, output)
+    output.warn(prediction.warnings)
+    output.pairs(output.saved_in(files))
+    output.conclude(prediction, files, **prediction.details())
+
+
+def show_channels(predicted: Predicted, output: Output) -> None:
+    """Print the errors of each channel."""
+    from continuum_grasp.identification.comparison import HEADINGS
+
+    output.table(HEADINGS, *(channel.texts for channel in predicted.channels))
+
 
 _SURE = 1.96
 """Half of a 95 % interval per standard deviation [1]."""
@@ -133,7 +177,7 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
 def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
     """The file of a scene with the estimates in it, named after its configuration."""
     from continuum_grasp.results.atomic import write_text
-    from continuum_grasp.results.yaml_text import yaml_text
+    from continuum_grasp.results.plain import yaml_text
 
     plain = scene.model_dump(mode="json", exclude_unset=True)
     return write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / f"{config.stem}_identified.yaml")
@@ -169,3 +213,78 @@ def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> E
     output.pairs(output.saved_in(files))
     output.conclude(plan, files, **plan.details())
     return plan
+
+
+@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+def commission(
+    output: Output,
+    log: Annotated[
+        Path | None,
+        typer.Argument(metavar="[LOG]", help="Table of commands and readings (CSV); none: plan the commands."),
+    ] = None,
+    plant: Annotated[
+        bool, typer.Option("--plant", help="Play the plan on the configuration's simulated plant, and read its log.")
+    ] = False,
+    duration: Annotated[float, typer.Option("--duration", help="Duration of the plan [s].")] = 10.0,
+    reach: Annotated[float, typer.Option("--reach", help="Share of bending range and tensions that is used.")] = 0.6,
+) -> None:
+    """Find how a bench is mounted and connected.
+
+    Camera, order, signs and zeros of drives and load cells, lag and delay.
+
+    Without LOG it writes the commands that a bench plays; with one, the corrected configuration. Exit status 1 where
+    the log does not tell all.
+    """
+    from continuum_grasp.scene.control import ControlScene
+
+    scene = output.scene(ControlScene)
+    if plant and log is not None:
+        raise InputError("--plant plays the plan itself: give no LOG, or no --plant")
+
+    from continuum_grasp.identification.commissioning import commission as run
+    from continuum_grasp.identification.commissioning import design_commissioning
+
+    if log is None and not plant:
+        design = replace(output, verb="experiments")
+        show_plan(lambda _: design_commissioning(scene, duration=duration, reach=reach), design)
+        return
+    output.check_folder()
+    with output.busy("commissioning") as report:
+        commissioning = run(scene, log, duration=duration, reach=reach, progress=report)
+    files = output.save(commissioning)
+    output.pairs(
+        {
+            "status": commissioning.status,
+            **{f"way {k}": alternative.what for k, alternative in enumerate(commissioning.alternatives, 1)},
+        }
+    )
+    show_parameters(commissioning, files, output)
+    output.warn(commissioning.undetermined)
+    if not commissioning.usable:
+        raise typer.Exit(FAILED)
+
+
+@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+def replay(
+    output: Output,
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Table of instants, measurements and commands (CSV).")],
+) -> None:
+    """Run a log through estimator, supervisor and controller.
+
+    Names the sensor that disagrees, and noise, delay and lag of the log. Exit status 1 if sensors and model disagree.
+    """
+    from continuum_grasp.scene.control import ControlScene
+
+    scene = output.scene(ControlScene)
+    output.check_folder()
+
+    from continuum_grasp.identification.replayed import replay as run
+
+    with output.busy("replaying") as report:
+        prediction = run(scene, log, progress=report)
+    files = output.save(prediction)
+    show_channels(prediction, output)
+    output.say("")
+    output.report(prediction, files, **prediction.details())
+    if prediction.status != "consistent":
+        raise typer.Exit(FAILED)

@@ -1,7 +1,8 @@
-"""The plant of a closed loop: finger, drives, surroundings and late sensors, as ``run_closed_loop`` has them.
+"""Plants as units: the finger of a simulated scene, as the steps of its C package move it, and the plant of a closed
+loop: finger, drives, surroundings and late sensors, as ``run_closed_loop`` has them.
 
-Its C is CasADi's, from the same expressions as in Python, with the mathematical library of the machine: it agrees to
-rounding, not to the last bit.
+The C of the latter is CasADi's, from the same expressions as in Python, with the mathematical library of the machine:
+it agrees to rounding, not to the last bit.
 """
 
 from __future__ import annotations
@@ -11,27 +12,43 @@ import hashlib
 import math
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
+import numpy as np
 
+from continuum_grasp.arguments import positive
 from continuum_grasp.closed_loop.plant import Sensors, choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.source import generator_of, with_static_help
-from continuum_grasp.export.fmu.variable import TIP, Unit, contact_variables, count, labeled
+from continuum_grasp.export.fields import REALS, fill
+from continuum_grasp.export.fmu.variable import (
+    STRICT,
+    TIP,
+    Kind,
+    Unit,
+    contact_variables,
+    count,
+    labeled,
+    library_of,
+    variables_of,
+)
 from continuum_grasp.export.kernel import check_size
 from continuum_grasp.export.part import Code
+from continuum_grasp.export.parts.model import has_linearization
 from continuum_grasp.export.parts.seen import by_component
-from continuum_grasp.export.source import names_of
-from continuum_grasp.export.template import fill
+from continuum_grasp.export.source import names_of, source_of
+from continuum_grasp.export.subject import Subject
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.signals import Signals
 
-_MOST_INSTRUCTIONS = 60_000
-"""Instructions of one function of a plant, without loops: what is compiled once may take a minute and 1.4 GB."""
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
 _START = "an input, which begins with what the scene has at time zero"
 _UNIT = Consumer(
@@ -131,7 +148,9 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
     """CasADi's C of functions, and its header; InputError where one is too large, OSError where the disk is full."""
     for function in functions:
         for part in (function, *function.find_functions()):
-            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, _MOST_INSTRUCTIONS)
+            # 60_000: instructions of one function of a plant, without loops: what is compiled once may take a minute
+            # and 1.4 GB
+            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 60_000)
     generator = generator_of(name, functions, with_header=True, with_export=False)
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
@@ -140,3 +159,59 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
     if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
     return with_static_help(source), header
+
+
+def finger_unit(
+    scene: Scene,
+    identifier: str,
+    *,
+    step: float | None,
+    substeps: int | None,
+    ranges: Mapping[str, Sequence[float]] | None,
+) -> Unit:
+    """The finger of a scene, with its object where it has one."""
+    source = source_of(scene, REALS["double"])
+    subject = Subject.of(source.finger, identifier, REALS["double"], ranges or {}, source.surroundings)
+    model, moving = subject.model, subject.moving
+    touching = [] if subject.touching is None else subject.touching.touch_names
+    # Forces of contacts have no derivatives here.
+    linear = not touching and has_linearization(subject)
+    what = ["dynamics", "step", "kinematics", *["linearization"] * linear, *["contact"] * bool(touching)]
+    internal = source.step if step is None else positive("step", step)
+    sources, manifest = library_of(scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps)
+    structs: dict[str, Any] = manifest["structs"]
+    internal = internal or manifest["steps"]["step"]["accurate_s"]
+    # Of a model that takes the tip moment to be constant, the input is a number that is given once.
+    acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
+    signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
+    parameters = list(manifest["nominal_parameters"].values())
+    rates = [{**entry, "text": f"rate of state.{entry['name']}"} for entry in structs["rate"]]
+    groups = {
+        "FMU_INPUTS": variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu]),
+        "FMU_FORCES": variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0]),
+        "FMU_PARAMETERS": variables_of("parameters", "tunable", structs.get("parameters", []), parameters),
+        "FMU_STATE": variables_of("state", "state", structs["state"], state),
+        "FMU_TIP": TIP,
+        **({"FMU_CONTACTS": contact_variables(touching)} if touching else {}),
+        "FMU_RATES": variables_of("rate", "rate", rates if linear else ()),
+    }
+    words: dict[str, Any] = {"forces": bool(groups["FMU_FORCES"]), "parameters": bool(parameters)}
+    words |= {"acting": ", &forces" if words["forces"] else "", "contacts": bool(touching)}
+    words["touched"] = ", &forces" if "forces" in manifest["functions"].get("touch", {}).get("inputs", ()) else ""
+    return Unit(
+        identifier=identifier,
+        title=source.title,
+        what="a planar continuum finger" + " with the object that it touches" * (subject.touching is not None),
+        step=internal,
+        stop=scene.time.duration if scene.time is not None else 1.0,
+        groups=groups,
+        counts=(count("code", "of the last step: 0 done, above a warning, below what was refused"),),
+        continuous=True,
+        linear=linear,
+        feedthrough=model.tip.jac_sparsity(0, model.tip.index_in("u")).nnz() > 0,
+        glue=("plant_types.c", "plant.c", *(["plant_linear.c"] if linear else [])),
+        words=words,
+        sources=sources,
+        flags=STRICT,
+        manifest=manifest,
+    )

@@ -1,0 +1,212 @@
+"""Verbs of configurations and of the installation: ``new``, ``schema``, ``validate``, ``doctor``."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from continuum_grasp.cli.options import named_path, option, verb
+from continuum_grasp.cli.output import Output
+from continuum_grasp.errors import InputError
+
+if TYPE_CHECKING:
+    from continuum_grasp.examples import Example
+
+
+import os
+import shutil
+from typing import Any
+
+from continuum_grasp.cli.options import out_option
+
+_FIRST = "grasp/mug"
+"""The example of those who name none."""
+
+
+@verb("as_json", "quiet")
+def new(
+    output: Output,
+    folder: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="DIR", parser=named_path, help="Where to; made where it is missing.", show_default=False
+        ),
+    ] = None,
+    name: str = option("Which one.", "--example", default=_FIRST, metavar="NAME"),
+    listed: bool = option("Copy nothing: list all examples, by the command.", "--list", default=False),
+    notebooks: bool = option("Copy the notebooks in place of an example.", "--notebooks", default=False),
+) -> None:
+    """Copy an example that runs, or the notebooks.
+
+    Nothing is overwritten; one folder takes several examples.
+    """
+    if notebooks and (listed or name != _FIRST):
+        raise InputError("is in place of --example and --list", key="--notebooks")
+    if listed:
+        _list(output)
+        return
+    if folder is None:
+        raise InputError("expected a folder to copy an example into, or --list")
+    if folder.exists() and not folder.is_dir():
+        raise InputError("expected a folder, got a file", file=str(folder))
+
+    from continuum_grasp.examples import copy_example, copy_notebooks, example
+
+    if notebooks:
+        files, command = copy_notebooks(folder), ["jupyter", "lab", "notebooks"]
+        output.say("Notebooks, and what they read:\n")
+    else:
+        files, command = copy_example(name, folder), _command(example(name))
+        output.say(f"{name}: {example(name).summary}\n")
+    for file in files:
+        output.say(f"  {file}")
+    output.say("\nRun it:\n")
+    if folder.resolve() != Path.cwd():
+        output.say(f"  cd {shlex.quote(str(folder))}")
+    output.say(f"  {shlex.join(command)}")
+    output.result(example=None if notebooks else name, folder=folder, files=files, command=command)
+
+
+def _list(output: Output) -> None:
+    from continuum_grasp.examples import examples
+
+    all_ = examples().values()
+    width = max(len(example.name) for example in all_)
+    for command in dict.fromkeys(example.verb for example in all_):
+        output.say(f"continuum-grasp {command}")
+        for example in all_:
+            if example.verb == command:
+                note = f" (not shipped: its data, {', '.join(example.missing)})" if example.missing else ""
+                output.line(f"  {example.name:<{width}}  {example.summary}{note}")
+        output.say("")
+    names = ("name", "kind", "summary", "missing")
+    rows = [{**{name: getattr(example, name) for name in names}, "command": _command(example)} for example in all_]
+    output.result(examples=rows)
+
+
+def _command(example: Example) -> list[str]:
+    return ["continuum-grasp", *example.arguments]
+
+
+def schema(
+    kind: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[simulate|identify|grasp|mpc|mission|plan|sweep|finger]",
+            help="Print this schema.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[Path | None, out_option("Write all schemas into this folder.")] = None,
+) -> None:
+    """JSON Schema of the configurations, for editors."""
+    from continuum_grasp.results.atomic import write_text
+    from continuum_grasp.scene.load import KINDS
+    from continuum_grasp.scene.schema import json_schema, schema_files, schema_text
+
+    output = Output()
+    if (kind is None) == (out is None):
+        raise InputError(f"expected either one of {', '.join(KINDS)}, or --out DIR")
+    if kind is not None:
+        output.say(schema_text(json_schema(kind)).rstrip("\n"))
+    elif out is not None:
+        for name, text in schema_files().items():
+            output.say(str(write_text(text, out / name)))
+
+
+@verb("changes", "as_json", "quiet")
+def validate(
+    output: Output,
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILES...", help="YAML configurations.", show_default=False),
+    ],
+    picture: Path | None = option("Draw the object as it was understood.", metavar="FILE", parser=named_path),
+) -> None:
+    """Check configurations. Whether a finger can be modeled so is part of it."""
+    from continuum_grasp.control.prediction import Prediction
+    from continuum_grasp.model import FingerModel
+    from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene.finger import Finger
+    from continuum_grasp.scene.load import kind_of_scene, load_placed
+    from continuum_grasp.scene.simulate import Scene
+
+    checked: list[dict[str, Any]] = []
+    for file in files:
+        try:
+            loaded, document = load_placed(file, output.changes or ())
+            try:  # as far as the structure of the model; no expressions are built
+                if isinstance(loaded, Scene):  # which model a tolerance needs is not asked here
+                    fidelity = loaded.fidelity.replaced(tolerance=None)
+                    structure = FingerModel(loaded.model_copy(update={"fidelity": fidelity})).structure
+                    if loaded.initial.pose == "equilibrium":
+                        structure.check_reached_by(loaded.initial)
+                elif isinstance(loaded, Finger):
+                    FingerModel(loaded)
+                elif isinstance(loaded, ControlScene):
+                    Prediction(loaded)
+            except InputError as error:
+                raise document.placed_error(error) from None
+        except InputError as error:
+            checked.append({"file": str(file), "valid": False, "errors": str(error).splitlines()})
+            if not output.as_json:
+                typer.echo(str(error), err=True)
+        else:
+            kind = kind_of_scene(loaded)
+            if picture is not None:
+                _draw(loaded, file, picture)
+            checked.append({"file": str(file), "valid": True, "kind": kind})
+            output.say(f"{file}: valid ({kind})")
+    output.result(files=checked)
+    if not all(verdict["valid"] for verdict in checked):
+        raise typer.Exit(2)
+
+
+def _draw(loaded: Any, file: Path, picture: Path) -> None:
+    """Draw the object of a configuration; of several, the last one's picture stays."""
+    from continuum_grasp.plotting import plot_object
+    from continuum_grasp.results import save_picture
+
+    body = getattr(getattr(loaded, "grasp", loaded), "object", None)
+    if body is None:
+        raise InputError("has no object to draw (--picture)", file=str(file))
+    save_picture(plot_object(body), picture)
+
+
+_PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
+
+
+@verb("as_json")
+def doctor(output: Output) -> None:
+    """Print versions, solvers and compiler."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    import casadi
+
+    from continuum_grasp import __version__
+    from continuum_grasp.core.compiler import find_compiler
+
+    compiler = find_compiler()
+    facts = {"continuum_grasp": __version__, "python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            facts[package] = version(package)
+        except PackageNotFoundError:
+            facts[package] = "not found"
+    facts |= {
+        "processors": str(os.cpu_count()),
+        "ipopt": "found" if casadi.has_nlpsol("ipopt") else "not found",
+        "compiler": f"{' '.join(compiler.command)}, {compiler.version}"
+        if compiler
+        else "not found: everything runs on CasADi's virtual machine, slower",
+        "ffmpeg": shutil.which("ffmpeg") or "not found: animations as GIF only",
+    }
+    output.pairs(facts)
+    output.result(**facts)
+    if facts["ipopt"] != "found":
+        output.warn(["IPOPT is not in this CasADi: grasps cannot be optimized; install casadi from PyPI"])
+        raise typer.Exit(1)

@@ -1,0 +1,142 @@
+"""Verbs of one finger in motion: ``simulate``, ``plan``, ``modes``, ``accuracy``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import zip_longest
+from pathlib import Path
+
+from continuum_grasp.cli.options import named_path, option, out_option, resolved_scene, verb
+from continuum_grasp.cli.output import Output
+from continuum_grasp.errors import InputError, SolverError
+
+
+@verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
+def simulate(output: Output) -> None:
+    """Move a finger in time."""
+    from continuum_grasp.scene.simulate import Scene
+
+    scene: Scene = output.scene(Scene)
+    if scene.time is None:
+        raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(output.config), key="time")
+
+    from continuum_grasp.verbs import simulate as run
+
+    with output.computing("simulating") as report:
+        trajectory = run(scene, progress=report)
+    if note := trajectory.statistics.get("fidelity"):
+        output.say(f"fidelity: {note}")
+    files = output.save(trajectory)
+    energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
+    values = {
+        "duration": trajectory.t[-1],
+        "steps": len(trajectory.t) - 1,
+        "tip": tuple(trajectory.tip[-1]),
+        "energy": energy,
+    }
+    values |= {"time_error": trajectory.time_error, "space_error": trajectory.space_error}
+    output.report(trajectory, files, **values)
+
+
+@verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
+def plan(
+    output: Output,
+    warm: Path | None = option("Run folder of a plan from which to begin.", metavar="DIR", parser=named_path),
+    grasp: Path | None = option("Run folder of the grasp that is to be carried out.", metavar="DIR", parser=named_path),
+    speed: float = option("Seconds of motion per second of animation.", default=0.1, metavar="S"),
+) -> None:
+    """Plan a whole motion to a goal. Costs: time, effort, smoothness, tracking."""
+    from continuum_grasp.scene.plan import PlanScene
+
+    scene = output.scene(PlanScene)
+
+    from continuum_grasp.planning import plan as run
+
+    with output.computing("planning"):
+        motion = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
+    files = output.save(motion, speed)
+    output.report(
+        motion,
+        files,
+        {f"{name} [s]": f"{value:.3f}" for name, value in motion.times.items()},
+        objective=motion.objective,
+        duration=motion.duration,
+        tip=tuple(motion.tip[-1]),
+        active=motion.active_constraints,
+        iterations=motion.iterations,
+        times=motion.times,
+        violated=motion.violated,
+        advice=motion.advice,
+    )
+    if motion.status not in ("optimal", "feasible"):
+        raise SolverError(
+            motion.message, status=motion.status.value, violated=motion.violated, advice=motion.advice, result=motion
+        )
+
+
+_OUT = out_option("Save modes and their picture in this folder; an earlier run of modes is replaced.")
+
+
+@verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
+def modes(output: Output) -> None:
+    """Natural frequencies and shapes about the equilibrium."""
+    scene, note = resolved_scene(output, vibrates=True)
+    if output.out is not None:
+        output.check_folder()
+
+    from continuum_grasp.simulation import modes as find
+
+    with output.busy("finding modes"):
+        spectrum = find(scene)
+    if note:
+        spectrum = replace(spectrum, statistics={"fidelity": note})
+    output.warn(spectrum.warnings)
+    if not spectrum.stable:
+        output.warn(["the equilibrium is unstable"])
+    files = output.save(spectrum) if output.out is not None else []
+    columns = {
+        "frequency [Hz]": [f"{frequency:.5g}" for frequency in spectrum.frequencies_hz],
+        "space error": [f"{error:.2g}" for error in spectrum.space_error],
+        "damping ratio": ["-" if math.isnan(ratio) else f"{ratio:.3g}" for ratio in spectrum.damping_ratios],
+    }
+    others = {"all stuck [Hz]": spectrum.stuck_frequencies_hz, "motors free [Hz]": spectrum.free_frequencies_hz}
+    columns |= {name: [f"{number:.5g}" for number in values] for name, values in others.items() if values is not None}
+    rows = zip_longest(*columns.values(), fillvalue="-")
+    output.table(("mode", *columns), *((str(k + 1), *row) for k, row in enumerate(rows)))
+    if output.out is not None:
+        output.say(f"saved in {output.out}")
+    output.result(
+        stable=spectrum.stable,
+        fidelity=note or None,
+        warnings=spectrum.warnings,
+        frequencies_hz=spectrum.frequencies_hz,
+        space_error=spectrum.space_error,
+        damping_ratios=spectrum.damping_ratios,
+        stuck_frequencies_hz=spectrum.stuck_frequencies_hz,
+        free_frequencies_hz=spectrum.free_frequencies_hz,
+        folder=output.out,
+        files=files,
+    )
+
+
+@verb("config", "out", "changes", "as_json", "quiet")
+def accuracy(
+    output: Output,
+    most: int = option("Greatest number of elements.", "--elements", default=16, metavar="N", min=1, max=32),
+) -> None:
+    """Compare speed and error of every choice of model. A tolerance is answered with its choice."""
+    from continuum_grasp.scene.simulate import Scene
+
+    scene, folder = output.scene(Scene), output.folder
+    output.check_folder()
+
+    from continuum_grasp.accuracy.report import COUNTS, accuracy_report
+
+    with output.busy("measuring") as report:
+        comparison = accuracy_report(scene, counts=[count for count in COUNTS if count <= most], progress=report)
+    pictures = output.save(comparison)
+    files = [*(folder / text.name for text in comparison.texts), *pictures]
+    output.say(comparison.markdown())
+    output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
+    output.result(choices=comparison.choices.as_dict(), folder=folder, files=files)

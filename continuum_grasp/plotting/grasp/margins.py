@@ -1,0 +1,216 @@
+"""Margins of a grasp: friction at each contact against its limit, pure forces that it resists, and errors of its object
+for which it holds, beside the best grasp without errors.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from continuum_grasp.arrays import Array
+from continuum_grasp.plotting.drawing.axes import label, new_axes, show_box
+from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+from typing import TYPE_CHECKING
+
+from continuum_grasp.plotting.drawing.style import GRAY, SLATE
+from continuum_grasp.plotting.grasp.view import GraspView
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from continuum_grasp.grasp.result import GraspResult
+
+from typing import TYPE_CHECKING
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.plotting.drawing.axes import head, new_figure, quiet
+from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
+from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.axes import Axes
+
+    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.robust.result import Robustness
+
+
+def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
+    """Draw how great a force in each direction the grasp resists, on top of the weight.
+
+    The outline encloses the forces that are resisted; the dashed circle those of any direction.
+
+    Parameters
+    ----------
+    resisted : array_like, shape (D, 2)
+        The greatest force in each of D directions, in order around the circle, in the world's axes [N]. Rows that
+        are not finite are left out.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; None: axes in a new figure.
+
+    Examples
+    --------
+    >>> from continuum_grasp import plotting
+    >>> plotting.plot_resistance([[2.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [0.0, -1.0]]).get_xlabel()
+    'force x [N]'
+    """
+    from matplotlib.patches import Circle, Polygon
+
+    ax = new_axes(ax, 3.2, 3.2)
+    forces = _finite(resisted)
+    least, greatest = resistance_extremes(forces)
+    if len(forces) > 2:
+        ax.add_patch(Polygon(forces, facecolor=BLUE, alpha=0.16, linewidth=0.0, zorder=2))
+        ax.add_patch(Polygon(forces, facecolor="none", edgecolor=BLUE, linewidth=1.4, joinstyle="round", zorder=3))
+    if least > 0.02 * greatest:  # a smaller circle is hidden by the cross
+        ax.add_patch(Circle((0, 0), least, facecolor="none", edgecolor=ORANGE, linestyle=(0, (4, 2)), zorder=4))
+    ax.plot(0, 0, "+", color=INK, markersize=7, zorder=5)
+    corners = np.concatenate([forces, np.zeros((1, 2))])
+    center = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    reach = 0.56 * float(np.ptp(corners, axis=0).max()) or 1.0  # half, and a margin of 6 %
+    show_box(ax, (center[0] - reach, center[0] + reach, center[1] - reach, center[1] + reach))
+    ax.locator_params(nbins=5)
+    label(ax, "force x [N]", "force y [N]", fontsize=8)
+    ax.tick_params(labelsize=8)
+    return ax
+
+
+def resistance_extremes(resisted: ArrayLike) -> tuple[float, float]:
+    """Least and greatest of the resisted forces [N]; zeros where there is none."""
+    sizes = np.hypot(*_finite(resisted).T)
+    return (float(sizes.min()), float(sizes.max())) if sizes.size and math.isfinite(sizes.max()) else (0.0, 0.0)
+
+
+def resistance_words(resisted: ArrayLike) -> str:
+    """Meaning of the outline of the resisted forces, in a sentence of two lines."""
+    least, greatest = resistance_extremes(resisted)
+    unlimited = np.isinf(np.asarray(resisted, dtype=float)).any()
+    best = "without limit in the best" if unlimited else f"up to {greatest:.2g} N in the best"
+    least = least if least > 1e-4 * greatest else 0.0  # less is the optimizer's tolerance
+    return f"resisted force: {least:.2g} N in any direction,\n{best}"
+
+
+def _finite(resisted: ArrayLike) -> Array:
+    forces = np.asarray(resisted, dtype=float).reshape(-1, 2)
+    return np.asarray(forces[np.isfinite(forces).all(axis=1)])
+
+
+DISCS = 4
+"""Discs side by side."""
+_PITCH, _TALL = 2.5, 3.1
+"""Width and height of what one takes, with its name below, in radii of a disc."""
+
+
+def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
+    """Draw the friction force of each contact in a disc whose rim is the friction coefficient times the normal force.
+
+    Friction in the plane is drawn to the right, lift upward. A dot on the rim is about to slip: its distance from the
+    rim is the friction margin. Nothing is drawn where there is no grasp.
+    """
+    from matplotlib.patches import Circle
+
+    view = GraspView(result)
+    rows = friction_rows(view)
+    ax = new_axes(ax, 2.9, 0.9 * max(rows, 1) + 0.2)
+    ax.set_axis_off()
+    ax.set_aspect("equal", adjustable="box", anchor="NW")
+    ax.set_xlim(0.0, DISCS * _PITCH)
+    ax.set_ylim(-max(rows, 1) * _TALL, 0.75)
+    if rows:
+        words = "friction: sideways in the plane, up lift; rim: slips"
+        ax.text(0.0, 0.35, words, fontsize=8, color=SLATE, va="center")
+    for k, contact in enumerate(view.contacts):
+        row, column = divmod(k, DISCS)
+        x, y = (column + 0.5) * _PITCH, -row * _TALL - 1.25
+        color, limit = view.color(contact.name), result.scene.friction(contact.name) * contact.normal_force
+        ax.add_patch(Circle((x, y), 1.0, facecolor=color, alpha=0.14, linewidth=0.0))
+        ax.add_patch(Circle((x, y), 1.0, facecolor="none", edgecolor=color, linewidth=0.8))
+        ax.plot([x - 1.0, x + 1.0], [y, y], color=GRAY, linewidth=0.5)
+        ax.plot([x, x], [y - 1.0, y + 1.0], color=GRAY, linewidth=0.5)
+        if limit > 0.0:
+            across, lift = contact.friction_force / limit, contact.lift / limit
+            beyond = max(1.0, math.hypot(across, lift))  # what rounding puts beyond the rim
+            end = x + across / beyond, y + lift / beyond
+            ax.plot([x, end[0]], [y, end[1]], color=color, linewidth=1.6, solid_capstyle="round")
+            ax.plot(*end, "o", markersize=4.5, color=color, markeredgecolor="white", markeredgewidth=0.8)
+        # 13: letters of a contact's name that fit below a disc
+        name = contact.name if len(contact.name) <= 13 else contact.name.replace(".", ".\n")
+        ax.text(x, y - 1.15, name, fontsize=7, color=color, ha="center", va="top", linespacing=1.0)
+    return ax
+
+
+def friction_rows(view: GraspView) -> int:
+    """Number of rows of discs."""
+    return -(-len(view.contacts) // DISCS)
+
+
+_LOWEST = -0.5
+"""Least margin that is drawn: draws below, contacts that part among them, are in the first bar."""
+
+
+def plot_robustness(result: GraspResult) -> list[Axes]:
+    """Draw the grasp for all errors and that without errors, and the friction margins of both in random draws.
+
+    Of tendons with friction also postures with other friction states.
+    """
+    if result.robustness is None:
+        raise InputError(
+            "this result has no trials with errors: expected one of a scene with robust, or with tendons.friction",
+            key="robust",
+        )
+    left, right = new_figure(9.0, 4.2).subplots(1, 2)
+    return [_shapes(quiet(left), result, result.robustness), _margins(quiet(right), result.robustness)]
+
+
+def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
+    scene, drawn = result.scene, []
+    both: list[tuple[Mapping[str, Array], str, str, float]] = [
+        (robustness.nominal_arrays, GRAY, robustness.names[1], 0.35)
+    ]
+    if robustness.robust is not None:
+        both.append((result.arrays, BLUE, robustness.names[2], 0.3))
+    # As one body each: postures with other friction states.
+    for k in range(len(result.arrays.get("held.object.pose", ()))):
+        held = {key.removeprefix("held."): value[k] for key, value in result.arrays.items() if key.startswith("held.")}
+        both.insert(k, (held, GRAY, "other friction" if k == 0 else "", 0.2))
+    for arrays, color, name, alpha in both:
+        for k, (finger, grasp_finger) in enumerate(scene.named_fingers.items()):
+            line = np.asarray(arrays[f"{finger}.backbone"])
+            outline = finger_outline(line[:, 1:3], grasp_finger, s=line[:, 0], angle=line[:, 3])
+            draw_body(ax, outline, facecolor=color, alpha=alpha, label=name if k == 0 else "")
+            drawn.append(outline)
+    pose = np.asarray(both[-1][0]["object.pose"])
+    outlines = outlines_of(scene.object, pose)
+    draw_object(ax, outlines)
+    points = np.concatenate([*drawn, *outlines])
+    low, high = points.min(axis=0), points.max(axis=0)
+    margin = 0.06 * float((high - low).max())
+    unit = show_box(ax, (low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin))
+    draw_supports(ax, scene.supports)
+    label(ax, f"x [{unit}]", f"y [{unit}]")
+    head(ax, scene.name)
+    return ax
+
+
+def _margins(ax: Axes, robustness: Robustness) -> Axes:
+    edges = np.linspace(_LOWEST, 1.0, 30 + 1)
+    trials = [(robustness.nominal, GRAY, robustness.names[1])]
+    if robustness.robust is not None:
+        trials.append((robustness.robust, BLUE, robustness.names[2]))
+    for trial, color, name in trials:
+        margins = np.clip(np.nan_to_num(trial.margins, nan=_LOWEST, neginf=_LOWEST), _LOWEST, 1.0)
+        share = np.full(margins.size, 100.0 / margins.size)
+        text = f"{name}: {trial.held} of {margins.size} draws hold, {trial.tension:.4g} N"
+        ax.hist(margins, edges.tolist(), weights=share, color=color, alpha=0.55, label=text)
+    ax.axvline(0.0, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
+    label(ax, "least friction margin of a draw [1]", "draws [%]")
+    head(ax, None, columns=1)
+    return ax
