@@ -461,3 +461,23 @@ def test_few_factorizations_command_as_well_as_many():
     (capped, limited), (solved, none) = judged(4), judged(40)
     assert limited > none == 0
     assert capped == pytest.approx(solved, rel=0.01)
+
+
+@pytest.mark.deep
+def test_a_finger_that_is_held_takes_few_factorizations():
+    """The lower bound of the slack tendon holds in other parts of the horizon each period: 3.5 where as much is let go
+    as its multipliers say, 4.5 where that is what has the wrong sign, 9 where sets may not grow.
+    """
+    control = Controller(ROOT / "configs/mpc/steady_tip.yaml", deadline=math.inf)
+    counts, step = [], control.step
+
+    def counted(*given, **named):
+        command = step(*given, **named)
+        counts.append(command.iterations)
+        return command
+
+    control.step = counted
+    run_closed_loop(control.scene, controller=control)
+    assert len(counts) == 300
+    assert 3.0 < np.mean(counts) < 4.0
+    assert max(counts) <= 15

@@ -99,6 +99,42 @@ def test_the_answer_is_that_of_an_active_set_solver(k):
         assert report.cost - rti.qp()["l"].sum() == pytest.approx(q.cost(expected), rel=1e-5, abs=1e-5)
 
 
+@pytest.mark.parametrize("k", [0, 1, 3, 5])
+def test_rows_that_inputs_at_their_bounds_push_beyond_theirs(k):
+    """Neither the solution without bounds nor the bounds that were active before tell of them. By qpOASES, and so a QP
+    with the same matrices from another state.
+    """
+    rti, rng = iteration(k), np.random.default_rng(k)
+    o, tried, far = rti.settings, 0, 1e6
+    saved = {name: getattr(o, name).copy() for name in ("c_min", "c_max", "linear", "quadratic")}
+    weights = {"linear": np.full(rti.stages.nc, 10.0), "quadratic": np.full(rti.stages.nc, 100.0)}
+    try:
+        for _ in range(60):
+            x0 = disturb(rti, rng)
+            for name, value in {"c_min": -far, "c_max": far, "linear": 0.0, "quadratic": 0.0}.items():
+                setattr(o, name, np.full(rti.stages.nc, value))
+            rti.feedback(x0)
+            bounded = change_of_plan(rti)
+            for name, value in weights.items():
+                setattr(o, name, value)
+            q = qp_of(rti, x0)
+            free = np.linalg.solve(np.block([[q.H, q.E.T], [q.E, np.zeros((len(q.e),) * 2)]]), np.r_[-q.g, q.e])
+            without, within = (far + (q.C @ z - q.c_max).max() for z in (free[: len(q.g)], bounded))
+            if within <= without + 1e-3:
+                continue
+            tried += 1
+            o.c_max = np.full(rti.stages.nc, without + 0.3 * (within - without))
+            for state in (x0, 1.1 * x0):
+                q = qp_of(rti, state)
+                rti.feedback(state)
+                found, expected = change_of_plan(rti), q.solve()
+                assert np.abs(found - expected).max() <= 1e-6 * np.abs(expected).max()
+    finally:
+        for name, value in saved.items():
+            setattr(o, name, value)
+    assert tried > 5
+
+
 def test_single_precision_keeps_three_digits():
     rng = np.random.default_rng(2)
     double, single = easy("double"), easy("float")

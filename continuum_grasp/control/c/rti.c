@@ -8,14 +8,14 @@
  */
 
 /* Rounds of the active set from a warm start, and from the interior point's estimate. In the closed loop of
- * configs/mpc/steady_tip.yaml a QP takes 4.5 factorizations on average and 12 at most, and needs no interior point; with 6
- * rounds of the first 7.6 and 29. In that of configs/mpc/keep_out.yaml, whose bounds are curved, it takes 14; with 1 and 6
- * rounds of the second 12 and 14. */
+ * configs/mpc/steady_tip.yaml a QP takes 3.5 factorizations on average and 10 at most, and needs no interior point; with 6
+ * rounds of the first up to 27. In that of configs/mpc/keep_out.yaml, whose bounds are curved, it takes 14; with 1 and 6
+ * rounds of the second 13 and 16. */
 #define RTI_ROUNDS 12
-#define RTI_FINAL_ROUNDS 3
+#define RTI_FINAL_ROUNDS 2
 /* Mean complementarity products, per cost of moving an input by its scale, at which the interior point's estimate of the
- * active set is tried: first at 1e-2 (in keep_out 1e-1: 14.6 factorizations, 1e-4: 13.2), then each time they have fallen by
- * 1e-3 (1e-1: 20, 1e-6: 12.7). Below the last, rounding hides any further progress. */
+ * active set is tried: first at 1e-2 (in keep_out 1e-1: 14.7 factorizations, 1e-4: 13.4), then each time they have fallen by
+ * 1e-3 (1e-1: 19, 1e-6: 13.5). Below the last, rounding hides any further progress. */
 #define RTI_FIRST_PRODUCT RTI_R(1e-2)
 #define RTI_PRODUCT_FACTOR RTI_R(1e-3)
 #ifdef RTI_SINGLE
@@ -133,18 +133,6 @@ int rti_prepare(rti_work *o, const rti_plan *plan, const rti_settings *settings,
   return RTI_SOLVED;
 }
 
-/* Greatest violation of a bounded quantity over the nodes. */
-static real rti_excess(const rti_settings *s, int row, const real y[RTI_LENGTH])
-{
-  real least = y[0], most = y[0];
-  for (int k = 1; k < RTI_LENGTH; ++k) {
-    least = rti_min(least, y[k]);
-    most = rti_max(most, y[k]);
-  }
-  const real low = rti_low(s, row), high = rti_high(s, row);
-  return rti_max(0, rti_max(low > -RTI_ABSENT ? low - least : 0, high < RTI_ABSENT ? most - high : 0));
-}
-
 /* Whether the trajectory satisfies all bounds: then the solution without bounds is that of the QP. */
 static int rti_feasible(const rti_work *o, const rti_settings *s)
 {
@@ -220,15 +208,19 @@ static real rti_optimality(rti_work *o, const rti_settings *s, real unit)
  * them together take s->iterations factorizations at most. */
 static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, rti_report *report)
 {
-  rti_stiffnesses(o);
   memcpy(o->saved, o->z, sizeof o->z);
   o->is_free = 0;
   memset(o->a, 0, sizeof o->a);
   const int how = rti_previous_set(o, plan) || rti_plan_set(o, s) ? RTI_RETAINED : RTI_ESTIMATED;
+  /* rows far from their bounds need none, which takes as long as two and a half factorizations */
+  o->has_stiffness = how != RTI_RETAINED || rti_rows_matter(o, s);
+  if (o->has_stiffness) rti_stiffnesses(o);
+  else rti_pivots(o);
   const int found = rti_active_set(o, s, how, rti_lesser(RTI_ROUNDS, s->iterations), report);
   if (found) return found == RTI_ROUNDED ? RTI_ITERATION_LIMIT : RTI_SOLVED;
   /* the last of its points is closer than a first one of the interior point */
   if (report->iterations >= s->iterations) return RTI_ITERATION_LIMIT;
+  if (!o->has_stiffness) rti_stiffnesses_again(o);
   rti_sides(o, s);
   memcpy(o->z, o->saved, sizeof o->z);  /* the trajectory without bounds */
   rti_inner_trajectory(o, s);

@@ -93,6 +93,7 @@ typedef struct {
 
 typedef struct {
   int ready, is_free;         /* whether there is a QP; whether the factors are those without bounds */
+  int has_stiffness;          /* whether `stiffness` is that of all bounded quantities */
   /* of a rollout whose derivatives are in M: its substeps, 0: there is none; stage, parameters */
   int driven;
   real stage, p[RTI_SIZE(RTI_NP)];

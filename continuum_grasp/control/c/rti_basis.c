@@ -64,8 +64,7 @@ static inline void rti_add_row(real to[RTI_W], real a, const real from[RTI_W], i
 {
 #ifdef RTI_VECTOR
   typedef real block __attribute__((vector_size(4 * sizeof(real)), aligned(sizeof(real)), may_alias));
-  (void)count;
-  for (int l = 0; l < RTI_W; l += 4) *(block *)(to + l) += a * *(const block *)(from + l);
+  for (int l = 0; l < count; l += 4) *(block *)(to + l) += a * *(const block *)(from + l);
 #else
   for (int l = 0; l < count; ++l) to[l] += a * from[l];
 #endif

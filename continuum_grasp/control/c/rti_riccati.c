@@ -326,6 +326,34 @@ static void rti_stiffnesses(rti_work *o)
     for (int k = RTI_STAGES; k < RTI_LENGTH; ++k) o->stiffness[i][k] = o->stiffness[i][RTI_STAGES - 1];
 }
 
+/* Greatest violation of a bounded quantity over the nodes. */
+static real rti_excess(const rti_settings *s, int row, const real y[RTI_LENGTH])
+{
+  real least = y[0], most = y[0];
+  for (int k = 1; k < RTI_LENGTH; ++k) {
+    least = rti_min(least, y[k]);
+    most = rti_max(most, y[k]);
+  }
+  const real low = rti_low(s, row), high = rti_high(s, row);
+  return rti_max(0, rti_max(low > -RTI_ABSENT ? low - least : 0, high < RTI_ABSENT ? most - high : 0));
+}
+
+/* The same where other factors are at hand. */
+static void rti_stiffnesses_again(rti_work *o)
+{
+  rti_solve_free(o);
+  rti_stiffnesses(o);
+  o->has_stiffness = 1;
+  o->is_free = 0;
+}
+
+/* Upper bounds of the stiffness of inputs, at no cost: with the state before an input given. */
+static void rti_pivots(rti_work *o)
+{
+  for (int k = 0; k < RTI_STAGES; ++k)
+    for (int j = 0; j < RTI_NU; ++j) o->stiffness[j][k] = o->inverse[k][j] > 0 ? 1 / o->inverse[k][j] : 0;
+}
+
 /* Gradient of the Lagrangian with respect to each input by the adjoint recursion, and the largest sum of the magnitudes
  * of its terms, against which its rounding is judged. */
 static void rti_gradient(rti_work *o)

@@ -254,17 +254,18 @@ def _stores(stages: Stages) -> str:
 
 
 def _vector_products(stages: Stages, lanes: bool) -> str:
-    """Write q += H z, q += M' p and next += M z, of a stage's matrices, over structural nonzeros.
-
-    In vector lanes whole rows are added, which registers take at once.
-    """
+    """Write q += H z, q += M' p and next += M z over structural nonzeros, in vector lanes by blocks that have some."""
     hessian, reached = _nonzeros(stages.cost, 2), _reached(stages)
     hessian[: stages.nx, : stages.nx] |= _nonzeros(stages.terminal, 2)
 
     def rows(matrix: str, pattern: Pattern, by: str) -> list[str]:
-        if lanes:
-            return [f"  rti_add_row(q, {by}[{i}], {matrix}[{i}], RTI_NZ);" for i in range(len(pattern))]
-        return [f"  q[{j}] += {by}[{i}] * {matrix}[{i}][{j}];" for i, j in np.argwhere(pattern)]
+        if not lanes:
+            return [f"  q[{j}] += {by}[{i}] * {matrix}[{i}][{j}];" for i, j in np.argwhere(pattern)]
+        lines = [_BLOCK_TYPE]
+        for b, used in enumerate(_blocks(pattern).T):
+            terms = [f"{by}[{i}] * {_taken(f'{matrix}[{i}]', b)}" for i in np.flatnonzero(used)]
+            lines += [f"  *(block *)(q + {b * _BLOCK}) += {' + '.join(terms)};"] if terms else []
+        return lines
 
     sums = [
         f"  next[{i}] += " + " + ".join(f"M[{i}][{j}] * z[{j}]" for j in np.flatnonzero(row)) + ";"
@@ -283,6 +284,24 @@ def _vector_products(stages: Stages, lanes: bool) -> str:
     return "\n".join([*lines, ""])
 
 
+_BLOCK = 4
+"""Numbers of a row that are taken together [1], as ``RTI_W`` is padded."""
+_BLOCK_TYPE = (
+    f"  typedef real block __attribute__((vector_size({_BLOCK} * sizeof(real)), aligned(sizeof(real)), may_alias));"
+)
+
+
+def _blocks(pattern: Pattern) -> Pattern:
+    """Whether the blocks of each row have an entry."""
+    padded = np.pad(pattern, ((0, 0), (0, -pattern.shape[1] % _BLOCK)))
+    found: Pattern = np.stack([padded[:, k::_BLOCK] for k in range(_BLOCK)]).max(axis=0)
+    return found
+
+
+def _taken(row: str, block: int) -> str:
+    return f"*(const block *)({row} + {block * _BLOCK})"
+
+
 _MOST = 1500
 """Multiplications of a product [1] beyond which loops are used: unrolled, they would take over 10 kB."""
 
@@ -299,35 +318,28 @@ def jacobian_products(stages: Stages) -> str:
     return _chain(rate, driven, reached) + _carry(reached, hessian)
 
 
-_BLOCK = 4
-"""Numbers of a row that are taken together [1], as ``RTI_W`` is padded."""
-
-
 def row_products(stages: Stages) -> str:
     """Write ``rti_congruence`` for vector lanes: by blocks of rows, without those that are structurally zero.
 
     Loops over whole rows, which the template has, take four times as long where a row has 16 numbers (gcc 12 unrolls
     them before it vectorizes), and twice as long for drives, whose states follow from few others.
     """
-    nx = stages.nx
-    reached, blocks = _reached(stages), -(-(nx + stages.nu) // _BLOCK)
-    used = [[b for b in range(blocks) if row[b * _BLOCK : (b + 1) * _BLOCK].any()] for row in reached]
-    taken = "*(const block *)({} + {})".format
+    reached = _reached(stages)
+    used = _blocks(reached)
+    nx, blocks = used.shape
     # Of the lower triangle; behind it sums of whole rows go on.
     lower = {(j, b) for j, column in enumerate(reached.T) for b in range(j // _BLOCK + 1) if column.any()}
-    size = f"vector_size({_BLOCK} * sizeof(real)), aligned(sizeof(real)), may_alias"
-    lines = [f"  typedef real block __attribute__(({size}));"]
-    lines += [f"  block g{j}_{b} = {taken(f'H[{j}]', b * _BLOCK)};" for j, b in sorted(lower)]
+    lines = [_BLOCK_TYPE]
+    lines += [f"  block g{j}_{b} = {_taken(f'H[{j}]', b)};" for j, b in sorted(lower)]
     for i in range(nx):
         lines.append("  {")
         for b in range(blocks):
-            columns = [q for q in range(nx) if b in used[q]]
-            terms = [f"P[{max(i, q)}][{min(i, q)}] * {taken(f'M[{q}]', b * _BLOCK)}" for q in columns]
+            terms = [f"P[{max(i, q)}][{min(i, q)}] * {_taken(f'M[{q}]', b)}" for q in np.flatnonzero(used[:, b])]
             lines.append(f"    const block m{b} = {' + '.join(terms) or '{0}'};")
         lines += [f"    g{j}_{b} += M[{i}][{j}] * m{b};" for j, b in sorted(lower) if reached[i, j]]
         lines.append("  }")
     for j, b in product(range(reached.shape[1]), range(blocks)):
-        value = f"g{j}_{b}" if (j, b) in lower else taken(f"H[{j}]", b * _BLOCK)
+        value = f"g{j}_{b}" if (j, b) in lower else _taken(f"H[{j}]", b)
         lines.append(f"  *(block *)(G[{j}] + {b * _BLOCK}) = {value};")
     return _function("RTI_UNROLLED_CONGRUENCE", _CONGRUENCE, "", lines)
 
