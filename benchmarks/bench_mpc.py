@@ -97,16 +97,16 @@ def add_race(report: Report, asked: argparse.Namespace) -> None:
         timed = {label: loop for label, loop in loops.items() if checked[label].good.mean() >= WORTH}
         runs = {label: [run] for label, run in checked.items()} | measured(timed, asked.rounds, report.seed)
         rows = []
-        for label, loop in loops.items():
+        for label in loops:
             low, middle, high = quartiles(us(runs[label]))
             p99, retained = float(np.median(us(runs[label], 99.0))), checked[label]
             cold = float(np.median([1e6 * run.cold for run in runs[label]]))
             solved = f"{int(retained.good.sum())}/{case.steps}"
             costs = case.cost(retained.x, retained.u), case.excess(retained.x, retained.u)
             timing = [middle, low, high, p99, p99 / middle, *phases(runs[label]), cold]
-            rows.append([label, *timing, ratio(runs, label, OURS[1]), solved, *costs, loop.code_bytes / 1024.0])
+            rows.append([label, *timing, ratio(runs, label, OURS[1]), solved, *costs])
         columns = ["", "median [us]", "quartile 1", "quartile 3", "p99 [us]", "p99 / median", "prepare", "feedback"]
-        columns += ["cold [us]", f"times {OURS[1]}", "solved", *COSTS, "code [KiB]"]
+        columns += ["cold [us]", f"times {OURS[1]}", "solved", *COSTS]
         note = (
             f"{case.what}; N = {case.stages.stages}, {case.stages.substeps} step(s) per stage ({_method(case)}), "
             f"{case.stages.nx} states, {case.stages.nu} input(s), {case.stages.nc} row(s). A reading of the clock "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -229,15 +229,15 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
         row: list[Any] = [group, name]
         for loop in loops:
             row.append(_cell([one for one in same if one.loop == loop]))
-        rows.append([*row, max(one.swing for one in same), _first(same), _last(same)])
-    columns = ["", "plant", *loops, "greatest swing", "reported after [s]", "tripped after [s]"]
+        rows.append([*row, max(one.swing for one in same)])
+    columns = ["", "plant", *loops, "greatest swing"]
     note = (
         f"Root mean square distance of the tip from its setpoint over the last {LAST:g} s of {OTHERS:g} s "
         f"(nitinol_moment: {DURATION['nitinol_moment']:g} s; {DRIFTING:g} s more where a sensor drifts), of the seeds "
         "the worst [mm]; r: reported, T: tripped into the safe state (t: of some seeds), F: more than "
         f"{NEAR:g} L from the ideal loop and not tripped, S: the command swings, !: silent. Swing: r.m.s. change of "
-        f"the command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s, and "
-        "times count from there; all else is wrong from the start."
+        f"the command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s; all "
+        "else is wrong from the start."
     )
     report.table("Last second", columns, rows, note)
     counts = [
@@ -245,9 +245,6 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
     ]
     counts.append(["all", *[sum(one.verdict == v for one in found) for v in _VERDICTS]])
     report.table("Verdicts", ["", *_VERDICTS], counts)
-    statuses = Counter(word for one in found for word, n in one.status.items() for _ in range(n))
-    healths = Counter(word for one in found for word, n in one.health.items() for _ in range(n))
-    report.table("Steps", ["", "steps"], [[k, n] for k, n in (statuses + healths).most_common()])
 
 
 _VERDICTS = ("near", "near, reported", "safe state", "far, reported", "swings, reported", "SILENT")
@@ -262,20 +259,6 @@ def _cell(same: Sequence[Outcome]) -> str:
     marks += "F" * any(not one.near and not one.safe and not one.swings for one in same)
     marks += "S" * any(one.swings for one in same) + "!" * any(one.silent for one in same)
     return f"{1e3 * max(one.error for one in same):.1f} {marks}".strip()
-
-
-def _since(one: Outcome, t: float) -> float:
-    return t - FAULT if one.group == "sensor" else t
-
-
-def _first(same: Iterable[Outcome]) -> float | None:
-    times = [_since(one, one.reported) for one in same if not math.isnan(one.reported)]
-    return max(times) if times else None
-
-
-def _last(same: Iterable[Outcome]) -> float | None:
-    times = [_since(one, one.tripped) for one in same if one.safe]
-    return max(times) if times else None
 
 
 def main() -> None:

@@ -62,21 +62,6 @@ class Timing:
         """Median time of one evaluation [s]; NaN without samples."""
         return quartiles(self.samples)[1]
 
-    def as_json(self) -> dict[str, Any]:
-        """Everything, with quartiles."""
-        low, middle, high = quartiles(self.samples)
-        return {
-            "name": self.name,
-            "status": self.status,
-            "cold_s": self.cold,
-            "warm_s": {"median": middle, "first_quartile": low, "third_quartile": high},
-            "samples": len(self.samples),
-            "evaluations_per_sample": self.count,
-            "converged": self.converged,
-            "failed": self.failed,
-            "reason": self.reason,
-        }
-
 
 def quartiles(values: Sequence[float]) -> tuple[float, float, float]:
     """First quartile, median, third quartile; NaN of nothing."""

@@ -19,7 +19,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import baselines
+from benchmarks.baselines import Peer
 from continuum_grasp.closed_loop.plant_model import plant_scene
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
@@ -156,13 +156,6 @@ def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
     raise InputError("the chain has no base")
 
 
-class Peer(baselines.Peer):
-    """MuJoCo in its own interpreter."""
-
-    def __init__(self) -> None:
-        super().__init__("mujoco_mission.py")
-
-
 def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variation) -> dict[str, Any]:
     """The mission on one plant: what became of the object, read off MuJoCo."""
     table, scene = Timetable(of), scene_of_plant(of, variation)
@@ -268,7 +261,7 @@ def main() -> None:
         raise InputError(
             "one finger with one middle contact at most is known here", file=asked.mission, key="grasp.contacts"
         )
-    control, peer = Controller(of.control, deadline=math.inf), Peer()
+    control, peer = Controller(of.control, deadline=math.inf), Peer("mujoco_mission.py")
     drawn = variations(mission.trials.replaced(count=asked.plants))
     good = 0
     for k, variation in enumerate(drawn):
