@@ -108,7 +108,7 @@ def add_race(report: Report, asked: argparse.Namespace) -> None:
         columns = ["", "median [us]", "quartile 1", "quartile 3", "p99 [us]", "p99 / median", "prepare", "feedback"]
         columns += ["cold [us]", f"times {OURS[1]}", "solved", *COSTS]
         note = (
-            f"{case.what}; N = {case.stages.stages}, {case.stages.substeps} step(s) per stage ({_method(case)}), "
+            f"{case.what}; N = {case.stages.stages}, {case.stages.substeps} step(s) per stage ({case.stages.method}), "
             f"{case.stages.nx} states, {case.stages.nu} input(s), {case.stages.nc} row(s). A reading of the clock "
             f"takes {1e9 * loops[OURS[0]].timer_cost():.0f} ns and is in every time. Quartiles are of the rounds' "
             f"medians. {'; '.join(f'{form}: {text}' for form, text in FORMS.items())}."
@@ -123,10 +123,6 @@ def add_race(report: Report, asked: argparse.Namespace) -> None:
         for label in OURS[:2]:
             share = float(checked[label].good.mean())
             report.claim(f"{name}: share of steps solved, {label}", share, ">=", 1.0)
-
-
-def _method(case: Case) -> str:
-    return str(getattr(case.stages, "method", "rk4"))
 
 
 def add_converged(report: Report, asked: argparse.Namespace) -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -31,7 +32,7 @@ from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import plant_mass
 from continuum_grasp.mission.drop import FALLEN
-from continuum_grasp.mission.plan import Plan
+from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.trials import variations
 from continuum_grasp.scene.load import load
@@ -166,12 +167,13 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
     known = {"weight": weight, "friction": of_table.friction, "stiffness": mission.contact_law.stiffness}
     known |= {"friction_radius": of_table.friction_radius}
     reading = peer.ask(xml=with_pads(chain.text, scene), table=known)
-    plan, outside = Plan(table, control.stages, np.zeros(0)), table.outside()
+    check, outside = LiftCheck([of], [table]), table.outside()
+    plan = check.schedule(0, control.stages)
     names = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
     rng = np.random.default_rng(variation.seed)
     sensors = _Sensors(of, chain.text, scene)
     control.reset(u=of.rest)
-    plant = type("Plant", (), {"command": of.rest})()
+    plant = SimpleNamespace(command=of.rest, height=reading["pose"][3])
     t, ahead = 0.0, control.stages.stage * np.arange(control.stages.stages + 1)
     late = [sensors.read(reading)] * (1 + round(mission.estimator.delay / period))
     plan.enter(t, control, plant)
@@ -187,11 +189,12 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
             height=outside["table_height [m]"](ends).tolist(),
             wrench=np.stack([outside[name](ends) for name in names], axis=1).tolist(),
         )
-        t += period
+        t, plant.height = t + period, reading["pose"][3]
         rows.append((t, *reading["pose"], *reading["pads"].values(), command.status.name.lower()))
         if not reading["finite"] or not plan.advance(t, control, plant, command):
             break
-    return _judged(of, table, rows, list(reading["pads"]))
+    found = _judged(of, table, rows, list(reading["pads"]))
+    return found | {"held": found["held"] and check.refused is None}
 
 
 class _Sensors:
