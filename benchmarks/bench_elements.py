@@ -1,11 +1,13 @@
-"""Many elements: forward dynamics by sweeps along the chain against the dense solution, and implicit steps by them.
+"""Forward dynamics with few and with many elements: the dense solution beside sweeps along the chain.
 
-Run ``python -m benchmarks.bench_elements`` in the root of the repository; see README.md beside this file.
+Run ``python -m benchmarks.bench_elements`` in the root of the repository; see README.md beside this file. The rod is
+the paper's, along world +X, with a tip mass, damping, gravity and a tip moment.
 """
 
 from __future__ import annotations
 
 import ctypes
+import math
 import re
 import shutil
 import subprocess
@@ -18,25 +20,32 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-import continuum_grasp as cg
-from benchmarks.bench_dynamics import finger
 from benchmarks.harness import compiled, compiler, defines, linked, one_core, race, run
 from benchmarks.report import Report, arguments
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.source import generated as package_source
 from continuum_grasp.model import FingerModel, pattern
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.scene import BasePose, Damping, Finger, Rod
+from continuum_grasp.scene.finger import BasePose, Damping, Finger, PointMass, Rod
 
 FAMILIES = ("matched_clothoid", "arc")
 ELEMENTS = (1, 2, 4, 8, 16, 32, 64, 128)
 TARGET = 31_000
 """Most instructions of 32 matched elements."""
+FEWEST = pattern.FEWEST_ELEMENTS
 COUNTED = 20
 """Evaluations that are counted, as the difference of two runs."""
-CONE = {"to": 0.25, "thickness": [0.02, 0.005], "width": [0.02, 0.005]}
-SPAN = 0.15
-"""About the first period of the cone that falls from level [s]."""
+LENGTH = 0.6
+FINGER = Finger(
+    rod=Rod(
+        length=LENGTH,
+        linear_density=6450 * math.pi * 0.001**2,
+        bending_stiffness=60e9 * math.pi * 0.002**4 / 64,
+    ),
+    damping=Damping(per_arc=1e-4),
+    masses=(PointMass(at=LENGTH, mass=0.02),),
+    base=BasePose(angle=-math.pi / 2),
+)
 
 
 class Compiled:
@@ -79,8 +88,8 @@ class Compiled:
 
 
 def model_of(family: str, elements: int) -> FingerModel:
-    """Tip mass, gravity, damping and tip moment."""
-    return FingerModel(finger(tendons=False), elements=elements, family=family, tip_force=False)
+    """The finger in so many elements."""
+    return FingerModel(FINGER, elements=elements, family=family, tip_force=False)
 
 
 def dense_of(model: FingerModel) -> ca.Function:
@@ -152,30 +161,6 @@ def growth(report: Report, family: str, most: int, most_dense: int) -> None:
     report.table(f"Forward dynamics, {family}", columns, rows, note)
 
 
-def implicit(report: Report) -> None:
-    """Error of implicit steps over the number of elements: a tapered finger falls, damped by its material."""
-    rod = Rod.model_validate({"length": 0.25, "youngs_modulus": 2e6, "density": 1100.0, "sections": [CONE]})
-    rows = []
-    for count in (8, 16, 32, 64):
-        damped = Finger(rod=rod, damping=Damping(material=1e-3 * rod.stiffness), base=BasePose(angle=-np.pi / 2))
-        core = cg.compile(FingerModel(damped, family="clothoid", elements=count, tip_force=False))
-
-        def tip(steps: int, core: cg.Core = core) -> Any:
-            start = np.zeros(core.model.nx)
-            states = core.rollout(start, steps, SPAN / steps, method="extrapolated_euler")
-            return core.tip(states[-1, : core.model.n])
-
-        true = tip(6400)
-        rows.append([count, *(float(np.linalg.norm(tip(steps) - true)) / 0.25 for steps in (100, 200, 400))])
-    columns = ["elements", "100 steps", "200 steps", "400 steps"]
-    note = "Error of the tip per length after the first period of a cone of 1:4, against 6400 steps."
-    report.table("Steps implicit in elasticity and damping", columns, rows, note)
-    report.claim("error of 100 steps with 64 elements per that with 8", rows[-1][1] / rows[0][1], "<=", 1.2)
-
-
-FEWEST = pattern.FEWEST_ELEMENTS
-
-
 def main() -> None:
     """Run what is asked for and write the report."""
     asked = arguments(
@@ -185,7 +170,6 @@ def main() -> None:
     pattern.FEWEST_ELEMENTS = 2  # sweeps of few elements too, to compare
     for family in FAMILIES:
         growth(report, family, asked.elements, asked.dense)
-    implicit(report)
     report.finish()
 
 

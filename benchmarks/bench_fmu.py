@@ -1,7 +1,7 @@
 """Functional mock-up units of every shipped finger and closed loop: validated, simulated, compared.
 
 Run ``python -m benchmarks.bench_fmu`` in the root of the repository (10 min), with the extras fmu and test; ``--only``
-takes some and leaves the others as they were found before. A finger takes 100 steps by its FMUs and by the C package,
+takes some. A finger takes 100 steps by its FMUs and by the C package,
 which is compiled and called apart from them. Of a closed loop plant and controller take 100 periods together, with the
 plant's noise set to 0, beside ``run_closed_loop``. All is compiled quickly: what the strict C computes does not depend
 on that.
@@ -33,7 +33,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 import continuum_grasp as cg
-from benchmarks.report import RESULTS, Report, arguments
+from benchmarks.report import Report, arguments
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
@@ -47,7 +47,6 @@ from tests.export_cases import shared_library
 from tests.fmu_cases import Instance
 from tests.rods import ROOT
 
-RECORD = RESULTS / "fmu.json"
 STEPS = 100
 """Internal steps of a finger, periods of a closed loop."""
 ROUNDING = 1e-6
@@ -268,16 +267,11 @@ def main() -> None:
     if asked.tools:
         return try_tools()
     shipped = [path for kind in ("simulate", "mpc") for path in sorted((ROOT / "configs" / kind).glob("*.yaml"))]
-    report, rows, earlier = Report("fmu", 0), list[list[Any]](), dict[str, list[Any]]()
-    if asked.only and RECORD.exists():
-        earlier = {row[0]: row for row in json.loads(RECORD.read_text())["tables"][0]["rows"]}
+    report, rows = Report("fmu", 0), list[list[Any]]()
     for config in shipped:
         name = f"{config.parent.name}/{config.stem}"
         if asked.only and name not in asked.only:
-            if name in earlier:
-                rows.append(earlier[name])
-            else:
-                report.missing.append(name)
+            report.missing.append(name)
             continue
         with tempfile.TemporaryDirectory() as folder:
             try:

@@ -59,7 +59,7 @@ def percentile(values: list[float], percent: float) -> float:
 def add_times(report: Report, words: str, outcomes: list[Outcome]) -> None:
     """Median, 95th percentile and most of the times, and how those after the build are distributed."""
     rows = []
-    for name in ("build", "start", "solver", "certificate", "after_build", "all"):
+    for name in ("build", "start", "solver", "after_build", "all"):
         values = milliseconds(outcomes, name)
         rows.append([name, *(percentile(values, p) for p in (50, 95, 100))])
     steps = [float(o.iterations) for o in outcomes if o.seconds]
@@ -79,9 +79,6 @@ def add_held(report: Report, kind: str, outcomes: list[Outcome], words: str) -> 
         after = milliseconds(outcomes, "after_build")
         report.claim(f"{words}: after the build, median [ms]", percentile(after, 50), "<=", 20.0)
         report.claim(f"{words}: after the build, 95th percentile [ms]", percentile(after, 95), "<=", 80.0)
-        report.claim(
-            f"{words}: certificate, median [ms]", percentile(milliseconds(outcomes, "certificate"), 50), "<=", 30.0
-        )
     add_times(report, words, outcomes)
     rows = [
         [name, max((o.worst[name] for o in outcomes if o.worst), default=math.nan), LIMITS[name]] for name in LIMITS

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, Table, plain
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
@@ -86,21 +86,12 @@ def drawn(rng: np.random.Generator) -> tuple[str, str, dict[str, Any]]:
         "contact_law.friction": friction,
         "grasp.contacts.friction": 0.9 * friction,
         "plant.fidelity.elements": ELEMENTS,
-        "estimator.measured.bending.at": np.linspace(0.15, 1.0, 6) * lengths.min(),
+        "estimator.measured.bending.at": (np.linspace(0.15, 1.0, 6) * lengths.min()).tolist(),
     }
     extent = " x ".join(f"{1e3 * each:.0f}" for each in size.values())
     words = f"{shape}, {extent} mm, {1e3 * mass:.0f} g, friction {friction:.2f}, {1e3 * gap:.0f} mm off"
     own_words = "; ".join(f"{1e3 * a:.0f}, {b:.3f}" for a, b in zip(lengths, stiffness, strict=True))
-    return words, own_words, _plain(changes)
-
-
-def _plain(value: Any) -> Any:
-    """Numbers of numpy as those of Python."""
-    if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, list | np.ndarray):
-        return [_plain(each) for each in value]
-    return float(value) if isinstance(value, np.floating) else value
+    return words, own_words, plain(changes)
 
 
 def carried_out(changes: dict[str, Any]) -> tuple[list[Any], bool | None]:

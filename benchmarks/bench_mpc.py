@@ -4,7 +4,8 @@ Run ``python -m benchmarks.bench_mpc`` in the root of the repository; parts of i
 (``cart_pole`` and ``two_links`` are no continuum fingers). Closed loops in C on one core, timed by the processor time
 of their thread in rounds in which the solvers take turns: the package's, acados (see ``mpc_external``) and CasADi's
 generated ``sqpmethod``; the same problems solved to convergence by IPOPT and do-mpc, from Python. What is not there is
-listed as not measured.
+listed as not measured. ``--only oracle`` instead solves random QPs (penalties over five orders, absent bounds, states
+up to ten times the bounds, random plans) by the C and by qpOASES, which has the slacks of the rows as variables.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ from benchmarks.mpc_external import acados_loops, dompc
 from benchmarks.mpc_loop import FLAGS, CLoop, LoopRun, rti_loop
 from benchmarks.mpc_peers import FORMS, converged, sqp_loop
 from benchmarks.mpc_world import World
+from benchmarks.real_time_iteration import RealTimeIteration
 from benchmarks.report import RESULTS, Report, arguments
 from continuum_grasp.control.controller import Controller
+from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 
 Array = NDArray[np.float64]
 
@@ -40,6 +43,10 @@ WORTH = 0.9
 COSTS = ("closed-loop cost", "worst excess of a row, share")
 CONTROLLED = ("nitinol_moment", "steady_tip")
 """Shipped scenes whose controllers are called from Python."""
+SETS = 36
+"""Random problems of the comparison with qpOASES, over which the QPs are spread."""
+HARD = {"linear": 1e4, "quadratic": 1e6}
+"""Penalties of rows that are to be satisfied wherever they can be, which every third of these problems has."""
 
 
 def measured(loops: Mapping[str, CLoop], rounds: int, seed: int) -> dict[str, list[LoopRun]]:
@@ -90,18 +97,18 @@ def add_race(report: Report, asked: argparse.Namespace) -> None:
         timed = {label: loop for label, loop in loops.items() if checked[label].good.mean() >= WORTH}
         runs = {label: [run] for label, run in checked.items()} | measured(timed, asked.rounds, report.seed)
         rows = []
-        for label, loop in loops.items():
+        for label in loops:
             low, middle, high = quartiles(us(runs[label]))
             p99, retained = float(np.median(us(runs[label], 99.0))), checked[label]
             cold = float(np.median([1e6 * run.cold for run in runs[label]]))
             solved = f"{int(retained.good.sum())}/{case.steps}"
             costs = case.cost(retained.x, retained.u), case.excess(retained.x, retained.u)
             timing = [middle, low, high, p99, p99 / middle, *phases(runs[label]), cold]
-            rows.append([label, *timing, ratio(runs, label, OURS[1]), solved, *costs, loop.code_bytes / 1024.0])
+            rows.append([label, *timing, ratio(runs, label, OURS[1]), solved, *costs])
         columns = ["", "median [us]", "quartile 1", "quartile 3", "p99 [us]", "p99 / median", "prepare", "feedback"]
-        columns += ["cold [us]", f"times {OURS[1]}", "solved", *COSTS, "code [KiB]"]
+        columns += ["cold [us]", f"times {OURS[1]}", "solved", *COSTS]
         note = (
-            f"{case.what}; N = {case.stages.stages}, {case.stages.substeps} step(s) per stage ({_method(case)}), "
+            f"{case.what}; N = {case.stages.stages}, {case.stages.substeps} step(s) per stage ({case.stages.method}), "
             f"{case.stages.nx} states, {case.stages.nu} input(s), {case.stages.nc} row(s). A reading of the clock "
             f"takes {1e9 * loops[OURS[0]].timer_cost():.0f} ns and is in every time. Quartiles are of the rounds' "
             f"medians. {'; '.join(f'{form}: {text}' for form, text in FORMS.items())}."
@@ -116,10 +123,6 @@ def add_race(report: Report, asked: argparse.Namespace) -> None:
         for label in OURS[:2]:
             share = float(checked[label].good.mean())
             report.claim(f"{name}: share of steps solved, {label}", share, ">=", 1.0)
-
-
-def _method(case: Case) -> str:
-    return str(getattr(case.stages, "method", "rk4"))
 
 
 def add_converged(report: Report, asked: argparse.Namespace) -> None:
@@ -179,18 +182,53 @@ def add_python(report: Report, asked: argparse.Namespace) -> None:
     report.table("From Python", columns, rows, note)
 
 
-PARTS = {"race": add_race, "converged": add_converged, "python": add_python}
+def add_oracle(report: Report, asked: argparse.Namespace) -> None:
+    """Answers to random QPs against those of an active-set solver."""
+    rows, limit = [], 1e-6 if asked.precision == "double" else 1e-3
+    sets = min(SETS, asked.problems)
+    for k in range(sets):
+        size, rng = SIZES[k % len(SIZES)], np.random.default_rng((report.seed, k))
+        hard = {name: np.full(size[3] + size[4], penalty) for name, penalty in HARD.items()} if k % 3 == 2 else {}
+        rti = RealTimeIteration(random_stages(k, size, **hard), precision=asked.precision, lanes=False)
+        off, above, rounds, unsolved, unanswered = [], [], [], 0, 0
+        for _ in range(-(-asked.problems // sets)):
+            x0 = disturb(rti, rng)
+            q = qp_of(rti, x0)
+            found = rti.feedback(x0)
+            unsolved += found.status == 1
+            rounds.append(found.iterations)
+            try:
+                expected = q.solve()
+            except RuntimeError:
+                unanswered += 1
+                continue
+            z, least = change_of_plan(rti), q.cost(expected)
+            off.append(np.abs(z - expected).max() / np.abs(expected).max())
+            above.append((q.cost(z) - least) / max(1.0, abs(least)))
+        numbers = *np.quantile(off, [0.5, 0.999, 1.0]), max(above), min(above), *np.quantile(rounds, [0.5, 1.0])
+        rows.append([k, " ".join(map(str, size)), len(off), *map(float, numbers), unsolved, unanswered])
+        print(rows[-1], flush=True)
+    columns = ["set", "N nx nu ns others", "problems", "median", "99.9 %", "worst", "cost above", "cost below"]
+    columns += ["rounds", "most rounds", "not solved", "no answer of qpOASES"]
+    note = "Largest difference of the answer over its largest entry; cost over the larger of 1 and itself."
+    report.table("Against qpOASES", columns, rows, note)
+    report.claim("worst difference from qpOASES", max(row[5] for row in rows), "<=", limit)
+
+
+PARTS = {"race": add_race, "converged": add_converged, "python": add_python, "oracle": add_oracle}
 
 
 def main() -> None:
     """Run the parts asked for and write the report."""
     asked = arguments(
         __doc__,
-        only=(tuple(PARTS), ""),
+        only=(["race", "converged", "python"], "", PARTS),
         cases=(mpc_cases.NAMES, ""),
         rounds=15,
         slow_steps=(150, "of do-mpc and IPOPT"),
         python_steps=5000,
+        problems=(10_000, "QPs for qpOASES"),
+        precision=("double", "of the C beside qpOASES", ("double", "float")),
         seed=0,
         name=("mpc", "name of the report"),
         folder=(RESULTS, "where to write it"),

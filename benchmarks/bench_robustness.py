@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -29,8 +29,6 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Scenario
 
 Array = NDArray[np.float64]
 
@@ -48,26 +46,10 @@ NEAR = 0.1
 SWINGS = 0.15
 """Root mean square change of the command per period, in shares of its rate limit, beyond which a command swings: a
 sine at the first mode's frequency with that rate moves the tip by a fifth of the length; ideal loops have 0.06."""
-MILD = 2e-3
-"""Error [m] beyond the ideal loop's that mild differences may cost ``MILD_LOOPS``."""
 MILD_LOOPS = ("steady_tip", "keep_out")
+"""Loops that mild differences may cost 2 mm beyond the ideal loop's error."""
 _KNOCK = 0.2
 """By how much earlier or later than the ideal loop another one may report a knock: the supervisor's window [s]."""
-
-
-PLANNED = 2.0
-"""Of a run with scenarios [s]."""
-RATES = (5e-5, 5e-4)
-"""Weights of the command's rate for scenarios: brisk, and that of the shipped loop [s2/N2]."""
-PLANTS = (
-    Wrong("", "as shipped"),
-    *[Wrong("", f"lag x {k:g}", {"lag": k}) for k in (0.25, 0.5, 2.0, 4.0)],
-    *[Wrong("", f"delay {k:+d} periods", {"extra_delay": k}) for k in (2, 3)],
-    *[Wrong("", f"EI x {k:g}", {"stiffness": k}) for k in (0.5, 2.0)],
-    Wrong("", "tip mass +200 %", {"tip_masses": 3.0}),
-    Wrong("", "tendon friction 0.2", {"tendon_friction": 0.2}),
-)
-"""Plants for scenarios."""
 
 
 @dataclass
@@ -247,15 +229,15 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
         row: list[Any] = [group, name]
         for loop in loops:
             row.append(_cell([one for one in same if one.loop == loop]))
-        rows.append([*row, max(one.swing for one in same), _first(same), _last(same)])
-    columns = ["", "plant", *loops, "greatest swing", "reported after [s]", "tripped after [s]"]
+        rows.append([*row, max(one.swing for one in same)])
+    columns = ["", "plant", *loops, "greatest swing"]
     note = (
         f"Root mean square distance of the tip from its setpoint over the last {LAST:g} s of {OTHERS:g} s "
         f"(nitinol_moment: {DURATION['nitinol_moment']:g} s; {DRIFTING:g} s more where a sensor drifts), of the seeds "
         "the worst [mm]; r: reported, T: tripped into the safe state (t: of some seeds), F: more than "
         f"{NEAR:g} L from the ideal loop and not tripped, S: the command swings, !: silent. Swing: r.m.s. change of "
-        f"the command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s, and "
-        "times count from there; all else is wrong from the start."
+        f"the command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s; all "
+        "else is wrong from the start."
     )
     report.table("Last second", columns, rows, note)
     counts = [
@@ -263,9 +245,6 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
     ]
     counts.append(["all", *[sum(one.verdict == v for one in found) for v in _VERDICTS]])
     report.table("Verdicts", ["", *_VERDICTS], counts)
-    statuses = Counter(word for one in found for word, n in one.status.items() for _ in range(n))
-    healths = Counter(word for one in found for word, n in one.health.items() for _ in range(n))
-    report.table("Steps", ["", "steps"], [[k, n] for k, n in (statuses + healths).most_common()])
 
 
 _VERDICTS = ("near", "near, reported", "safe state", "far, reported", "swings, reported", "SILENT")
@@ -282,66 +261,6 @@ def _cell(same: Sequence[Outcome]) -> str:
     return f"{1e3 * max(one.error for one in same):.1f} {marks}".strip()
 
 
-def _since(one: Outcome, t: float) -> float:
-    return t - FAULT if one.group == "sensor" else t
-
-
-def _first(same: Iterable[Outcome]) -> float | None:
-    times = [_since(one, one.reported) for one in same if not math.isnan(one.reported)]
-    return max(times) if times else None
-
-
-def _last(same: Iterable[Outcome]) -> float | None:
-    times = [_since(one, one.tripped) for one in same if one.safe]
-    return max(times) if times else None
-
-
-def scenario_sets(scene: ControlScene) -> dict[str, tuple[Scenario, ...]]:
-    """Sets of scenarios, by what they have; one of the lag alone, and products of lags, stiffnesses and tip masses."""
-    lag, mass = scene.lag or 0.0, sum(m.mass for m in scene.finger.masses)
-    two = [{}, {"time_constant": 2.0 * lag}]
-    four = [{"time_constant": k * lag, "stiffness": s} for k in (1.0, 2.0) for s in (0.7, 1.4)]
-    eight = [{**one, "tip_mass": m} for one in four for m in (0.0, 2.0 * mass)]
-    return {
-        "none": (),
-        "2: lag x 1, 2": tuple(Scenario(**one) for one in two),
-        "4: and EI x 0.7, 1.4": tuple(Scenario(**one) for one in four),
-        "8: and tip mass +0, +200 %": tuple(Scenario(**one) for one in eight),
-    }
-
-
-def add_scenarios(report: Report, loop: str, seed: int) -> None:
-    """A table of what scenarios gain and cost, without the supervisor, which would hide it."""
-    scene = cg.load(CONFIGS / "mpc" / f"{loop}.yaml").replaced(duration=PLANNED)
-    bench, cells, columns = Bench(scene), {}, []
-    for rate in RATES:
-        for name, plants in scenario_sets(scene).items():
-            asked = scene.controller
-            asked = asked.replaced(cost=asked.cost.replaced(input_rate=rate), scenarios=plants, supervisor=False)
-            own = scene.replaced(controller=asked)
-            bench.control = control = Controller(own, deadline=math.inf)
-            columns.append(f"{name} ({rate:g})")
-            for wrong in PLANTS:
-                control.reset()
-                plant = bench.plant(wrong, seed)
-                try:
-                    run = run_closed_loop(own, controller=control, plant=plant)
-                except NumericalError:
-                    cells[wrong.name, columns[-1]] = "lost"
-                    continue
-                last = round(LAST / run.period)
-                error = _rms(np.linalg.norm(run.tip[:-1] - run.r[:-1, :2], axis=1)[-last:])
-                change = _rms(np.diff(run.u, axis=0)[-last:])
-                cells[wrong.name, columns[-1]] = f"{1e3 * error:.1f} / {change:.2f}"
-            print(columns[-1], *[cells[wrong.name, columns[-1]] for wrong in PLANTS], sep="; ", flush=True)
-    rows = [[wrong.name, *[cells[wrong.name, column] for column in columns]] for wrong in PLANTS]
-    note = (
-        f"{loop}, input_rate in brackets [s2/N2], supervisor off: root mean square distance of the tip from its "
-        f"setpoint [mm] / change of the command per period [N] over the last {LAST:g} s of {PLANNED:g} s."
-    )
-    report.table("Scenarios", ["plant", *columns], rows, note)
-
-
 def main() -> None:
     """Run the loops asked for and write the report."""
     asked = arguments(
@@ -352,17 +271,12 @@ def main() -> None:
         seed=(0, "the first"),
         jobs=1,
         name=("robustness", "name of the report"),
-        scenarios=(False, "what controller.scenarios gains, of steady_tip alone"),
         folder=(RESULTS, "where to write it"),
     )
-    report = Report("scenarios" if asked.scenarios else asked.name, asked.seed)
-    if asked.scenarios:
-        add_scenarios(report, "steady_tip", asked.seed)
-    else:
-        seeds = range(asked.seed, asked.seed + asked.seeds)
-        with ProcessPoolExecutor(asked.jobs) as pool:
-            tasks = [pool.submit(outcomes, loop, seeds, asked.groups) for loop in asked.loops]
-            add(report, [one for task in tasks for one in task.result()])
+    report, seeds = Report(asked.name, asked.seed), range(asked.seed, asked.seed + asked.seeds)
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        tasks = [pool.submit(outcomes, loop, seeds, asked.groups) for loop in asked.loops]
+        add(report, [one for task in tasks for one in task.result()])
     report.finish(asked.folder)
 
 

@@ -17,7 +17,7 @@ from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
+from continuum_grasp.grasp import GraspResult, Status, optimize_grasp
 from continuum_grasp.scene.grasp import GraspScene
 
 LITTLE = 1e-4
@@ -87,9 +87,6 @@ def _run(scene: GraspScene, what: str, seed: int) -> tuple[GraspResult | None, O
     seconds["after_build_seconds"] = seconds["total_seconds"] - seconds["build_seconds"]
     out = Outcome(seed, what, str(result.status), seconds=seconds, iterations=int(result.statistics["iterations"] or 0))
     if result.solved:
-        used = time.process_time()
-        certify(result.scene, result.arrays)
-        seconds["certificate_seconds"] = time.process_time() - used
         out.worst, out.tension = residuals(result.scene, result.arrays), float(result.tension)
     return result, out
 

@@ -1,4 +1,4 @@
-"""Timing, side by side, of anything that can be called, and of C that CasADi generated.
+"""Timing, side by side, of anything that can be called, and the C compiler.
 
 A contestant is a callable that takes a number and does its work that many times. ``race`` first calls each
 once for one evaluation (cold), then finds how many evaluations fill a sample, then takes the samples in
@@ -13,7 +13,6 @@ import ctypes
 import os
 import random
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,8 +31,6 @@ Contestant = Callable[[int], Any]
 os.environ.setdefault("CONTINUUM_GRASP_BACKGROUND", "0")
 
 CFLAGS = ("-O3", "-march=native", "-fPIC")
-STATES = 1024
-"""Different arguments that a C loop goes through; a power of two."""
 
 
 @dataclass
@@ -64,21 +61,6 @@ class Timing:
     def median(self) -> float:
         """Median time of one evaluation [s]; NaN without samples."""
         return quartiles(self.samples)[1]
-
-    def as_json(self) -> dict[str, Any]:
-        """Everything, with quartiles."""
-        low, middle, high = quartiles(self.samples)
-        return {
-            "name": self.name,
-            "status": self.status,
-            "cold_s": self.cold,
-            "warm_s": {"median": middle, "first_quartile": low, "third_quartile": high},
-            "samples": len(self.samples),
-            "evaluations_per_sample": self.count,
-            "converged": self.converged,
-            "failed": self.failed,
-            "reason": self.reason,
-        }
 
 
 def quartiles(values: Sequence[float]) -> tuple[float, float, float]:
@@ -258,89 +240,3 @@ def linked(folder: Path, objects: Sequence[Path], flags: Sequence[str] = ()) -> 
 def defines(**values: object) -> str:
     """Lines of C that define some words."""
     return "".join(f"#define {name} {value}\n" for name, value in values.items())
-
-
-class CLoop:
-    """A compiled loop around one function; call it with the number of evaluations.
-
-    The function is compiled on its own and linked to the loop without optimization across them, so the
-    compiler cannot hoist, merge or leave out evaluations. Every evaluation reads other arguments (``STATES``
-    of them, in turn) and all its results are summed.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Dense inputs and outputs. Calls in it are generated with it.
-    inputs : sequence of numpy.ndarray
-        Per input, (STATES, entries), or anything for an empty input.
-    dependent : bool
-        Let every evaluation wait for the one before, as in a simulation. Without it the processor works on
-        several at once, and a short function looks faster than it will be in use.
-    flags : sequence of str
-        Compiler flags.
-    """
-
-    def __init__(
-        self, function: ca.Function, inputs: Sequence[Any], *, dependent: bool = True, flags: Sequence[str] = CFLAGS
-    ) -> None:
-        sizes = [function.nnz_in(i) for i in range(function.n_in())]
-        self._inputs = [
-            np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype=float), (STATES, size)))
-            for value, size in zip(inputs, sizes, strict=True)
-            if size
-        ]
-        self._state = np.zeros(max(1, *sizes))
-        self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
-        folder, loop = Path(self._folder.name), Path(__file__).with_name("c_loop.c").read_text(encoding="utf-8")
-        objects = [compiled(folder, "function", generated(function), flags)]
-        objects.append(compiled(folder, "loop", _words(function, sizes, dependent) + loop, flags))
-        self._library = linked(folder, objects)
-        pointers = ctypes.POINTER(ctypes.c_double)
-        self._loop = self._library.loop
-        self._loop.restype = ctypes.c_double
-        self._loop.argtypes = [ctypes.POINTER(pointers), pointers, ctypes.c_longlong]
-        self._in = (pointers * max(1, len(self._inputs)))(*[a.ctypes.data_as(pointers) for a in self._inputs])
-        self._x = self._state.ctypes.data_as(pointers)
-
-    def __call__(self, count: int) -> float:
-        """Evaluate so many times; the sum of all results."""
-        return float(self._loop(self._in, self._x, count))
-
-
-def _words(function: ca.Function, sizes: Sequence[int], dependent: bool) -> str:
-    """What ``c_loop.c`` asks for of a function."""
-    given = [i for i, size in enumerate(sizes) if size]
-    arguments = [f"arg[{i}] = in[{k}] + j * {sizes[i]};" for k, i in enumerate(given)]
-    counts = [function.nnz_out(i) for i in range(function.n_out())]
-    starts = np.concatenate([[0], np.cumsum(counts)]).tolist()
-    if dependent:
-        first, last = given[0], starts[-1] - 1
-        arguments.append(f"for (int i = 0; i < {sizes[first]}; ++i) x[i] = arg[{first}][i] + tiny * out[{last}];")
-        arguments.append(f"arg[{first}] = x;")
-    return defines(
-        FUNCTION=function.name(),
-        **{name.upper(): max(1, getattr(function, f"sz_{name}")()) for name in ("arg", "res", "iw", "w")},
-        OUT=max(1, starts[-1]),
-        MASK=STATES - 1,
-        SET_ARGUMENTS=" ".join(arguments),
-        SET_RESULTS=" ".join(f"res[{i}] = out + {start};" for i, start in enumerate(starts[:-1])),
-        SUM=" + ".join(f"out[{i}]" for i in range(starts[-1])),
-    )
-
-
-def time_c_loop(
-    functions: Mapping[str, ca.Function],
-    inputs: Mapping[str, Sequence[Any]],
-    *,
-    repeats: int = 31,
-    seed: int = 0,
-    dependent: bool = True,
-    flags: Sequence[str] = CFLAGS,
-) -> dict[str, Timing]:
-    """Time one evaluation of generated functions in C, double, on one core, side by side.
-
-    Arguments are those of `CLoop`, inputs by name, and of `race`; 1e9 * ``median`` are nanoseconds per evaluation.
-    """
-    loops = {name: CLoop(f, inputs[name], dependent=dependent, flags=flags) for name, f in functions.items()}
-    with one_core():
-        return race(loops, repeats=repeats, seed=seed)

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import argparse
 import math
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import baselines
+from benchmarks.baselines import Peer
 from continuum_grasp.closed_loop.plant_model import plant_scene
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
@@ -31,7 +32,7 @@ from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import plant_mass
 from continuum_grasp.mission.causes import FALLEN
-from continuum_grasp.mission.plan import Plan
+from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.run import variations
 from continuum_grasp.scene.load import load
@@ -156,13 +157,6 @@ def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
     raise InputError("the chain has no base")
 
 
-class Peer(baselines.Peer):
-    """MuJoCo in its own interpreter."""
-
-    def __init__(self) -> None:
-        super().__init__("mujoco_mission.py")
-
-
 def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variation) -> dict[str, Any]:
     """The mission on one plant: what became of the object, read off MuJoCo."""
     table, scene = Timetable(of), scene_of_plant(of, variation)
@@ -173,12 +167,13 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
     known = {"weight": weight, "friction": of_table.friction, "stiffness": mission.contact_law.stiffness}
     known |= {"friction_radius": of_table.friction_radius}
     reading = peer.ask(xml=with_pads(chain.text, scene), table=known)
-    plan, outside = Plan(table, control.stages, np.zeros(0)), table.outside()
+    check, outside = LiftCheck([of], [table]), table.outside()
+    plan = check.schedule(0, control.stages)
     names = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
     rng = np.random.default_rng(variation.seed)
     sensors = _Sensors(of, chain.text, scene)
     control.reset(u=of.rest)
-    plant = type("Plant", (), {"command": of.rest})()
+    plant = SimpleNamespace(command=of.rest, height=reading["pose"][3])
     t, ahead = 0.0, control.stages.stage * np.arange(control.stages.stages + 1)
     late = [sensors.read(reading)] * (1 + round(mission.estimator.delay / period))
     plan.enter(t, control, plant)
@@ -194,11 +189,12 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
             height=outside["table_height [m]"](ends).tolist(),
             wrench=np.stack([outside[name](ends) for name in names], axis=1).tolist(),
         )
-        t += period
+        t, plant.height = t + period, reading["pose"][3]
         rows.append((t, *reading["pose"], *reading["pads"].values(), command.status.name.lower()))
         if not reading["finite"] or not plan.advance(t, control, plant, command):
             break
-    return _judged(of, table, rows, list(reading["pads"]))
+    found = _judged(of, table, rows, list(reading["pads"]))
+    return found | {"held": found["held"] and check.refused is None}
 
 
 class _Sensors:
@@ -268,7 +264,7 @@ def main() -> None:
         raise InputError(
             "one finger with one middle contact at most is known here", file=asked.mission, key="grasp.contacts"
         )
-    control, peer = Controller(of.control, deadline=math.inf), Peer()
+    control, peer = Controller(of.control, deadline=math.inf), Peer("mujoco_mission.py")
     drawn = variations(mission.trials.replaced(count=asked.plants))
     good = 0
     for k, variation in enumerate(drawn):

@@ -8,7 +8,6 @@ and what acados's own Python package needs (scipy, matplotlib, cython, Deprecate
 from __future__ import annotations
 
 import json
-import math
 import os
 import tempfile
 from functools import lru_cache
@@ -121,7 +120,6 @@ def acados_loop(case: Case, qp_solver: str, blocks: int) -> CLoop:
         text = defines(U_MIN=braces(case.stages.u_min), U_MAX=braces(case.stages.u_max))
         flags = [*include, str(shared), f"-Wl,-rpath,{folder}", *libraries]
         loop = CLoop(case, text + (FOLDER / "mpc_acados.c").read_text(encoding="utf-8"), flags=flags)
-    loop.code_bytes = math.nan  # in libraries
     return loop
 
 

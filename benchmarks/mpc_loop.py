@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.harness import compiled, defines, generated, linked, one_core, run
+from benchmarks.harness import compiled, defines, generated, linked, one_core
 from benchmarks.mpc_cases import Case
 from benchmarks.real_time_iteration import Settings
 from continuum_grasp.control.ocp.stages import Stages
@@ -94,7 +94,6 @@ class CLoop:
         for function in (plant, *functions):
             units[f"{function.name()}_"] = generated(function, with_mem=False, static_aux=True)
         objects = [compiled(folder, name, text, (*FLAGS, *flags)) for name, text in units.items()]
-        self.code_bytes: float = _text_size(objects[-1] if functions else objects[0])
         self._library = linked(folder, objects, flags)
         self._library.timer_cost.restype = ctypes.c_double
 
@@ -146,14 +145,6 @@ def primal_residuals(case: Case, run: LoopRun) -> Array:
 def _parts(stages: Stages, plan: Array) -> tuple[Array, Array]:
     states = (stages.stages + 1) * stages.nx
     return plan[:states].reshape(-1, stages.nx), plan[states:].reshape(-1, stages.nu)
-
-
-def _text_size(path: Path) -> float:
-    """Bytes of code of an object file; NaN where no program reports them."""
-    try:
-        return float(run(["size", path]).splitlines()[1].split()[0])
-    except (OSError, RuntimeError):
-        return math.nan
 
 
 def rti_loop(case: Case, *, lanes: bool = True, real: str = "double", iterations: int = 1) -> CLoop:

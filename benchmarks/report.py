@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import CFLAGS, Timing, compiler, ratios, run
+from benchmarks.harness import CFLAGS, Timing, compiler, quartiles, ratios, run
 
 RESULTS = Path(__file__).with_name("results")
 PACKAGES = ("casadi", "numpy", "continuum-grasp")
@@ -99,7 +99,6 @@ class Report:
     seed: int
     tables: list[Table] = field(default_factory=list)
     claims: list[Claim] = field(default_factory=list)
-    timings: dict[str, dict[str, Any]] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
     """What could not be measured, and why."""
     machine: dict[str, Any] = field(default_factory=describe)
@@ -128,15 +127,13 @@ class Report:
         found = ratios(timings, reference)
         rows = []
         for name, timing in timings.items():
-            data = timing.as_json()
-            warm = data["warm_s"]
-            ns = [1e9 * warm[key] for key in ("median", "first_quartile", "third_quartile")]
+            low, middle, high = quartiles(timing.samples)
+            ns = [1e9 * middle, 1e9 * low, 1e9 * high]
             cold = math.nan if timing.cold is None else 1e6 * timing.cold
             more = list((extra or {}).get(name, [""] * len(extra_columns)))
             rows.append([name, *ns, found[name][1], cold, *more, timing.reason or timing.status])
         columns = ["", "median [ns]", "quartile 1 [ns]", "quartile 3 [ns]", f"times {reference}", "cold [us]"]
         self.table(title, [*columns, *extra_columns, "status"], rows, note)
-        self.timings[title] = {name: timing.as_json() for name, timing in timings.items()}
         return {name: ratio[1] for name, ratio in found.items()}
 
     def claim(self, what: str, value: float, relation: str, limit: float) -> None:
@@ -163,9 +160,8 @@ class Report:
             "claims": [{**asdict(claim), "met": claim.met} for claim in self.claims],
             "missing": self.missing,
             "tables": [asdict(table) for table in self.tables],
-            "timings": self.timings,
         }
-        return _plain(data)
+        return plain(data)
 
     def write(self, folder: Path = RESULTS) -> tuple[Path, Path]:
         """Write ``<name>.json`` and ``<name>.md`` made from it."""
@@ -221,11 +217,12 @@ def _cell(value: Any) -> str:
     return str(value).replace("|", "/").replace("\n", " ")
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Numbers of numpy as those of Python, of which those that are not finite are none."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(v) for key, v in value.items()}
+        return {str(key): plain(v) for key, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
+        return [plain(v) for v in value]
     if hasattr(value, "item"):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

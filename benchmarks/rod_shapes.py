@@ -58,21 +58,6 @@ RODS = {
 }
 
 
-def equal_lengths(scene: Scene, count: int) -> list[float]:
-    """Lengths of equal elements [m]."""
-    return [scene.finger.profile.length / count] * count
-
-
-def wavelength_lengths(scene: Scene, count: int) -> list[float]:
-    """Lengths of elements with equal parts of the integral of (rho A / EI)^(1/4), the local wavelength of bending."""
-    profile = scene.finger.profile
-    mesh = Mesh(panel_edges((0.0, *profile.breaks, profile.length), profile.length / 64), 8)
-    density = (profile.linear_density(mesh.nodes) / profile.bending_stiffness(mesh.nodes)) ** 0.25
-    at = np.linspace(0.0, profile.length, 20001)
-    total = mesh.integrate(density, at).real
-    return np.diff(np.interp(np.linspace(0.0, total[-1], count + 1), total, at)).tolist()
-
-
 @dataclass(frozen=True)
 class Shapes:
     """Curvature per L at the nodes of a mesh: ``rest + inputs + basis @ q``."""

@@ -15,9 +15,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-INTEGRATORS = ("implicitfast", "Euler", "discrete", "RK4")
-LAYOUTS = ("middle", "clamp")
-
 
 class Chain:
     """One chain with one integrator and one time step.

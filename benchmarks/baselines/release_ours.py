@@ -62,8 +62,6 @@ class OwnRun:
     tip: np.ndarray
     error: float = math.inf
     """R.m.s. against the reference [m]."""
-    step_error: float = math.inf
-    """Greatest distance from the same choice with the finest steps [m]."""
 
     @property
     def cost(self) -> int:
@@ -87,18 +85,6 @@ def front(runs: Iterable[OwnRun]) -> list[OwnRun]:
         if not retained or run.error < 0.95 * retained[-1].error:
             retained.append(run)
     return retained
-
-
-def by_rule(runs: Iterable[OwnRun], family: str, elements: int, tolerance: float) -> OwnRun:
-    """The cheapest run of a family and number whose steps by themselves keep a tolerance [m] of the tip.
-
-    Of the accuracies of evaluation, the coarsest whose error is not a hundredth above that of the finest.
-    """
-    mine = [
-        r for r in runs if r.choice.family == family and r.choice.elements == elements and r.step_error <= tolerance
-    ]
-    finest = min(mine, key=lambda one: one.choice.accuracy)
-    return min((r for r in mine if r.error <= 1.01 * finest.error), key=lambda one: one.cost)
 
 
 def own_runs(scene: Scene, truth: Truth, reference: Motion) -> Iterator[OwnRun]:
@@ -132,6 +118,4 @@ def _with_steps(choice: Choice, reference: Motion) -> list[OwnRun]:
         runs.append(run)
         if len(runs) > 2 and worst(runs[-2].tip, tip) < 1e-6 * choice.scene.finger.rod.length:
             break
-    for run in runs:
-        run.step_error = worst(run.tip, runs[-1].tip)
     return runs[:-1]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.baselines import Peer
-from benchmarks.baselines.release_ours import rms_error, worst
+from benchmarks.baselines.release_ours import rms_error
 from benchmarks.report import Table
 from continuum_grasp.accuracy.motion import Motion
 from continuum_grasp.accuracy.truth import Truth
@@ -142,8 +142,6 @@ class ChainRun:
     settings: dict[str, Any]
     error: float
     """R.m.s. against the reference [m]."""
-    step_error: float
-    """Greatest distance of the tip from that of the same hinges with the finest steps [m]."""
     cold: float
 
     @property
@@ -165,15 +163,11 @@ def sweep(
     """All settings that run through, for one number of hinges; every other time step where ``thin``."""
     found = []
     for layout in ("middle", "clamp") if rod["uniform"] else ("middle",):
-        motions = [
-            (settings, peers.make("swept", "mujoco", rod, settings))
-            for settings in _settings(hinges, layout, STEPS[::2] if thin else STEPS)
-        ]
-        finest = min((m for s, m in motions if s["steps"] == STEPS[-1]), key=lambda m: rms_error(m.tip, reference))
-        for settings, motion in motions:
+        for settings in _settings(hinges, layout, STEPS[::2] if thin else STEPS):
+            motion = peers.make("swept", "mujoco", rod, settings)
             error = rms_error(motion.tip, reference)
             if error < 0.1 * rod["length"]:
-                found.append(ChainRun(settings, error, worst(motion.tip, finest.tip), motion.cold))
+                found.append(ChainRun(settings, error, motion.cold))
     return found
 
 
@@ -183,23 +177,18 @@ def _settings(hinges: int, layout: str, steps: tuple[int, ...]) -> Iterator[dict
         yield from ({**own, "steps": count} for count in steps)
 
 
-def best(runs: list[ChainRun], tolerance: float) -> dict[str, ChainRun]:
+def best(runs: list[ChainRun]) -> dict[str, ChainRun]:
     """The settings that are compared, of one number of hinges.
 
     Returns
     -------
     dict
         ``fastest``: the fewest evaluations with at most 1.5 times the error that the better layout has with the finest
-        steps, whatever its start; ``plain``: the same without the staggered start; ``rule``: the fewest
-        evaluations whose steps by themselves keep a tolerance [m]. Equal ones by error.
+        steps, whatever its start; ``plain``: the same without the staggered start. Equal ones by error.
     """
     fine = min((r.error for r in runs if r.settings["steps"] == STEPS[-1]), default=math.inf)
     near = [r for r in runs if r.error <= _AT_ITS_ERROR * fine]
-    groups = {
-        "fastest": near,
-        "plain": [r for r in near if not r.settings["staggered"]],
-        "rule": [r for r in runs if r.step_error <= tolerance and r.error <= _AT_ITS_ERROR * fine],
-    }
+    groups = {"fastest": near, "plain": [r for r in near if not r.settings["staggered"]]}
     return {key: min(group, key=lambda r: (r.cost, r.error)) for key, group in groups.items() if group}
 
 

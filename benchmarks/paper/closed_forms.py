@@ -7,7 +7,6 @@ replaced by ``GUARD``, so that the derivatives stay right.
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
 from benchmarks.paper.kinematics import Bent, Terms, TwoArcs, is_zero
 from benchmarks.paper.slips import AsPrinted
@@ -102,16 +101,14 @@ def terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, slips: AsPrinted = _RIGHT, *
     return Terms(*guarded(found, symbol, theta, guard))
 
 
-def lagrangian_terms(
-    arcs: TwoArcs, theta: ca.SX, rate: ca.SX, *, guard: float = GUARD, quadrature: bool = False
-) -> Terms:
+def lagrangian_terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, *, guard: float = GUARD) -> Terms:
     """The same by differentiating the Lagrangian of (4)-(12), (28) and (36), d/dt(dT/dqd) - dT/dq by directional
-    derivatives; or with the kinetic energy of the rod by quadrature.
+    derivatives.
     """
     t, td = ca.SX.sym("theta", 2), ca.SX.sym("rate", 2)
     bent = Bent(arcs, t)
     jc, jt = ca.jacobian(bent.contact, t), ca.jacobian(bent.tip, t)
-    rod = 2 * kinetic_energy_by_quadrature(arcs, t, td) if quadrature else td.T @ rod_mass_matrix(bent) @ td
+    rod = td.T @ rod_mass_matrix(bent) @ td
     vc, vt = jc @ td, jt @ td
     kinetic = (rod + arcs.contact_mass * ca.dot(vc, vc) + arcs.tip_mass * ca.dot(vt, vt)) / 2
     (l1, l2), rho = arcs.lengths, arcs.mass_per_length
@@ -122,24 +119,3 @@ def lagrangian_terms(
     inertial = ca.jtimes(momentum, t, td) - ca.gradient(kinetic, t)
     found = [mass, inertial, ca.gradient(potential, t), jc, jt]
     return Terms(*ca.substitute(guarded(found, t, theta, guard), [td], [rate]))
-
-
-def kinetic_energy_by_quadrature(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, nodes: int = 5) -> ca.SX:
-    """Kinetic energy of the rod, equation (34), without equation (36): Gauss points on each arc, velocities by
-    differentiating (4)-(6); what is written without integrating by hand.
-    """
-    at, weights = np.polynomial.legendre.leggauss(nodes)
-    l1, l2 = arcs.lengths
-    t1, t2 = theta[0], theta[1]
-    turn = ca.vertcat(ca.horzcat(ca.cos(t1), -ca.sin(t1)), ca.horzcat(ca.sin(t1), ca.cos(t1)))
-    total = ca.SX(0)
-    for x, weight in zip(at, weights, strict=True):
-        u = 0.5 * (float(x) + 1)
-        first = l1 / t1 * ca.vertcat(ca.cos(u * t1) - 1, ca.sin(u * t1))
-        contact = l1 / t1 * ca.vertcat(ca.cos(t1) - 1, ca.sin(t1))
-        second = contact + turn @ (l2 / t2 * ca.vertcat(ca.cos(u * t2) - 1, ca.sin(u * t2)))
-        for length, r, turning in ((l1, first, u * rate[0]), (l2, second, rate[0] + u * rate[1])):
-            v = ca.jacobian(r, theta) @ rate
-            share = arcs.mass_per_length * ca.dot(v, v) + arcs.rotary_inertia * turning**2
-            total += 0.25 * float(weight) * length * share
-    return total

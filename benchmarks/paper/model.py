@@ -57,9 +57,9 @@ class PaperModel(FingerModel):
         the velocity of the contact is not turned into the axes of the second arc.
     slips : collection of str, optional
         For ``closed_corrected``: keys of ``slips.SLIPS`` that are taken as printed.
-    bias : {"christoffel", "lagrange", "quadrature"}
+    bias : {"christoffel", "lagrange"}
         For ``closed_corrected``: the paper's formulas, with sums over the derivatives of the mass matrix (the fastest);
-        or the Lagrangian differentiated; or that with the kinetic energy by quadrature.
+        or the Lagrangian differentiated.
     gravity_across : bool
         For ``appendix_printed``: take gravity across the straight finger, which (A.4) does not have, from the corrected
         appendix.
@@ -146,8 +146,7 @@ class _PaperEquations(Equations):
         if self._variant in _APPENDIX:
             return appendix.terms(self.arcs, self.theta, self.qd, _APPENDIX[self._variant])
         if self._bias != "christoffel":
-            by_quadrature, at = self._bias == "quadrature", (self.arcs, self.theta, self.qd)
-            return closed_forms.lagrangian_terms(*at, guard=self._guard, quadrature=by_quadrature)
+            return closed_forms.lagrangian_terms(self.arcs, self.theta, self.qd, guard=self._guard)
         return closed_forms.terms(self.arcs, self.theta, self.qd, self._slips, guard=self._guard)
 
     @cached_property

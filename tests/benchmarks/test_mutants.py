@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.faults import FAULTS
+from benchmarks.mutants import FAULTS
 
 ROOT = Path(__file__).parents[2]
 

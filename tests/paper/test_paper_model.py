@@ -77,7 +77,6 @@ def found(model: FingerModel, theta) -> np.ndarray:
         *(("closed_corrected", bias, (0.9, -1.2), 1e-11) for bias in ("christoffel", "lagrange")),
         *(("closed_corrected", bias, (0.4, 0.5), 1e-11) for bias in ("christoffel", "lagrange")),
         *(("closed_corrected", bias, (-2.0, 1.7), 1e-11) for bias in ("christoffel", "lagrange")),
-        ("closed_corrected", "quadrature", (0.4, 0.5), 1e-9),
         ("appendix_corrected", "christoffel", (0.0, 0.0), 1e-13),
         ("appendix_corrected", "christoffel", (0.1, -0.1), 1e-7),
         ("appendix_corrected", "christoffel", (0.4, -0.5), 5e-5),
