@@ -337,7 +337,10 @@ class _Known(Choice):
             deviation = self.scales.get(entry.group) if entry.sigma is None else entry.sigma
             if deviation is None:
                 where = f"{key}.measured[{k}].sigma"
-                raise InputError("deviations cannot be predicted without that of every reading", key=where)
+                why = "deviations cannot be predicted without that of every reading: state it"
+                raise InputError(
+                    why if self.scales else f"{why}, or give data whose scatter shows it (--data)", key=where
+                )
             sigma.append(deviation)
         whole = np.zeros((*slopes.shape[:-1], len(self.unknowns)))
         whole[..., self.columns[number]] = slopes / np.array(sigma)[:, None]

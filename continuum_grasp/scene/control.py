@@ -13,7 +13,7 @@ from continuum_grasp.scene.cost import Reference, tracked
 from continuum_grasp.scene.estimator import Estimator, Mounting
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_references
-from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.simulate import Fidelity, Initial, begins
 from continuum_grasp.scene.value import Duration, doubt
 
 _CALM = 0.1
@@ -184,7 +184,7 @@ class ControlScene(CommandedScene):
     mounting: Mounting | None = None
     """Mounting of the bench, as ``commission`` finds it; what drives read and are sent goes through it. None: as the
     model does."""
-    initial: Initial = Initial(pose="rest")
+    initial: Annotated[Initial, begins("rest")] = Initial(pose="rest")
     """State at time zero."""
     plant: Plant = Plant()
     """Differences of the plant from the controller's model."""

@@ -14,7 +14,7 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.reach import check_reach, check_references, stated_ranges
-from continuum_grasp.scene.simulate import Fidelity, Initial, check_commands
+from continuum_grasp.scene.simulate import Fidelity, Initial, begins, check_commands
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value
@@ -220,7 +220,7 @@ class PlanScene(CommandedScene):
     grasp: GraspScene | None = None
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
     contacts, contact forces to be reached, the finger's base and the object's pose are then those of the grasp."""
-    initial: Initial = Initial(pose="rest")
+    initial: Annotated[Initial, begins("rest")] = Initial(pose="rest")
     """State in which the motion begins."""
     input: PlanInput = PlanInput()
     """Limits and form of the input."""

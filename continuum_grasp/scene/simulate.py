@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, needs, unknown_to
 from continuum_grasp.scene.drives import COMMANDS, MotorDrive, of_drives
@@ -108,7 +108,8 @@ class Initial(Value):
     )
 
     pose: Literal["straight", "rest", "equilibrium"] | None = None
-    """straight; rest: the unloaded shape; equilibrium: under the scene's loads at time zero and ``held_by``."""
+    """straight; rest: the unloaded shape; equilibrium: under the scene's loads at time zero and ``held_by``. None
+    without ``q``: straight, in plans and closed loops the unloaded shape."""
     held_by: Annotated[tuple[Load, ...], Field(strict=False)] = ()
     """Constant loads that hold the equilibrium pose and are released at time zero."""
     q: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad or 1/m")] | None = None
@@ -129,6 +130,16 @@ class Initial(Value):
 
     def _check(self) -> None:
         self._check_one_given("pose", "q")
+
+
+def begins(pose: str) -> BeforeValidator:
+    """Make the default pose of a scene hold also where its ``initial`` says something else alone."""
+
+    def completed(value: Any) -> Any:
+        posed = not isinstance(value, dict) or any(value.get(key) is not None for key in ("pose", "q"))
+        return value if posed else {**value, "pose": pose}
+
+    return BeforeValidator(completed)
 
 
 MOST_STATES = 10_000_000
@@ -211,7 +222,7 @@ class Scene(FingerScene):
 
     actuation: Actuation | None = None
     """Inputs over time; None: the finger is passive and its tendons are slack."""
-    initial: Initial = Initial(pose="straight")
+    initial: Annotated[Initial, begins("straight")] = Initial(pose="straight")
     """State at time zero."""
     loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()
     """Forces and moments on the finger, constant or over time."""

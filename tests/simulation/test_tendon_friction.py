@@ -11,6 +11,7 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.tendon_friction import shares
 from continuum_grasp.simulation import equilibrium_path, equilibrium_under
+from tests.rods import ROOT
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, STIFFNESS, Loaded, bend, finger, model, way
 from tests.truth.tendon import HingedFinger
 
@@ -272,7 +273,7 @@ def test_an_equilibrium_names_its_history():
         cg.equilibrium(cg.Scene(**scene))
 
     def angle(**initial):
-        found = cg.equilibrium(cg.Scene(**scene, initial={"pose": "straight", **initial}))
+        found = cg.equilibrium(cg.Scene(**scene, initial=initial))
         return bend(found.model, found.q)
 
     assert angle(reached_by="pulling") == pytest.approx(1.374, abs=1e-3)
@@ -284,7 +285,9 @@ def test_an_equilibrium_names_its_history():
     with pytest.raises(InputError, match=r"friction_states and reached_by: state need each other"):
         angle(reached_by="state")
     with pytest.raises(InputError, match=r"initial.reached_by: has no effect: neither tendons nor bending"):
-        cg.Scene(finger=finger(0.0), initial={"pose": "straight", "reached_by": "pulling"}, gravity=(0, 0))
+        cg.Scene(finger=finger(0.0), initial={"reached_by": "pulling"}, gravity=(0, 0))
+    release = cg.load(ROOT / "configs/plan/release.yaml", {"initial": {"reached_by": "pulling"}})
+    assert release.initial == cg.Initial(pose="rest", reached_by="pulling")
 
 
 @pytest.mark.parametrize("loss", [0.1, 0.4])
