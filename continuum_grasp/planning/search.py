@@ -41,6 +41,9 @@ _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
 _PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
 """Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
+_SOFTER = (10.0, 3.0)
+"""Factors on the rounding of contacts [1] with which plans begin. In configs/plan/close_on_mug.yaml, without them, no plan
+reaches the forces of the grasp."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
@@ -206,6 +209,8 @@ class Search:
                 return
             path = smooth_path(self.motion, self.x0, self.first, self.last, side)
             if self.scene.object is not None:
+                if side == 0.0 and self._try_softer(path):
+                    return
                 # What the finger does under these inputs keeps off the object or presses on it, as the solver should.
                 with suppress(NumericalError):
                     states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
@@ -213,6 +218,25 @@ class Search:
             planned = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
             if not planned and self._approach(name, path, barrier):
                 return
+
+    def _try_softer(self, path: Path) -> bool:
+        """Start from plans whose contacts begin to press earlier, and more so; whether that gave a plan."""
+        law, start = self.scene.contact_law, None
+        for factor in _SOFTER:
+            rounded = law.model_copy(update={"rounding": factor * law.rounding})
+            scene = self.scene.model_copy(update={"contact_law": rounded})
+            problem = PlanProblem(Motion(scene), self.x0)
+            try:
+                if start is None:
+                    states = simulated(scene, problem.motion.prediction, path, self.x0, 1)
+                    start = problem.start(replace(path, x=states)), None
+            except NumericalError:
+                return False
+            attempt = self._solved(problem, *start, _NEAR)
+            if attempt.violation > self.feasible or self.over:
+                return False
+            start = attempt.x, attempt.multipliers
+        return start is not None and self._try("from softer contacts", *start, _NEAR)
 
     def _begins_outside(self) -> bool:
         """Whether the motion begins beyond a hard bound, and cannot come back within its first intervals, whatever the
