@@ -9,7 +9,12 @@ import numpy as np
 
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.scene.mission import Phases
+from tests.rods import ROOT
 
+MUG = ROOT / "configs/mission/mug.yaml"
+SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
+QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.effort=quick")
+"""A short mission of coarse models."""
 CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
 
 

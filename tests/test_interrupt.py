@@ -191,11 +191,9 @@ COMMAND = """
 MOMENTS = {
     "arguments": ("typer.main.get_command", 1, ["schema", "finger"]),
     "scene": ("continuum_grasp.scene.yaml_loader.read_yaml", 1, ["validate", RELEASE]),
-    "model": ("casadi.jacobian", 1, ["modes", RELEASE]),
     "compiler": ("subprocess.run", 1, ["simulate", RELEASE]),
     "code": ("continuum_grasp.core.core.rollout_source", 1, ["simulate", RELEASE]),
     "written": ("os.fsync", 2, ["export", RELEASE, "--to", "c", "--what", "kinematics"]),
-    "schemas": ("os.replace", 3, ["schema"]),
     "package": (
         "continuum_grasp.export.package.write_package",
         1,
@@ -227,22 +225,6 @@ def test_what_was_computed_is_saved_when_drawing_is_stopped(place, tmp_path):
     assert said(done.stderr) == f"interrupted; the result is saved in {tmp_path / 'run'}\n"
     assert read_run(tmp_path / "run").meta["status"] == "finished"
     assert not list(tmp_path.rglob(".tmp-*"))
-
-
-def test_within_an_eval_too(tmp_path):
-    """Python lets the signal kill a process in which the exception came through the evaluation of a text."""
-    code = """
-        from continuum_grasp.__main__ import main
-        import continuum_grasp.scene.schema as schema
-        schema.schema_text = lambda kind: eval("press() or 1")
-        sys.argv = ["continuum-grasp", "schema", "finger"]
-        main()
-    """
-    (tmp_path / "pressing.py").write_text(textwrap.dedent(READY) + textwrap.dedent(code))
-    env = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
-    command = [sys.executable, "-m", "pressing"]
-    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
-    assert (done.returncode, said(done.stderr)) == (130, "interrupted\n")
 
 
 def test_the_compiler_leaves_nothing_behind(tmp_path):

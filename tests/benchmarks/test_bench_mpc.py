@@ -5,7 +5,6 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from benchmarks import mpc_cases
 from benchmarks.mpc_nlp import Nlp
@@ -45,21 +44,6 @@ def test_soft_and_hard_problems_agree_where_bounds_can_be_satisfied():
     assert all(run.good.all() for run in runs)
     for run in runs[1:]:
         np.testing.assert_allclose(run.u, runs[0].u, atol=2e-5)
-
-
-def test_plant_follows_the_continuous_motion(case):
-    s, p = case.stages, case.plant_p[0]
-    u = 0.7 * s.u_min + 0.3 * s.u_max
-    right = solve_ivp(
-        lambda _, x: np.array(s.dynamics(np.concatenate([x, case.x0[s.nd :]]), u, p)).ravel(),
-        (0.0, s.stage),
-        case.x0[: s.nd],
-        method="DOP853",
-        rtol=1e-10,
-        atol=1e-12,
-    ).y[:, -1]
-    reached = np.array(case.plant()(case.x0, u, p)).ravel()
-    np.testing.assert_allclose(reached[: s.nd], right, atol=2e-3 * np.abs(right).max())
 
 
 def test_cost_of_a_violated_row():

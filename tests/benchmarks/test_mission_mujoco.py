@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -14,8 +13,7 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.scene.load import load
-
-MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
+from tests.mission_cases import MUG
 
 
 @pytest.fixture(scope="module")

@@ -81,20 +81,6 @@ def test_wires_and_sensors_fail_as_they_say():
     assert np.flatnonzero(missing).tolist() == list(range(fails, fails + 50))
 
 
-def test_swapped_commands_are_those_of_the_other_tendon():
-    swapped, right = bench().plant(named("commands swapped"), 0), bench().plant(named("as shipped"), 0)
-    for _ in range(5):
-        swapped.advance(PULL)
-        right.advance(PULL[::-1])
-    assert np.array_equal(swapped.x, right.x)
-
-
-def test_a_controller_is_called_at_half_its_rate():
-    slow = bench().plant(named("period x 2"), 0)
-    slow.advance(PULL)
-    assert (slow.t, slow.period) == (2 * PERIOD, 2 * PERIOD)
-
-
 GOOD = Outcome(
     *("loop", "group", "name", 0, False, 1e-3, 1e-3, 0.18, 0.1, 0.02, 0.03),
     *({"solved": 500}, {"ok": 500}, math.nan, math.nan, "", False),

@@ -136,10 +136,8 @@ def test_a_plan_that_ends_far_from_a_setpoint_which_stood_is_no_optimum(goal, co
     [
         (("none.yaml",), "none.yaml"),
         ((STEADY, "--animate", "avi"), "expected gif or mp4"),
-        ((STEADY, "--set", "duration=null"), "duration"),
         ((STEADY, "--set", "plant.stiffness=-1"), "plant.stiffness"),
         ((str(ROOT / "configs/simulate/hanging.yaml"),), "expected a closed loop"),
-        ((STEADY, "--json", "--quiet"), "--quiet"),
     ],
 )
 def test_bad_input_exits_with_2(arguments, said, tmp_path):

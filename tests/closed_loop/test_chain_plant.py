@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
@@ -122,14 +120,6 @@ def test_nothing_creeps_at_rest_and_a_slack_tendon_forgets():
     assert chain.go([5.0], 1.0, 1000) > 0.3
 
 
-def test_mirrored_fingers_move_alike():
-    found = [Chain({**MOVING, "tendons": pair(0.2)}, 12) for _ in range(2)]
-    for k in range(40):
-        u = 6.0 + 5.0 * np.sin(0.15 * k), 4.0 + 3.0 * np.cos(0.2 * k)
-        angles = found[0].go(u, 2e-3, 2), found[1].go(u[::-1], 2e-3, 2)
-        assert angles[0] == pytest.approx(-angles[1], abs=1e-9)
-
-
 def test_it_sags_under_its_weight_as_a_beam_does():
     """Gravity across, so little that bends stay small: w L3/(6 EI) + m g L2/(2 EI) at the tip."""
     chain = Chain({**MOVING, "tendons": single(0.0)}, 40, gravity=[0.1, 0.0])
@@ -157,11 +147,6 @@ def test_a_tapered_chain_has_the_integrals_of_its_rod():
     products, moments = chain.links.turning
     assert np.sum(products) == pytest.approx(turning, rel=1e-10)
     assert np.sum(moments) == pytest.approx(weight, rel=1e-10)
-
-
-def test_a_slack_chain_rests_in_its_own_curvature():
-    chain = Chain({**MOVING, "rest_curvature": 3.0, "tendons": single(0.1)}, 12)
-    assert chain.go([0.0], 4.0, 800) == pytest.approx(3.0 * LENGTH, rel=1e-4)  # it still swings a little
 
 
 @pytest.mark.parametrize("arrangement", ["one_pulley", "per_tendon"])
@@ -252,31 +237,15 @@ def test_it_presses_an_object_as_a_plant_of_elements_does():
 
 
 @pytest.mark.parametrize(
-    ("finger", "plant", "key", "words"),
+    ("changes", "key", "words"),
     [
-        (
-            {**MOVING, "tendons": PAIR, "stops": {"curvature": 30.0, "stiffness_ratio": 20.0}},
-            {"guides": 20, "axial_stiffness": 1e4},
-            "finger.stops",
-            "stops",
-        ),
-        (
-            {**MOVING, "tendons": PAIR, "softening": {"curvature": 30.0, "stiffness_ratio": 0.2}},
-            {"guides": 20, "axial_stiffness": 1e4},
-            "finger.softening",
-            "a material that softens",
-        ),
-        (
-            {**MOVING, "tendons": PAIR, "damping": {"material": 1e-3, "quadratic": 1e-4}},
-            {"guides": 20, "axial_stiffness": 1e4},
-            "finger.damping.quadratic",
-            "quadratic damping",
-        ),
+        ({"stops": {"curvature": 30.0, "stiffness_ratio": 20.0}}, "finger.stops", "stops"),
+        ({"damping": {"material": 1e-3, "quadratic": 1e-4}}, "finger.damping.quadratic", "quadratic damping"),
     ],
 )
-def test_what_a_chain_does_not_cover_is_refused(finger, plant, key, words):
+def test_what_a_chain_does_not_cover_is_refused(changes, key, words):
     with pytest.raises(cg.InputError, match=words) as error:
-        PlantModel(scene(finger, plant))
+        PlantModel(scene({**MOVING, "tendons": PAIR, **changes}, {"guides": 20, "axial_stiffness": 1e4}))
     assert error.value.key == key
 
 
@@ -314,61 +283,3 @@ def test_a_winch_has_the_tension_of_the_closed_form():
     read = chain.model.function("t", t=chain.model.tensions)
     tension = float(np.array(read(chain.x, [0.0], chain.model.forces(0.0)[0])).item())
     assert tension == pytest.approx(20.0, rel=1e-3)
-
-
-def test_the_work_of_winches_is_found_again():
-    """In motion, elasticity, damping, and what slides at the capstan limit; the less so the longer the steps."""
-    missing = []
-    for parts in (4, 16):
-        n, h = 12, LENGTH / 12
-        chain = wound(n, 0.2, MOVING, pair, pretension=3.0)
-        read = chain.model.function("t", t=chain.model.tensions)
-        names = chain.model.x_names
-        lengths = [names.index(f"length_{k} [m]") for k in (1, 2)]
-        pieces = np.append(np.full(n - 1, h), 0.5 * h) / 1e4
-        first = 0.5 * h / 1e4 + 3e-5
-        stiffness = STIFFNESS / h
-
-        def tensions(x, chain=chain, read=read, n=n):
-            base = np.array(read(x, [0.0, 0.0], chain.model.forces(0.0)[0])).ravel()
-            along = x[2 * n : 2 * n + 2 * (n + 1)].reshape(2, n + 1)[:, :n]
-            return np.hstack([base[:, None], along])
-
-        def energy(x, tensions=tensions, pieces=pieces, first=first, stiffness=stiffness, n=n):
-            t, b, v = tensions(x), x[:n], x[n : 2 * n]
-            angle, spin = np.cumsum(b), np.cumsum(v)
-            lengths = np.append(np.full(n - 1, LENGTH / n), 0.5 * LENGTH / n)
-            steps = np.stack([-np.cos(angle), -np.sin(angle)]) * (lengths * spin)
-            ends = np.cumsum(steps, axis=1)
-            before = ends - steps
-            # Of a bar whose velocity is linear along it.
-            square = (before**2 + before * ends + ends**2).sum(axis=0) / 3.0
-            moving = 0.5 * (0.034 * lengths * square).sum() + 0.5 * 0.002 * (ends[:, -1] ** 2).sum()
-            stretched = 0.5 * (first * t[:, 0] ** 2).sum() + 0.5 * (pieces * t[:, 1:] ** 2).sum()
-            return moving + 0.5 * stiffness * (b**2).sum() + stretched
-
-        def slid(x, tensions=tensions, pieces=pieces, n=n):
-            t, b = tensions(x), x[:n]
-            beyond = np.cumsum(b[::-1])[::-1] - 0.5 * b
-            elongated = np.cumsum((pieces * t[:, 1:])[:, ::-1], axis=1)[:, ::-1]
-            return np.array([[1.0], [-1.0]]) * OFFSET * beyond + elongated
-
-        rows = [chain.x]
-        for k in range(60):
-            u = 0.004 * np.sin(0.15 * k)
-            rows += list(chain.steps.advance(rows[-1], np.array([u, -u]), 0.0, 2e-3, 2 * parts)[1:])
-        work = lost = 0.0
-        for a, b in pairwise(rows):
-            ta, tb = tensions(a), tensions(b)
-            work += float(0.5 * (ta[:, 0] + tb[:, 0]) @ (b[lengths] - a[lengths]))
-            drop = 0.5 * ((ta[:, :-1] - ta[:, 1:]) + (tb[:, :-1] - tb[:, 1:]))
-            slid_away = float((drop * (slid(b) - slid(a))).sum())
-            assert slid_away > -1e-7
-            lost += slid_away + 2e-3 / (2 * parts) * float(
-                0.5 * 3e-5 / h * (a[n : 2 * n] ** 2 + b[n : 2 * n] ** 2).sum()
-            )
-        assert work > 5e-3
-        assert lost > 0.1 * work
-        missing.append(abs(energy(rows[-1]) - energy(rows[0]) + lost - work) / work)
-    assert missing[1] < 0.01
-    assert missing[1] < 0.6 * missing[0]

@@ -49,16 +49,3 @@ def test_the_tip_reaches_where_the_finger_can_rest(name):
     scene = scene.changed({"reference.tip": tip.tolist(), "controller.cost": weights})
     run = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf))
     assert np.linalg.norm(run.tip[-1] - tip) < 0.01 * np.linalg.norm(tip - start)
-
-
-BENT = 0.18 * np.array([np.cos(0.7) - 1.0, np.sin(0.7)]) / 0.7
-"""Tip of the hand finger as an arc of 0.7 rad [m]: a place beside the tip's curve would be missed whatever it does."""
-
-
-def test_a_loop_with_slack_cables_arrives_or_says_that_they_may_be_slack():
-    """Where no tendon is in tension a small change of a command has no effect."""
-    (feature,) = (one for one in FEATURES if one.name == "slack cables")
-    scene = scene_of(ControlScene, feature, {"duration": 1.0, "reference": {"tip": BENT.tolist()}})
-    run = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf))
-    off = np.linalg.norm(run.tip[-1] - run.r[-1, :2])
-    assert off < 1e-3 or any("slack" in text for text in run.warnings)

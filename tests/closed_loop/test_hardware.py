@@ -300,10 +300,3 @@ def select_ready(end) -> bool:
     import select
 
     return bool(select.select([end], [], [], 0.0)[0])
-
-
-def test_a_line_is_checked():
-    assert (
-        line_of("u,0,solved,1")
-        == b"u,0,solved,1*" + f"{__import__('zlib').crc32(b'u,0,solved,1'):08x}".encode() + b"\n"
-    )

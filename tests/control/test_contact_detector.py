@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from continuum_grasp.control import Contact, ContactDetector, Controller, Estimator
+from continuum_grasp.control import Contact, ContactDetector, Estimator
 from continuum_grasp.control.estimation.free_finger import FreeFinger
 from continuum_grasp.errors import InputError
 from tests.contact_cases import (
@@ -122,16 +122,6 @@ def test_a_blow_is_detected_in_time(way):
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize(
-    ("stiffness", "friction", "dry", "payload"),
-    [(0.8, 0.15, 1.3, 0.002), (1.2, 0.05, 0.7, 0.0), (1.2, 0.15, 1.3, 0.002)],
-)
-def test_wrong_models_raise_no_alarm(stiffness, friction, dry, payload):
-    rows = trial(detector(payload=0.002), plant(friction, stiffness=stiffness, dry=dry, payload=payload), back=True)
-    assert {feels.contact for _, _, feels in rows} == {Contact.FREE}
-
-
-@pytest.mark.deep
 @pytest.mark.parametrize("arrangement", ["one_pulley", "per_tendon"])
 def test_two_tendons_raise_no_alarm_at_the_ends_of_all_errors(arrangement):
     """Under gravity with a payload, on motors whose commands are held; what is small on a pulley is the difference."""
@@ -176,38 +166,6 @@ def test_two_tendons_feel_a_push_beyond_the_threshold(arrangement, at, place, de
                 break
         assert pushed < 1.6 * threshold + 0.025 * rate
         assert feels.forces[place, 0] - 0.01 < way * pushed < feels.forces[place, 1] + 0.01
-
-
-def test_two_places_that_motors_feel_alike_cannot_be_distinguished():
-    """0.15 N at the tip and 0.58 N in the middle of a chain pull both motors within 0.15 N of each other."""
-    own, residuals = ContactDetector(pair_scene("per_tendon", 0.05, detection=IDENTIFIED)), []
-    for place, at, pushed in ((1, LENGTH, 0.15), (0, 0.5 * LENGTH, 0.58)):
-        force = {
-            "times": (0.0, 0.8, 1.0),
-            "values": ((0.0, 0.0), (0.0, 0.0), (-pushed, 0.0)),
-            "interpolation": "linear",
-        }
-        load = {"kind": "force", "at": at, "follows": True, "force": force}
-        driven, rng = PairPlant("per_tendon", 0.05, loads=[load]), np.random.default_rng(1)
-        own.reset()
-        for k in range(1, 321):
-            driven.advance(min(2.0 * k * driven.period, 0.8))
-            feels = own.step(driven.readings(rng))
-        assert feels.detected
-        assert feels.place is None
-        assert feels.forces[place, 0] < pushed < feels.forces[place, 1]
-        assert np.all(np.isfinite(feels.forces))
-        residuals.append(feels.residual)
-    assert residuals[0] == pytest.approx(residuals[1], abs=0.15)
-
-
-@pytest.mark.deep
-def test_after_a_contact_the_history_is_not_known():
-    own = detector(bending_stiffness=0.02, tendon_friction=0.1)
-    rows = trial(own, plant(0.1), speed=1.0)
-    widths = [float(np.ptp(feels.bounds)) for _, _, feels in rows]
-    at = next(k for k, (_, _, feels) in enumerate(rows) if feels.detected)
-    assert max(widths[at + 20 :]) > widths[at - 1] + 0.5
 
 
 def test_without_a_reading_it_stays_as_it_is():
@@ -255,17 +213,6 @@ def test_the_estimator_reports_it_along():
     again = own.step([0.01, 0.02], [0.02])
     assert first.contact.residual == again.contact.residual
     assert first.z.tolist() == again.z.tolist()
-
-
-@pytest.mark.deep
-def test_a_controller_reports_it_as_the_detector_does():
-    controller, alone = Controller(scene(), deadline=math.inf), ContactDetector(scene())
-    for k in range(8):
-        measured = [0.002 * k, 0.002 * k]
-        command, feels = controller.step(measured), alone.step(measured)
-        assert command.contact.residual == pytest.approx(feels.residual, abs=1e-12)
-        assert command.contact.forces == pytest.approx(feels.forces, abs=1e-9)
-        assert command.contact.contact is feels.contact
 
 
 @pytest.mark.parametrize(

@@ -104,16 +104,11 @@ def test_the_controller_hands_out_the_covariance_of_its_filter():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"contact_law": {"stiffness": 500.0, "friction": 0.0}}, "contact_friction: needs contact_law.friction"),
         ({"spread": {"tendon_friction": 0.4}}, "spread.tendon_friction: needs its drift"),
         ({"disturbances": {"tip_force": 0.1}, "spread": {"object_position": 0.001}}, "spread.object_position"),
     ],
 )
-def test_a_spread_of_what_does_not_drift_is_refused(changes, message):
+def test_what_cannot_drift_or_has_no_spread_is_refused(changes, message):
     with pytest.raises((InputError, ValueError), match=re.escape(message)):
         scene(**changes)
-
-
-def test_friction_without_a_limit_is_refused():
-    law = {"stiffness": 500.0, "friction": 0.0}
-    with pytest.raises((InputError, ValueError), match=re.escape("contact_friction: needs contact_law.friction")):
-        hand_scene(**TOUCHING | {"contact_law": law}, estimator={"measured": MEASURED, "disturbances": DRIFTS})

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 
-import casadi as ca
 import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.control.ocp.cost_terms import tracked_groups
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import REALS
 from tests.control_cases import ROD, hand_scene, rod_scene, swing_scene
 
 ANGLE = 0.8
@@ -26,18 +22,6 @@ TRACKED = {
     "input": {"moment_max": 0.3, "rate_max": 3.0},
 }
 TURNED = {"controller": TRACKED, "reference": {"tip_angle": ANGLE}}
-
-
-def test_names_find_their_terms():
-    names = ["tip_x [m]", "tip_y [m]", "bending_1 [rad]", "tip_angle [rad]", "contact_force_finger.1 [N]"]
-    names += ["bending_rate_1 [rad/s]", "tension_1 [N]", "tension_1_rate [N/s]"]
-    found = {group.label: (group.unit, group.columns, group.of_points) for group in tracked_groups(names)}
-    assert found == {
-        "tip": ("m", (0, 1), True),
-        "bending": ("rad", (2,), False),
-        "tip angle": ("rad", (3,), False),
-        "contact force": ("N", (4,), False),
-    }
 
 
 def test_the_orientation_is_that_of_the_backbones_end():
@@ -88,13 +72,6 @@ def test_degrees_are_out_of_its_range_and_turns_are_not():
     assert 6.0 * math.pi < most < 90.0
 
 
-def test_the_exported_reference_has_it_with_its_unit():
-    loop = Loop.of(swing_scene(**TURNED), REALS["double"], ("estimator", "mpc"))
-    (field,) = [field for field in loop.reference.fields if field.name == "tip_angle"]
-    assert field.unit == "rad"
-    assert [f.unit for f in loop.settings.fields if f.name == "weight_tip_angle"] == ["1/rad2"]
-
-
 @pytest.mark.parametrize(
     ("cost", "reference", "message"),
     [
@@ -115,11 +92,3 @@ def test_the_exported_reference_has_it_with_its_unit():
 def test_weight_and_setpoint_need_each_other(cost, reference, message):
     with pytest.raises(InputError, match=message):
         rod_scene(controller={"cost": cost, "input": {"moment_max": 0.3}}, reference=reference)
-
-
-def test_it_is_no_function_of_the_input():
-    """It applies at the end of the horizon too, which has no input."""
-    stages = stages_of(swing_scene(**TURNED))
-    x, u, p = (ca.SX.sym(name, size) for name, size in (("x", stages.nx), ("u", stages.nu), ("p", stages.np)))
-    assert not ca.depends_on(stages.outputs(x, u, p)[0], u)
-    assert stages.terminal_weights[0] == 5.0

@@ -7,7 +7,6 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop import Plant
 from continuum_grasp.control import Estimator
 from tests.control_cases import CABLE, driven_scene
 from tests.truth.tendon_motion import MovingFinger
@@ -108,13 +107,3 @@ def test_lengths_and_tensions_alone_show_the_angle_of_the_tip(guides):
         bends = np.array(own.prediction.bending(found.z[: own.prediction.nx], [0.0, 0.0], own.prediction.p_nominal))
         wrong.append(float(bends.sum()) - chain.angle)
     assert np.abs(wrong[5:]).max() < 0.03
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("name", ["servos", "torques", "pulley"])
-def test_plants_measure_what_estimators_compare(name):
-    key = "length" if name == "pulley" else "angle"
-    effort = {} if name == "pulley" else {"torque": 1e-3}
-    asked = {"measured": {"tip": 3e-4, "tension": 0.05, key: 1e-5, **effort}, "delay": 0.0}
-    scene = driven_scene(name, estimator=asked)
-    assert Plant(scene).sensors.names == Estimator(scene).measurement_names

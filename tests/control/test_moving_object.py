@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, root
+from scipy.optimize import root
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.plant import Plant
@@ -41,25 +40,6 @@ def lying(**law) -> System:
         contact_law=ContactLaw(stiffness=2000.0, friction=0.5, **law),
     )
     return System(FINGER, surroundings=around, family="arc", elements=1, parameters=[], gravity=(0.0, 0.0))
-
-
-def test_an_object_that_stays_on_its_table_has_no_height():
-    system = lying(slip_speed=SPEED)
-    assert [name for name in system.x_names if name.startswith("object")] == [
-        "object_x [m]",
-        "object_y [m]",
-        "object_angle [rad]",
-        "object_x_rate [m/s]",
-        "object_y_rate [m/s]",
-        "object_angle_rate [rad/s]",
-    ]
-    assert system.w_names[-3:] == ["object_force_x [N]", "object_force_y [N]", "object_moment [N m]"]
-    with_states = lying()
-    assert [name for name in with_states.x_names if name.startswith("table")] == [
-        "table.slide_x [1]",
-        "table.slide_y [1]",
-        "table.turn [1]",
-    ]
 
 
 @pytest.mark.parametrize("turns", [False, True])
@@ -138,40 +118,12 @@ def test_derivatives_of_a_step_that_pushes_are_differences():
         assert np.abs(a[:, j] - difference).max() <= 1e-4 * max(1.0, np.abs(difference).max())
 
 
-def test_a_third_newton_iteration_solves_the_onset_of_a_stiff_contact():
-    """A mass of 5 g that meets a wall of 20 kN/m within a step of 5 ms; the truth: the stages solved by scipy."""
-    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u", 1), ca.SX.sym("p", 0)
-    t = ca.fmin(ca.fmax((2e-4 + x[0]) / 4e-4, 0.0), 1.0)
-    force = 2e4 * (4e-4 * t**3 * (1.0 - 0.5 * t) + ca.fmax(x[0] - 2e-4, 0.0))
-    dynamics = ca.Function("dynamics", [x, u, p], [ca.vertcat(x[1], (u - force) / 0.005)], ["x", "u", "p"], ["xd"])
-    gamma, h, start = 1.0 - math.sqrt(0.5), 0.005, np.array([-6e-4, 0.2])
-
-    def stage(base):
-        # y = base + gamma h v and v = base_v - gamma h force(y) / m: one equation that increases in y.
-        def missing(y):
-            return y - base[0] - gamma * h * (base[1] + gamma * h * float(dynamics([y, 0.0], 0.0, [])[1]))
-
-        y = brentq(missing, -0.01, 0.01, xtol=1e-16)
-        return np.array([y, (y - base[0]) / (gamma * h)])
-
-    first = stage(start)
-    exact = stage(start + (1.0 - gamma) / gamma * (first - start))
-    errors = {
-        method: np.abs(np.array(step_function(dynamics, 2, method)(start, 0.0, [], h)[0]).ravel() - exact)[0]
-        for method in ("sdirk2", "sdirk2_contact")
-    }
-    assert errors["sdirk2_contact"] < 0.2 * errors["sdirk2"]
-
-
 @pytest.mark.parametrize(
     ("stiffness", "horizon", "expected"),
     [
         (2000.0, {}, ("sdirk2", 1)),
-        (8000.0, {}, ("sdirk2", 1)),
         (20000.0, {}, ("sdirk2_contact", 2)),
         (20000.0, {"method": "sdirk2"}, ("sdirk2", 2)),
-        (20000.0, {"substeps": 3}, ("sdirk2_contact", 3)),
-        (2000.0, {"substeps": 2}, ("sdirk2", 2)),
         (2000.0, {"substeps": 2, "method": "rk4"}, ("rk4", 2)),
     ],
 )
@@ -192,8 +144,6 @@ def test_steps_resolve_the_contact(stiffness, horizon, expected):
         (["reference.gap=null"], "controller.cost.gap: needs reference.gap"),
         (["reference.object_position=[0.0, 0.2]"], "reference.object_position: nothing tracks it"),
         (["table.point=[0.0, 0.0]", "table.normal_angle=0.0"], "stays: is of a table parallel to the plane"),
-        (["out_of_plane_gravity=0"], "table: needs out_of_plane_gravity"),
-        (["table.friction_radius=-1"], "table.friction_radius"),
     ],
 )
 def test_scenes_that_make_no_sense_are_refused(changes, message):

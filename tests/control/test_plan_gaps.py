@@ -17,9 +17,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control import stages_of
-from continuum_grasp.control.status import Anomaly, Status
+from continuum_grasp.control.status import Anomaly
 from continuum_grasp.mission.assign import assign
 from tests.rti_problems import cart_pole, cart_pole_rates
 
@@ -73,24 +72,6 @@ def gap(stages, x, u):
     """Largest gap in the curvatures of a plan [1/m]."""
     ends = np.array([driven(stages, *node) for node in zip(x[:-1], u, strict=True)])
     return np.abs(ends - x[1:])[:, :4].max()
-
-
-@pytest.mark.deep
-def test_full_steps_repeat_it():
-    stages = controller().stages
-    iteration = RealTimeIteration(stages)
-    iteration.settings.weights = WEIGHTS
-    for name, limit in LIMITS.items():
-        setattr(iteration.settings, name, limit)
-    iteration.plan[0][:], iteration.plan[1][:] = PLAN[:, :12], PLAN[:-1, 12:]
-    x = np.array([*STATE, *HELD])
-    for _ in range(60):
-        iteration.shift()
-        report = iteration.step(x, SETPOINTS, KNOWN)
-        assert report.cost > 0.5
-        assert gap(stages, *iteration.plan) > 1.0
-        x = driven(stages, x, iteration.plan[1][0])
-    assert force(stages, x, iteration.plan[1][0]) == pytest.approx(3.84, abs=0.05)
 
 
 @pytest.mark.deep
@@ -151,15 +132,6 @@ def pressed(solver, steps=80):
         x = stages.ends(x[None], commands[-1].u[None], np.zeros(0))[0]
         forces.append(float(stages.outputs(x, commands[-1].u, [])[0]))
     return commands, forces
-
-
-def test_full_steps_throw_a_mass_away_from_a_stiff_wall():
-    commands, forces = pressed(cg.rti(mass_at_a_wall()))
-    assert max(command.cost for command in commands) > 1e6
-    # The QP is solved, and says nothing of the model; the gaps do.
-    assert all(command.status in (Status.SOLVED, Status.ROW_VIOLATED) for command in commands)
-    assert max(command.gaps["x"] for command in commands) > 1.0
-    assert forces[119] < 1.0
 
 
 def test_checked_plans_of_a_users_model_press_as_they_should():

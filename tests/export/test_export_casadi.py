@@ -35,16 +35,6 @@ def test_what_is_loaded_computes_what_the_model_does(name, tmp_path):
             np.testing.assert_array_equal(np.array(theirs), np.array(ours))
 
 
-def test_an_earlier_export_is_replaced_and_nothing_else(tmp_path):
-    cg.export_casadi(scene("tendons"), tmp_path)
-    (tmp_path / "mine.txt").write_text("mine")
-    cg.export_casadi(scene("tendons"), tmp_path, what=["tip"])
-    assert {file.name for file in tmp_path.iterdir()} == {"MANIFEST.json", "mine.txt", "tip.casadi"}
-    (tmp_path / "tip.casadi").write_text("changed")
-    with pytest.raises(InputError, match="is not as an export left it"):
-        cg.export_casadi(scene("tendons"), tmp_path, what=["tip"])
-
-
 def test_unknown_functions_are_refused(tmp_path):
     with pytest.raises(InputError, match="expected some of forward_dynamics"):
         cg.export_casadi(scene("tendons"), tmp_path, what=["tips"])

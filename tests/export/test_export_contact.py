@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 
 import numpy as np
 import pytest
 
 from continuum_grasp.control import Contact, Controller, Estimator
-from continuum_grasp.control.compiled import detector_source
-from continuum_grasp.control.estimation.contact_detector import contact_parts
-from continuum_grasp.control.estimation.contact_model import contact_model_of
 from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.strict_math import c_source
 from tests.contact_cases import NOISE, RADIUS, STEP, plant, short_scene
 from tests.export_cases import STRICT, needs, packages, run, shared_library  # noqa: F401
 
@@ -39,14 +34,6 @@ def readings():
     rows[25][0] = math.inf
     rows[30][0] = 50.0  # no finger's motor is there
     return rows
-
-
-def felt(struct) -> np.ndarray:
-    """All numbers of the struct."""
-    return np.ctypeslib.as_array(
-        ctypes.cast(ctypes.byref(struct), ctypes.POINTER(type(struct)._fields_[0][1])),
-        (ctypes.sizeof(struct) // ctypes.sizeof(type(struct)._fields_[0][1]),),
-    ).copy()
 
 
 @pytest.mark.deep
@@ -75,60 +62,6 @@ def test_controller_and_estimator_feel_what_those_of_python_feel(made, readings)
             forces = np.transpose([found.force_low, found.force_high])
             assert forces[finite] == pytest.approx(wanted.forces[finite], rel=limit, abs=limit)
     assert seen == {Contact.FREE, Contact.UNCERTAIN, Contact.DETECTED, Contact.MISSING}
-
-
-@pytest.mark.deep
-@needs("cc")
-def test_the_detector_is_that_of_python_to_the_bit(made, readings, tmp_path):
-    """The C that Python compiles, with the package's sine, exponential and flags in place of the library's."""
-    real, finger, library = made
-    model = contact_model_of(short_scene())
-    numbers = np.concatenate([np.ravel(np.asarray(values, dtype=float)) for values in model.settings.values()])
-    functions = ("sin", "cos", "exp", "sqrt")
-    names = [name + ("f" if real == "float" else "") for name in functions]
-    source = "#include <math.h>\n#include <stdint.h>\n#define FINGER_API\n"
-    source += "static int finger_is_finite(const finger_real *x) { return isfinite(*x); }\n"
-    source += c_source(set(functions), REALS[real], "finger")
-    source = source.replace("finger_real", real)
-    source += "\n".join(f"#define {name} strict_{own}" for name, own in zip(names, functions, strict=True))
-    (tmp_path / "own.c").write_text(f"{source}\n{detector_source(model, real)}")
-    run("cc", *STRICT, "-O1", "-w", "-shared", "-fPIC", tmp_path / "own.c", "-o", tmp_path / "own.so")
-    own, parts = ctypes.CDLL(str(tmp_path / "own.so")), contact_parts(model)
-    own.cg_size.restype = ctypes.c_size_t
-    memory, out = ctypes.create_string_buffer(own.cg_size()), np.zeros(sum(parts.values()))
-
-    def at(array):
-        return ctypes.c_void_p(array.ctypes.data)
-
-    own.cg_settings(memory, at(numbers))
-    own.cg_start(memory, at(np.ravel(model.settings["first"]).astype(float)))
-    estimator = finger.Estimator(library)
-    for y in readings:
-        own.cg_step(memory, at(np.array([*y, 0.1])), at(out))
-        estimator.step(finger.Measurement(*y), finger.Command(0.1))
-        assert felt(estimator.contact()).tobytes() == out.astype(REALS[real].dtype).tobytes()
-
-
-@needs("cc")
-def test_its_memory_is_all_that_it_keeps(made, readings):
-    """Copied in the middle, it goes on as it did; started at a state, it knows nothing of before."""
-    _, finger, library = made
-    first, second = finger.Estimator(library), finger.Estimator(library)
-    given = finger.Command(0.1)
-    for y in readings[:60]:
-        first.step(finger.Measurement(*y), given)
-    second._memory.raw = first._memory.raw
-    for y in readings[60:]:
-        first.step(finger.Measurement(*y), given)
-        second.step(finger.Measurement(*y), given)
-        assert felt(first.contact()).tobytes() == felt(second.contact()).tobytes()
-    estimate = finger.Estimate(*np.zeros(len(finger.Estimate._fields_)))
-    for each in (first, second := finger.Estimator(library)):
-        each.start(estimate, given)
-    for y in readings[:3]:
-        first.step(finger.Measurement(*y), given)
-        second.step(finger.Measurement(*y), given)
-    assert felt(first.contact()).tobytes() == felt(second.contact()).tobytes()
 
 
 def test_what_moves_as_no_finger_is_lost_until_it_starts_again():

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-import json
 import math
-import re
 from functools import lru_cache
 
 import numpy as np
@@ -20,7 +18,6 @@ from continuum_grasp.export.control import replay
 from continuum_grasp.export.control.loop import Loop, identifiers, unit_of
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
-from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import Reality, hand_scene
 from tests.export_cases import (  # noqa: F401
     DRIVES,
@@ -68,18 +65,6 @@ def reference(finger, rows):
     if finger.Real is ctypes.c_float:
         columns = [(ctypes.c_float * len(rows))(*column) for column in columns]
     return finger.Reference(*columns)
-
-
-@pytest.mark.deep
-def test_the_manifest_has_the_bytes_of_memory(packages, tmp_path):  # noqa: F811
-    made = json.loads((packages("observed", "float") / "MANIFEST.json").read_text())
-    bytes_of = made["functions"]["mpc"]["memory_bytes"]
-    header = (packages("observed", "float") / "include/finger.h").read_text()
-    assert f"#define FINGER_CONTROLLER_WORK_BYTES {bytes_of['controller_work']}\n" in header
-    assert made["parts"] == ["estimator", "mpc"]
-    assert 0.0 < made["functions"]["estimator_step"]["relative_error"] < 1e-2
-    again = export_c(Estimator(scene("observed")), tmp_path, real="float").manifest
-    assert again == made
 
 
 # Numbers, against the Python controller and estimator, whose C comes from CasADi and uses vector lanes.
@@ -254,33 +239,6 @@ def test_what_goes_beside_measurements(libraries):
 
 @pytest.mark.deep
 @needs("cc")
-@pytest.mark.parametrize("real", REALS)
-def test_drives_that_are_off_are_what_was_applied(real, libraries):
-    """Zero tensions, which cannot be commanded, count: in Python, in the package, in its estimator."""
-    finger, library = libraries("observed", real)
-    python, other = Controller(scene("observed"), precision=real, deadline=math.inf), finger.Controller(library)
-    estimators = Estimator(scene("observed"), precision=real), finger.Estimator(library)
-    y = [-0.02, 0.177, 0.0, 0.0]
-    for _ in range(8):
-        other.applied(finger.Command(0.0, 0.0))
-        command, found = (
-            python.step(y, np.zeros(2 + 2), applied=[0.0, 0.0]),
-            other.step(finger.Measurement(*y), reference(finger, np.zeros((9, 4)))),
-        )
-        assert int(command.anomaly) == other.diagnosis().anomalies
-        expected = estimators[0].step(np.array(y), np.zeros(2))
-        estimate = estimators[1].step(finger.Measurement(*y), finger.Command(0.0, 0.0))
-        limit = 2e-3 if real == "float" else 1e-7
-        assert values(found) == pytest.approx(command.u, rel=limit, abs=20 * limit)
-        assert np.allclose(values(estimate), expected.z, rtol=limit, atol=limit * np.abs(expected.z).max())
-    assert not int(command.anomaly) & 512
-    assert min(values(estimators[1].variance())) > 0.0
-    assert estimators[1].anomalies() == 0
-    estimators[1].start(estimate, finger.Command(0.0, 0.0))
-
-
-@pytest.mark.deep
-@needs("cc")
 def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene(libraries):
     finger, library = libraries("observed", "double")
     rows = Controller(scene("observed")).nominal_setpoints.rows(np.zeros(9))
@@ -296,89 +254,6 @@ def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene
         finger.Command(tension_1=1.0)
     with pytest.raises(TypeError, match="has tip_x, tip_y"):
         finger.Measurement(tip_z=1.0)
-
-
-@pytest.mark.deep
-@needs("cc")
-@pytest.mark.parametrize(("name", "real"), [("observed", "float"), ("given", "double")])
-def test_the_ten_lines_of_the_readme_control(name, real, packages, tmp_path):  # noqa: F811
-    """Nothing measured, the setpoints of the scene: the command stays finite; the header tells nodes and period."""
-    package = packages(name, real)
-    include, *lines = (
-        re.search("```c\n(.*?)```", (package / "README.md").read_text(), re.DOTALL)[1].strip().splitlines()
-    )
-    body = "\n".join(lines)
-    check = """
-  if (measurement.tip_x == measurement.tip_x || reference.tension_1[FINGER_NODES - 1] != 1) return 100;
-  if (!(FINGER_PERIOD * 100 > 0.999 && FINGER_PERIOD * 100 < 1.001) || FINGER_NODES != 9) return 101;
-  return code;
-"""
-    if name == "given":
-        check = check.replace("tip_x", "theta_1")
-    main = f"{include}\nstatic void report(const char *text) {{ (void)text; }}\nint main(void) {{\n{body}\n{check}}}\n"
-    (tmp_path / "main.c").write_text(main)
-    flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{package / 'include'}")
-    run("cc", *flags, tmp_path / "main.c", *(package / "src").glob("*.c"), "-o", tmp_path / "main")
-    run(tmp_path / "main", expect={"observed": 0, "given": int(Code.WARN_SAFE_RAMP)}[name])
-
-
-@pytest.mark.deep
-@needs("cc")
-def test_a_command_beyond_its_settings_is_reported(packages, tmp_path):  # noqa: F811
-    """Where limits move faster than the command may; no fuzzed input gives one by another code of a new plan."""
-    package = packages("limited", "float")
-    (fuzz,) = compile_programs("cc", package, tmp_path, "fuzz", *STRICT, "-O1")
-    assert re.search(r"^mpc +0 of 40000 rows failed", run(fuzz, 800_000), re.MULTILINE)
-    finger, library = shared_library(package, tmp_path)
-    control, rows = finger.Controller(library), reference(finger, np.tile([0.9, 0.9, 1.0, 1.0], (9, 1)))
-    x = finger.Measurement(0.0, 0.0, 0.0, 0.0)
-    for _ in range(20):
-        command = control.step(x, rows)
-    top = command.tension_1
-    assert top > 10.0
-    assert control.code < Code.WARN_PREVIOUS_PLAN
-    control.head.settings.most_tension_1 = 6.0
-    tensions = [top]
-    while len(tensions) == 1 or control.code == Code.WARN_BEYOND_LIMIT:
-        tensions.append(control.step(x, rows).tension_1)
-    assert np.diff(tensions)[:-1] == pytest.approx(-3.0, abs=1e-3)  # 300 N/s in 10 ms
-    assert tensions[-2] > 6.0
-    assert tensions[-1] == pytest.approx(6.0, abs=1e-5)
-    assert control.code < Code.WARN_PREVIOUS_PLAN
-
-
-@pytest.mark.deep
-@needs("gcc")
-@pytest.mark.parametrize("stages", few([4, 6, 7], 1))
-def test_a_plan_is_not_read_past_its_end(stages, tmp_path):
-    """In single precision N - 1e-3 + 1e-3 may round up to N: with the plan at that very age, the last input goes on."""
-    oldest = np.float32(stages) - np.float32(1e-3)
-    export_c(loop_scene(stages, observed=False), tmp_path / "out", real="float")
-    main = f"""
-#include <stdio.h>
-#include "finger.h"
-static finger_controller c;
-static finger_controller_work work;
-int main(void)
-{{
-  finger_measurement y = {{0}};
-  finger_reference r;
-  finger_command command;
-  float age = {float(oldest)!r}f - 1.0f;
-  int code = finger_controller_init(&c) | finger_reference_init(&r);
-  code = finger_mpc(&c, &work, &y, &r, &command);
-  while (age + 1.0f > {float(oldest)!r}f) age = age * (1 - 6e-8f);
-  c.memory.state.age = age;
-  c.memory.state.blind = 0;
-  finger_controller_late(&c);
-  code = finger_mpc(&c, &work, &y, &r, &command);
-  return code == FINGER_WARN_PREVIOUS_PLAN && command.tension_1 == c.memory.state.plan.u[{stages - 1}][0] ? 0 : 1;
-}}
-"""
-    (tmp_path / "main.c").write_text(main)
-    flags = (*STRICT, "-fsanitize=address,undefined", "-fno-sanitize-recover=all", f"-I{tmp_path / 'out/include'}")
-    run("gcc", *flags, tmp_path / "main.c", *(tmp_path / "out/src").glob("*.c"), "-o", tmp_path / "main")
-    run(tmp_path / "main")
 
 
 @pytest.mark.parametrize(
@@ -407,9 +282,6 @@ def test_parts_may_be_chosen(what, tmp_path):
     assert "finger_" not in "".join(path.read_text() for path in (tmp_path / "src").iterdir())
 
 
-# Noise of the test vectors and names of a scene.
-
-
 def test_measurements_of_the_vectors_have_noise():
     """Of 0.1 mm and 1e-2 of other units, so that an estimator has something to do."""
     loop = Loop.of(hand_scene(), REALS["double"], ["estimator", "mpc"])
@@ -419,31 +291,11 @@ def test_measurements_of_the_vectors_have_noise():
     assert readings.std(axis=0) == pytest.approx(deviations, rel=0.15)
 
 
+# Noise of the test vectors and names of a scene.
+
+
 def test_names_of_a_scene_become_identifiers():
     """Of the basic character set, each once, whatever a zone is called; no unit ends a comment."""
     names = ["wall 1", "wall-1", "Ünter */", "1", "", "x [*/ y]", "tip_x [m]", "rate [N m/s]", "k [1/m/s]"]
     assert identifiers(names) == ["wall_1", "wall_1_2", "nter", "_1", "unnamed", "x", "tip_x", "rate", "k"]
     assert [unit_of(name) for name in names] == ["1"] * 6 + ["m", "N m/s", "1/m/s"]
-
-
-@pytest.mark.deep
-def test_the_error_of_a_controller_is_found_at_limits_that_round_and_refused(tmp_path):
-    """In single precision 0.2 is above itself: the reference in double must not refuse it, and so be zero."""
-    single = scene("given").finger.model_copy(update={"tendons": None})
-    given = ControlScene(
-        finger=single,
-        gravity=(0.0, 0.0),
-        fidelity={"family": "arc", "elements": 1},
-        controller={
-            "horizon": {"stages": 4, "stage": 0.01},
-            "cost": {"bending": 100.0, "effort": 0.1},
-            "input": {"moment_max": 0.2},
-            "bounds": {"curvature": None},
-        },
-        reference={"bending": (0.6,)},
-        duration=0.4,
-    )
-    found = export_c(given, tmp_path, real="float").manifest["functions"]["mpc"]["relative_error"]
-    assert 1e-9 < found < 1e-4
-    with pytest.raises(InputError, match="float gives mpc a relative error of"):
-        export_c(given, tmp_path, real="float", error=found / 3.0)

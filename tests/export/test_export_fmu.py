@@ -25,9 +25,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, export_fmu
 from continuum_grasp.export.fmu.description import base_unit
-from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
-from continuum_grasp.simulation.initial import initial_state
 from tests.export.test_export_touching import scene as touching_scene
 from tests.export_cases import TENDONS, loop_scene, needs, run, shared_library
 from tests.marks import few
@@ -35,8 +33,6 @@ from tests.rods import ROOT
 
 fmpy = pytest.importorskip("fmpy")
 from fmpy.fmi1 import FMICallException  # noqa: E402
-from fmpy.fmi2 import FMU2Slave  # noqa: E402
-from fmpy.fmi3 import FMU3Slave  # noqa: E402
 from fmpy.validation import validate_fmu  # noqa: E402
 
 from tests.fmu_cases import Instance  # noqa: E402
@@ -186,21 +182,6 @@ def test_a_thousand_steps_are_those_of_the_c_package_to_the_bit(fmi, stride, ope
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
-def test_a_held_input_moves_it_as_simulate_does(fmi, opened):
-    """Against the adaptive integrator of Python: another implementation."""
-    scene = load(TENDONS, {**LOADED, "actuation.tensions": [6.0, 2.0], "initial": {"pose": "straight"}})
-    one = opened("finger", fmi, begin=False)
-    one.set("input.", [6.0, 2.0])
-    x = initial_state(scene, FingerModel(scene))
-    one.set("state.", x)
-    one.begin()
-    for k in range(200):
-        one.step(0.001 * k, 0.001)
-    found = cg.simulate(scene.replaced(time={"duration": 0.2, "step": 0.001}))
-    assert one.get("tip.")[:2] == pytest.approx(found.tip[-1], abs=2e-6)
-
-
-@pytest.mark.parametrize("fmi", VERSIONS)
 def test_directional_derivatives_are_differences(fmi, opened):
     one = opened("finger", fmi, begin=False)
     x = np.array([0.4, -0.3, 2.0, 1.0, 0.02, 0.1])
@@ -326,23 +307,6 @@ def test_reading_outputs_of_new_inputs_changes_nothing(fmi, opened):
         assert asked.get("command.").tolist() == plain.get("command.").tolist() == before
 
 
-@pytest.mark.parametrize("fmi", VERSIONS)
-def test_settings_and_missing_measurements(fmi, opened):
-    one, other = opened("controller", fmi), opened("controller", fmi)
-    y = one.get("measurement.")
-    y[1] = np.nan
-    for k in range(3):
-        for of in (one, other):
-            of.set("measurement.", y)
-        other.set("settings.most_tension_1", [1.5])
-        other.set("reference.bending_1[", np.full(len(other.names("reference.bending_1[")), 0.9))
-        for of in (one, other):
-            of.step(0.01 * k, 0.01)
-    assert one.count("diagnosis.anomalies") & 1
-    assert other.get("command.tension_1")[0] <= 1.5
-    assert one.get("command.tension_1").tolist() != other.get("command.tension_1").tolist()
-
-
 # Errors.
 
 
@@ -381,21 +345,6 @@ def test_what_is_wrong_is_refused_in_words_and_changes_nothing(fmi, opened):
     assert one.count("code") == 0
 
 
-@pytest.mark.parametrize("fmi", VERSIONS)
-def test_a_wrong_token_is_refused(fmi, units):
-    unit = units["finger", fmi]
-    kind = FMU2Slave if fmi == "2" else FMU3Slave
-    described = fmpy.read_model_description(str(unit.file))
-    one = kind(
-        guid="{other}",
-        unzipDirectory=str(unit.file.with_suffix("")),
-        modelIdentifier=described.coSimulation.modelIdentifier,
-        instanceName="one",
-    )
-    with pytest.raises(Exception, match="Failed to instantiate"):
-        one.instantiate()
-
-
 def test_scenes_and_options_that_do_not_fit(tmp_path):
     scene, loop = plant_scene(), closed_loop()
     for given, options, words in (
@@ -413,19 +362,6 @@ def test_scenes_and_options_that_do_not_fit(tmp_path):
         with pytest.raises(InputError, match=words):
             export_fmu(given, tmp_path, binary=False, **options)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.deep
-def test_a_constant_moment_is_given_once(tmp_path):
-    """Of a model that leaves out how the tip moment changes; the finger swings as in Python."""
-    scene = load(ROOT / "configs/simulate/standing.yaml")
-    (unit,) = export_fmu(scene, tmp_path, fmi=["3"], name="standing")
-    assert validate_fmu(str(unit.file)) == []
-    assert all(name.startswith("input.") for name in unit.parameters)
-    assert not any(name.startswith("input.") for name in unit.inputs)
-    found = fmpy.simulate_fmu(str(unit.file), stop_time=0.2, output=["tip.x", "tip.y"])
-    expected = cg.simulate(scene.replaced(time=scene.time.replaced(duration=0.2))).tip[-1]
-    assert [found["tip.x"][-1], found["tip.y"][-1]] == pytest.approx(expected, abs=1e-6)
 
 
 def test_stiff_fingers_take_sub_steps(tmp_path):

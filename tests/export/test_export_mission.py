@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 import sys
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,13 +24,12 @@ from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
 from tests.export.test_export_targets import ELSEWHERE, MACHINES
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
+from tests.mission_cases import QUICK
 from tests.rods import ROOT
 
 pytestmark = pytest.mark.deep
 
-CONFIGS = Path(__file__).parents[2] / "configs/mission"
-SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
-QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.effort=quick")
+CONFIGS = ROOT / "configs/mission"
 
 
 @pytest.fixture(scope="module")
@@ -132,19 +129,6 @@ def test_a_mission_lets_go_when_asked(carried, package, tmp_path):
         assert passed[last] == number[then]
         assert passed[last - 1] < number["LOWER"]
         assert passed[-1] == number["END"]
-
-
-@needs("cc")
-def test_a_mission_that_measures_nothing_lifts_nothing(package, tmp_path):
-    finger, library = shared_library(package, tmp_path)
-    number = phase_numbers(package)
-    mission, passed = finger.Mission(library), set()
-    for _ in range(1000):
-        mission.step(finger.Measurement(*[math.nan] * len(finger.Measurement._fields_)))
-        passed.add(mission.phase())
-    assert number["CONFIRM"] in passed
-    assert number["LIFT"] not in passed
-    assert max(passed) == number["END"]
 
 
 @needs("cc")
@@ -251,20 +235,6 @@ def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
     assert re.search(r"^mission_step +0 of +\d+ cases failed", run(program), re.MULTILINE)
     (unit,) = export_fmu(mission, tmp_path, binary=False, fmi=["3"])
     assert unit.inputs[-4:] == ("release", "abort", "squeeze", "height")
-
-
-def test_units_of_missions_are_controllers(carried, tmp_path):
-    for given, options, words in (
-        ("mug", {"what": ["plant"]}, "a mission has a controller alone"),
-        ("mug", {"preview": True}, "follows its phases"),
-        ("mug", {"finger": "thumb"}, "expected one of finger"),
-        ("pinch", {}, "one of lower, upper, which have a package each"),
-    ):
-        with pytest.raises(InputError, match=words):
-            export_fmu(carried(given), tmp_path, binary=False, **options)
-    assert not list(tmp_path.iterdir())
-    (unit,) = export_fmu(carried("pinch"), tmp_path, finger="upper", binary=False, fmi=["3"])
-    assert unit.inputs[-4:] == ("release", "abort", "lift", "let_go")
 
 
 @needs("cc")

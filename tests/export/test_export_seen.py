@@ -16,7 +16,7 @@ from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.parts import PARTS
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import Subject
-from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, scene, shared_library
+from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, scene, shared_library
 from tests.rods import ROOT
 
 DISC = ROOT / "configs/simulate/swing_against_disc.yaml"
@@ -164,21 +164,3 @@ def test_every_argument_has_a_range(name):
     for field in fields:  # usual values are well within it
         low, high = field.sampled
         assert field.low <= low < high <= field.high
-
-
-BOX = {"shape": "box", "width": 0.03, "height": 0.06, "corner_radius": 0.003, "mass": 0.1}
-OVAL = {"shape": "superellipse", "width": 0.06, "height": 0.04, "exponent": 3.0, "mass": 0.1}
-
-
-@pytest.mark.deep
-@needs("gcc")
-@pytest.mark.parametrize("touched", [BOX, OVAL], ids=lambda touched: touched["shape"])
-def test_contact_functions_of_any_bits_under_sanitizers(touched, tmp_path):
-    """Huge, tiny and missing numbers, one at a time and all at once: an error, or finite results."""
-    changes = {"object": {**touched, "position": [0.15, 0.095]}, "object_moves": True, "fidelity.family": "arc"}
-    given = cg.load(DISC, changes)
-    export_c(given, tmp_path / "made", what=["dynamics", "step", "kinematics", "contact"])
-    flags = (*STRICT, "-O0", SANITIZE, "-fno-sanitize-recover=all")
-    vectors, fuzz = compile_programs("gcc", tmp_path / "made", tmp_path, "main fuzz", *flags)
-    assert " 0 of" in run(vectors)
-    run(fuzz, 20000)

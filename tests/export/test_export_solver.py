@@ -55,9 +55,3 @@ def test_what_a_package_of_a_solver_says_and_what_it_cannot_have(package, tmp_pa
         cg.export_c(solver, tmp_path, what=["dynamics"])
     with pytest.raises(InputError, match="no ranges"):
         cg.export_c(solver, tmp_path, ranges={"gravity": (9.0, 10.0)})
-
-
-@pytest.mark.deep
-def test_single_precision_of_a_solver(tmp_path):
-    made = cg.export_c(cg.rti(cart_pole()), tmp_path, real="float", target="cortex-m4f").manifest
-    assert made["functions"]["mpc"]["relative_error"] < 1e-2

@@ -173,39 +173,6 @@ def test_what_lands_on_a_contact_is_resolved():
     assert subject_of("disc", longest=0.002, count=subject.substeps // 3).substeps == subject.substeps // 3
 
 
-def test_a_step_is_the_mirror_image_of_a_step():
-    """Pressed and sliding: finger, object and inputs mirrored at the base's axis."""
-    left, right = subject_of("on_table"), subject_of("mirrored")
-    system, rng = left.touching, np.random.default_rng(5)
-    call = PARTS["step"](left).calls[0]
-    arguments = left.passed_to(call)
-    rows = np.hstack([np.tile(system.state(), (40, 1)), np.zeros((40, system.nu + system.nw + 1))])
-    rows[:, 0] = rng.uniform(-0.5, 0.5, 40)
-    rows[:, 1:4] += 0.1 * rng.normal(size=(40, 3))
-    pose = system.object_states
-    rows[:, pose.stop : pose.stop + 3] = 0.05 * rng.normal(size=(40, 3))
-    rows = press(left, arguments, rows, rng)
-    rows[:, system.nx : system.nx + 2] = rng.uniform(0.0, 10.0, (40, 2))
-    rows[:, -1] = 1e-6
-
-    names = [label.split(" ")[0] for label in system.x_names]
-    odd = ("theta", "tip_moment", "object_x", "object_angle", "finger.tip.slide", "table.slide_x", "table.turn")
-    signs = np.array([-1.0 if name.startswith(odd) else 1.0 for name in names])
-
-    def after(subject, x, u):
-        given = {"x": x, "u": u, "w": rows[:, system.nx + 2 : -1], "p": rows[:, :0], "h": rows[:, -1:]}
-        return PARTS["step"](subject).calls[0].reference(given)
-
-    x, u = rows[:, : system.nx], rows[:, system.nx : system.nx + 2]
-    (found, codes), (mirrored, others) = after(left, x, u), after(right, signs * x, u[:, ::-1])
-    good = codes >= 0
-    assert codes.tolist() == others.tolist()
-    assert good.sum() > 20
-    assert mirrored[good] == pytest.approx(signs * found[good], rel=1e-9, abs=1e-12)
-    moved = found - x
-    assert np.abs(moved[good]).max() > 1e-8
-
-
 @pytest.mark.parametrize(
     ("ranges", "message"),
     [

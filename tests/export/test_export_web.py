@@ -242,16 +242,6 @@ def test_a_loop_is_played_back_with_what_its_controller_knew():
     np.testing.assert_allclose(record["reference"][0], run.r[0], rtol=1e-6)
 
 
-def test_a_page_is_made_once(monkeypatch):
-    run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.1"]))
-    page = run.show()
-    assert run.show() is page
-    # Another run of the scene has another record, and modules that are compiled already.
-    monkeypatch.setattr("continuum_grasp.export.web.wasm._run", None)
-    other = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.2"])).show()
-    assert record_of(other)["record"]["t"][-1] == pytest.approx(0.2)
-
-
 def test_what_no_page_plays_back_says_why():
     run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.01", "time.step=0.01"]))
     with pytest.raises(InputError, match="there is no page of a Other"):

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.mission import run as runs
 from continuum_grasp.mission.assign import Commands
-from continuum_grasp.scene.mission import Trials
 
 LENGTH, OFFSET, CABLE = 0.18, 0.005, {"axial_stiffness": 1e4, "series_stiffness": 2e4}
 S = np.linspace(0.0, LENGTH, 2001)
@@ -69,21 +67,4 @@ def test_a_servo_turns_further_by_its_torque():
     for way, pulled in ((1.0, [20.0, 0.0]), (-1.0, [0.0, 20.0])):
         assert Commands(finger(**drive, **gear), S).of(pulled, way * BEND * S / LENGTH) == pytest.approx(
             way * (found + ahead)
-        )
-
-
-def test_friction_of_tendons_is_drawn_beside_what_was_drawn_before():
-    plain, with_friction = (runs.variations(Trials(count=50, tendon_friction=reach)) for reach in (0.0, 0.5))
-    drawn = np.array([one.tendon_friction for one in with_friction])
-    assert np.all(np.array([one.tendon_friction for one in plain]) == 1.0)
-    assert 0.5 <= drawn.min() < 0.6
-    assert 1.4 < drawn.max() <= 1.5
-    for one, other in zip(plain, with_friction, strict=True):
-        assert (one.stiffness, one.damping, one.mass, one.friction, one.shift, one.seed) == (
-            other.stiffness,
-            other.damping,
-            other.mass,
-            other.friction,
-            other.shift,
-            other.seed,
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,9 +23,8 @@ from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
 from continuum_grasp.mission.run import variations
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
-from tests.mission_cases import planned
+from tests.mission_cases import MUG, planned
 
-MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 GRAVITY = 9.81  # m/s2
 
 
@@ -126,15 +124,6 @@ def test_a_mission_beyond_its_certificate_is_refused_where_it_says_so(grasp, mon
     assert "certified for 0.33 kg" in done.output
 
 
-def test_it_is_said_before_anything_runs(grasp, monkeypatch):
-    def started(*_):
-        raise KeyError("started")
-
-    monkeypatch.setattr("continuum_grasp.mission.run.MissionRunner", started)
-    with pytest.warns(BeyondCertificate, match=r"0\.8 kg.*0\.33 kg.*will be dropped"), pytest.raises(KeyError):
-        cg.run_mission(load(MUG, ["object_mass=0.8"]), grasp=grasp)
-
-
 # -- several contacts along the finger --------------------------------------------------------------------------------
 
 
@@ -208,35 +197,6 @@ def test_a_contact_that_did_not_hold_at_the_lift_is_absent(grasp):
     drop = drop_of(grasp, normal=normal, shear=shear)
     assert [(one.contact, one.how) for one in drop.slips] == [("finger.tip", "absent"), ("finger.1", "slipped")]
     assert [one.time for one in drop.slips] == pytest.approx([1.6, 4.9])
-
-
-def test_corners_of_a_support_hold_together(grasp):
-    """One corner parts and the other bears on: no slip of the palm until that slips too."""
-    (assignment,) = assign(load(MUG), grasp)
-    table = Timetable(assignment)
-    t = np.arange(0.0, table.duration, 0.01)
-    corners = np.stack([4.0 * (t < 3.0), 4.0 + 0.0 * t], axis=1)
-    shear = np.stack([0.0 * t, 2.0 * (t >= 4.895)], axis=1)
-    contacts = SimpleNamespace(names=("palm.1", "palm.2"), normal_force=corners, shear=shear)
-    (slip,) = find_drop([assignment], table, Variation(), t, contacts, 0.02 * (t >= 5.0)).slips
-    assert (slip.contact, slip.time) == ("palm", pytest.approx(4.9))
-    assert slip.certified_normal_force == grasp.contact("palm").normal_force
-
-
-@pytest.mark.deep
-def test_where_tensions_would_be_chosen_anew_a_mission_pulls_with_what_locked_tendons_resist():
-    """A grasp with least tension has a contact on its cone; its certificate answers a pull by other tensions."""
-    path = str(MUG.parent.parent / "grasp/mug_handle.yaml")
-    handle = optimize_grasp(path)
-    mission = load(MUG, [f"grasp={path}", "contact_law.friction=0.6"])
-    (assignment,) = assign(mission, handle)
-    assert handle.quality.resistance.tendons == "retensioned"
-    assert assignment.resisted.tendons == "locked"
-    assert np.all(assignment.resisted.factors > 0.1)
-    assert exceeded(assign(mission, handle), Variation()) == ()
-    slippery = {one.name: one for one in exceeded(assign(load(MUG, [f"grasp={path}"]), handle), Variation())}
-    assert (slippery["friction"].given, slippery["friction"].certified) == (0.5, 0.6)
-    assert slippery["pull 1"].resisted < slippery["pull 1"].given
 
 
 def test_what_was_not_dropped_has_no_reason_for_it(grasp):

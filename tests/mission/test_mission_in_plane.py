@@ -14,7 +14,7 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.budget import keep_position, lowered_by_pulls
 from continuum_grasp.mission.causes import find_drop
-from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
+from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.precheck import exceeded
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.model import FingerModel, System
@@ -60,17 +60,6 @@ def test_a_table_in_the_plane_presses_along_its_normal_and_moves_along_it(assign
         at = system.object_states
         moved = rates[at.stop : at.stop + 2]
         assert moved == pytest.approx(900.0 * depth / 0.1 * normal + [0.0, -9.81], abs=1e-9)
-
-
-@pytest.mark.deep
-def test_the_object_stands_on_the_table_where_the_grasp_has_it(assignment):
-    """Weight, and the table's force on what is pressed in by it, balance at the start."""
-    model = mission_plant_model(assignment)
-    system = model.system
-    w, x = np.zeros(system.nw), model.start[: system.nx]
-    touch = dict(zip(system.touch.name_out(), system.touch(x, [1.0, 1.0], w, model.p), strict=True))
-    assert float(touch["normal_force"][system.touch_names.index("table")]) == pytest.approx(0.1 * 9.81, rel=1e-6)
-    assert x[system.object_states] == pytest.approx(assignment.grasp.object_pose)
 
 
 @pytest.mark.deep

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,9 +18,8 @@ from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.mission.run import run_mission, run_trials
 from continuum_grasp.scene.load import load
-from tests.mission_cases import CERTIFIED, STEP, fingers
+from tests.mission_cases import CERTIFIED, MUG, STEP, fingers
 
-MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 STAGES = SimpleNamespace(r_names=(), weights=np.zeros(0), u_min=np.zeros(2), u_max=np.full(2, 75.0))
 NOTHING = Anomaly(0)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,12 +17,10 @@ from continuum_grasp.mission.plant import Timetable, Variation, reserve
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Slip
-from tests.mission_cases import CERTIFIED, STEP, fingers
+from tests.mission_cases import CERTIFIED, MUG, QUICK, STEP, fingers
+from tests.rods import ROOT
 
-MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 NOTHING = Anomaly(0)
-SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
-QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.effort=quick")
 FORCE = "contact_force_finger.tip [N]"
 STAGES = SimpleNamespace(r_names=(FORCE,), weights=np.zeros(1), u_min=np.zeros(2), u_max=np.full(2, 75.0))
 BEGINS = 2.4  # s: sinks or parts from then on, in the hold (1.9 s to 2.9 s)
@@ -149,13 +146,6 @@ def test_what_fingers_give_way_along_gravity_is_no_slip(lost, noticed):
     assert (check.slipped is not None) == noticed
 
 
-def test_what_is_not_watched_is_held_as_planned():
-    _, _, held, _ = watched(lambda t: math.nan, slip=None)
-    check, _, wanted, _ = watched(lambda t: -0.1 * (t > BEGINS), slip=None)
-    assert check.slipped is None
-    assert wanted == held
-
-
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
 def test_what_goes_on_sinking_is_set_down(names):
     """From 2.5 mm on that are lost; table and phases follow, and what pulls then pulls on."""
@@ -207,7 +197,7 @@ def test_a_contact_that_parts_is_noticed_by_its_estimate(low, calls, noticed, do
 
 def test_friction_falls_as_if_the_plant_had_less():
     """The rates with 30 % less in w are those of a plant whose parameter is 30 % smaller."""
-    scene = load(Path(__file__).parents[2] / "configs/mpc/turn_bar.yaml")
+    scene = load(ROOT / "configs/mpc/turn_bar.yaml")
     model = PlantModel(scene, falls=True)
     assert model.w_names[-1] == "friction_fall [1]"
     x, w, p = model.start.copy(), model.forces(0.0)[0], model.p

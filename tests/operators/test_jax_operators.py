@@ -67,19 +67,6 @@ def test_transformations_agree(operators):
     assert np.allclose(hessian, hessian.T, rtol=1e-13)
 
 
-@pytest.mark.deep
-def test_batches_are_single_calls_to_the_bit(operators):
-    x, u, _ = given()
-    many = jnp.broadcast_to(x, (2, 7, 3, 4))
-    assert np.array_equal(operators.forward_dynamics(many, u[0])[1, 3, 2], operators.forward_dynamics(x[2], u[0]))
-    assert np.array_equal(operators.rollout(many, 4, 1e-4, u=u)[0, 5, 1], operators.rollout(x[1], 4, 1e-4, u=u))
-    assert np.array_equal(operators.step(x, 1e-4, u=u[0]), operators.rollout(x, 1, 1e-4, u=u[0])[:, 1])
-    assert operators.mass_matrix(many[..., :2]).shape == (2, 7, 3, 2, 2)
-    assert np.allclose(
-        operators.joints(x[0, :2])[0], np.array(MODEL.joints(x[0, :2], 0.0, MODEL.p_nominal)[0]), rtol=1e-13
-    )
-
-
 def test_types(operators):
     x, _, p = (value.astype(jnp.float32) for value in given())
     found = operators.forward_dynamics(x, p=p)

@@ -37,13 +37,6 @@ def test_gradients(operators):
 
 
 @pytest.mark.deep
-def test_second_derivatives_of_rollouts(operators):
-    x, u, p = given()
-    end = lambda x, u, p: torch.tensor(SCALE) * operators.rollout(x, 8, 1e-5, u=u, p=p)[..., -1, :]  # noqa: E731
-    assert torch.autograd.gradgradcheck(end, (x[:1].detach().requires_grad_(), u, p), eps=1e-7, atol=1e-4)
-
-
-@pytest.mark.deep
 def test_transformations_agree(operators):
     x, u, p = (value.detach() for value in given())
 
@@ -59,20 +52,6 @@ def test_transformations_agree(operators):
     assert np.allclose(both[0], np.array(MODEL.jacobian(x[0, :2].numpy(), 0.0, 0.1, p.numpy())), rtol=1e-12)
     hessian = torch.func.hessian(lambda q: operators.tip(q)[0])(x[0, :2])
     assert torch.allclose(hessian, hessian.T, rtol=1e-13)
-
-
-@pytest.mark.deep
-def test_batches_are_single_calls_to_the_bit(operators):
-    x, u, _ = given()
-    many = x.expand(2, 7, 3, 4)
-    motion = operators.rollout(many, 4, 1e-4, u=u)
-    alone = operators.rollout(x[1], 4, 1e-4, u=u)
-    assert torch.equal(motion[0, 5, 1], alone)
-    gradients = [
-        torch.autograd.grad(value.square().sum(), u, retain_graph=True)[0] for value in (motion[0, 5, 1], alone)
-    ]
-    assert torch.equal(*gradients)
-    assert operators.mass_matrix(many[..., :2]).shape == (2, 7, 3, 2, 2)
 
 
 def test_types_and_devices(operators):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -13,7 +11,6 @@ from scipy.linalg import expm
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.planning.condensed import Condensed, _Model
-from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import first_state_of_plan, smooth_path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.search import Search
@@ -75,8 +72,7 @@ def held(asked, first, last, ramp, rest, weight, start=None):
 
 ENDS = {"winches": ((0.0, 0.0), (0.0065, -0.0055)), "servos": ((0.016, 0.016), (0.8, -0.7)), None: ((1, 1), (8, 2))}
 """Inputs of the straight finger, and inputs that bend it."""
-CASES = [(0.0, "winches", 1), (0.25, "winches", 1), (0.15, None, 1), (0.15, "servos", 1), (0.15, None, 2)]
-CASES += [(0.1, "winches", 2), (0.3, "winches", 2)]
+CASES = [(0.0, "winches", 1), (0.25, "winches", 1), (0.15, None, 2), (0.15, "servos", 1), (0.3, "winches", 2)]
 
 
 @pytest.mark.deep
@@ -101,7 +97,6 @@ def test_plan_takes_the_tip_to_its_goal_and_holds_it(friction, drive, cells):
 
 BENT = [
     # friction, cells, family, history, lengths at first and at last [m]
-    (0.15, 1, "arc", "pulling", (0.0060, -0.0054), (0.0025, -0.0019)),
     (0.3, 2, "arc", "pulling", (0.0070, -0.0064), (0.0020, -0.0014)),
     (0.25, 2, "arc", "releasing", (0.0025, -0.0019), (0.0060, -0.0054)),
     (0.15, 1, "clothoid", "pulling", (0.0063, -0.0057), (0.0010, -0.0004)),
@@ -132,9 +127,7 @@ OTHERS = [
     # friction, drive, its last command
     (0.15, "pulley", [0.006]),  # m
     (0.1, "torques", [0.07, 0.016]),  # N m
-    (0.0, "torques", [0.07, 0.016]),
     (0.2, "servo", [-0.7]),  # rad
-    (0.15, "torques", [0.016, 0.07]),
     (0.2, "geared", [0.06]),
 ]
 
@@ -238,30 +231,6 @@ def test_no_step_seems_worse_than_none():
             rows = usual + search.feasible / 2.0 * rng.standard_normal(usual.size)
             step, left, _ = model.step(1e-4, penalty, rows)
             assert -model.change(step) + penalty * (condensed.beyond(rows) - left) >= 0.0
-
-
-@pytest.mark.deep
-def test_iterations_do_not_depend_on_rounding():
-    """Of winches without friction: starts that differ by shares of 1e-12 to 1e-3."""
-    search = Search(scene())
-    w = search.problem.start(smooth_path(search.motion, search.x0, search.first, search.last, 0.0))
-    rng = np.random.default_rng(0)
-    found = [
-        search._solved(search.problem, w * (1.0 + size * rng.standard_normal(w.size)))
-        for size in (0.0, 1e-12, 1e-6, 1e-3)
-    ]
-    assert all(attempt.converged for attempt in found)
-    assert max(attempt.iterations for attempt in found) <= 5
-    assert np.ptp([attempt.objective for attempt in found]) <= 1e-4 * found[0].objective
-
-
-@pytest.mark.deep
-def test_plan_that_a_fine_simulation_does_not_reproduce_is_none():
-    asked = scene()
-    found = cg.plan(asked)
-    altered = checked(replace(found, u=1.05 * found.u), Motion(asked))
-    assert (altered.status, altered.solved) == ("not_solved", False)
-    assert "a fine simulation of its inputs is up to" in altered.message
 
 
 @pytest.mark.parametrize(

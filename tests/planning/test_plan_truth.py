@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from plan_cases import held, linearized, small, two_arcs
-from scipy.optimize import brentq, root
+from scipy.optimize import root
 
 import continuum_grasp as cg
 from continuum_grasp.planning import plan
-from continuum_grasp.planning.diagnosis import diagnose
 from continuum_grasp.planning.guess import smooth_path
 from continuum_grasp.planning.search import Search
 from continuum_grasp.planning.shooting import amplification
@@ -77,32 +76,6 @@ def test_least_time_of_one_mode_is_that_of_the_bang_bang_oscillator(share):
     assert np.sum(np.abs(found.u[:-1, 0]) < 0.99 * most) <= 2  # one interval at the switch
 
 
-def test_least_time_of_a_damped_mode_is_that_of_two_arcs_by_matrix_exponential():
-    a, b = linearized(small(damping=3e-4))
-    most, goal = 1e-3, -0.7 * b[1, 0] * 1e-3 / a[1, 0]
-
-    def end(first, last):
-        _, gamma1 = held(a, b, first)
-        phi2, gamma2 = held(a, b, last)
-        return phi2 @ gamma1[:, 0] * most - gamma2[:, 0] * most
-
-    def last_of(first):
-        """When the finger comes to rest after the switch."""
-        return brentq(lambda last: end(first, last)[1], 0.0, np.pi / np.sqrt(-a[1, 0]))
-
-    first = brentq(lambda t: end(t, last_of(t))[0] - goal, 1e-3, 0.04)
-    scene = small(
-        damping=3e-4,
-        goal={"bending": (goal,)},
-        objective="least_time",
-        input={"moment_max": most},
-        duration={"least": 0.01, "most": 0.3},
-        intervals=60,
-        smoothing=1e-6,
-    )
-    assert plan(scene).objective == pytest.approx(first + last_of(first), rel=1e-3)
-
-
 def test_held_posture_is_that_of_the_moment_over_stiffness():
     """A weightless rod under a tip moment bends by M L / (E I)."""
     scene = small(goal={"bending": (0.8,), "end": "held"})
@@ -125,25 +98,6 @@ def test_tracking_follows_a_reference_that_the_finger_can_run():
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("form", ["hold", "linear"])
-def test_the_tip_of_a_rod_that_its_tendons_shorten_ends_where_it_is_tracked(form):
-    """It follows the tensions at once, of which the end has those before it."""
-    changes = {
-        "finger.tendons.time_constant": None,
-        "finger.gyration_radius": 4e-3,
-        "fidelity.family": "clothoid",
-        "input.form": form,
-        "bounds": {},
-        "objective": "tracking",
-        "goal": {"end": "moving"},
-        "cost": {"tip": {"terminal": 1e6}, "effort": 1e-3},
-        "reference": {"tip": (-0.06, 0.15)},
-    }
-    found = plan(cg.load(ROOT / "configs/plan/past_a_post.yaml").changed(changes))
-    assert found.tip[-1] == pytest.approx((-0.06, 0.15), abs=1e-6)
-
-
-@pytest.mark.deep
 def test_a_plan_presses_as_near_to_its_grasp_as_one_moment_can():
     """Tensions that differ by 5 % hold the finger where its contacts press less as in the grasp."""
     found = plan(cg.load(ROOT / "configs/plan/close_on_mug.yaml"))
@@ -158,14 +112,6 @@ def test_a_plan_presses_as_near_to_its_grasp_as_one_moment_can():
 
     assert missed(1.0) < min(missed(0.95), missed(1.05))
     assert np.linalg.norm(found.contact_forces[-1] - aim) == pytest.approx(missed(1.0), rel=1e-3)
-
-
-def test_a_goal_within_reach_is_not_called_out_of_reach():
-    """The least distance from where a plan of the same motion ends is none, sought from a path to one side."""
-    search = Search(load(TIP, [*BY_SHOOTING, "intervals=20"]))
-    path = smooth_path(search.motion, search.x0, search.first, search.last, 0.5)
-    nearest = search._near_goal
-    assert diagnose(nearest, search._solved(nearest, nearest.start(path))) is None
 
 
 @pytest.mark.parametrize("faster", [1.0, 20.0])
@@ -184,16 +130,6 @@ def test_steps_follow_a_motion_that_is_faster_than_was_thought(faster):
         assert problem.assembly.size == size
         assert np.prod(problem.steps) > np.prod(before)
         assert not problem.outpaced(w)
-
-
-@pytest.mark.deep
-def test_strong_quadratic_damping_has_a_plan_by_both_methods():
-    """Nine times as stiff in motion as at rest: single shooting said that the goal was out of reach."""
-    strong = "finger.damping.quadratic=1e-4"
-    shot, collocated = plan(load(TIP, [*BY_SHOOTING, strong])), plan(load(TIP, [strong]))
-    assert collocated.status == "optimal"
-    # It creeps to the optimum from above.
-    assert collocated.duration <= shot.duration < 1.06 * collocated.duration
 
 
 SPIROB = Path(__file__).parents[2] / "configs/mpc/spirob.yaml"

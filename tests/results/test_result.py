@@ -58,10 +58,6 @@ FILES = [
 ]
 
 
-def a_text(result: Result) -> str:
-    return f"{result.status} of 5 \N{GREEK SMALL LETTER MU}s"
-
-
 @dataclass(frozen=True)
 class Case(Result):
     """One array that is there, one that is not, one that lies deeper, and words."""
@@ -108,13 +104,6 @@ def test_a_run_of_another_kind_is_refused(tmp_path: Path) -> None:
         Plan.load(tmp_path)
 
 
-def test_texts_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("continuum_grasp.results.result.a_text", a_text, raising=False)
-    monkeypatch.setattr(Case, "texts", (File("a.txt", "results.result:a_text"),))
-    folder = Case(np.zeros(1)).save(tmp_path / "new")
-    assert (folder / "a.txt").read_text(encoding="utf-8") == "finished of 5 \N{GREEK SMALL LETTER MU}s"
-
-
 @pytest.mark.parametrize(("result", "one"), FILES, ids=[f"{r.__name__}-{f.name}" for r, f in FILES])
 def test_what_makes_a_file_takes_the_result_and_axes(result: type[Result], one: File | Picture) -> None:
     signature = inspect.signature(maker_of(one.maker))
@@ -125,11 +114,6 @@ def test_what_makes_a_file_takes_the_result_and_axes(result: type[Result], one: 
     signature.bind(object(), **options, **({} if one.panels else {"ax": object()}))
     assert hasattr(result, one.needs) or not one.needs
     assert re.fullmatch("[a-z_]+", one.name)
-
-
-@pytest.mark.parametrize("result", [ControlRun, MissionRun, Plan, Trajectory])
-def test_what_draws_frames_takes_result_indices_and_width(result: type) -> None:
-    inspect.signature(maker_of(result.frames)).bind(object(), [0], 640)
 
 
 @pytest.mark.parametrize("result", RESULTS)
@@ -296,26 +280,6 @@ def test_a_notebook_shows_values_where_the_picture_fails(monkeypatch: pytest.Mon
     page = motion._repr_html_()
     assert "tip at the end" in page
     assert page.endswith("<p>no picture: ValueError: &lt;no&gt; canvas</p></div>")
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("inline", [True, False])
-def test_a_notebook_shows_a_picture_once(inline: bool) -> None:
-    """Also with pyplot and its inline backend, which shows what pyplot knows at the end of a cell."""
-    notebook, client = pytest.importorskip("nbformat.v4"), pytest.importorskip("nbclient")
-    first = "%matplotlib inline\nimport matplotlib.pyplot as plt\n" if inline else ""
-    scene = f"cg.load({str(CONFIGS / 'simulate' / 'hanging.yaml')!r}, ['time.duration=0.05'])"
-    cells = [f"{first}import continuum_grasp as cg\nmotion = cg.simulate({scene})", "motion.plot()"]
-    cells += ["motion", "cg.modes(motion.scene).plot()"]
-    if inline:
-        cells += ["fig, ax = plt.subplots()\nmotion.plot(ax, picture='energy');", "plt.get_fignums()"]
-    found = notebook.new_notebook(cells=[notebook.new_code_cell(cell) for cell in cells])
-    client.NotebookClient(found, kernel_name="python3").execute()
-    shown = ["".join(str(one.get("data", {})) for one in cell.outputs) for cell in found.cells]
-    assert [page.count("image/png") for page in shown[:4]] == [0, 1, 1, 1]
-    if inline:
-        assert shown[4].count("image/png") == 1
-        assert shown[5] == "{'text/plain': '[]'}"
 
 
 # -- tables -------------------------------------------------------------------------------------------------------

@@ -50,12 +50,6 @@ def test_provenance(tmp_path: Path) -> None:
     assert meta["platform"]["system"]
 
 
-def test_numpy_reads_the_file_without_the_package(tmp_path: Path) -> None:
-    write_run(tmp_path, {"file": np.ones(3)}, {})
-    with np.load(tmp_path / "result.npz", allow_pickle=False) as stored:
-        np.testing.assert_array_equal(stored["file"], np.ones(3))
-
-
 @pytest.mark.parametrize(
     ("value", "expected"),
     [
@@ -142,16 +136,6 @@ def test_replacing_keeps_the_old_file_when_the_body_raises(tmp_path: Path) -> No
         temporary.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new"
-
-
-@pytest.mark.skipif(os.name != "posix", reason="file modes")
-def test_files_follow_the_umask(tmp_path: Path) -> None:
-    before = os.umask(0o022)
-    try:
-        write_run(tmp_path, ARRAYS, META)
-    finally:
-        os.umask(before)
-    assert {p.stat().st_mode & 0o777 for p in tmp_path.iterdir()} == {0o644}
 
 
 def check_whole(folder: Path, old: bool) -> int | None:

@@ -6,7 +6,6 @@ import errno
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +13,12 @@ import pytest
 from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
-from continuum_grasp.core.cache import cache_folder, library_for
+from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.results import read_run, write_run
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.record import begin_run, kind_of_run, note_part
-from continuum_grasp.sweeps.folder import write_run_file
 from tests.said import said
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,15 +75,6 @@ def test_a_run_of_another_kind_leaves_nothing_behind(tmp_path):
     assert kind_of_run(tmp_path) == "accuracy"
 
 
-def test_a_part_with_files_of_the_user_stays(tmp_path):
-    save(tmp_path, 1.0)
-    note_part(tmp_path, "grasp")
-    save(tmp_path / "grasp", 1.0)
-    (tmp_path / "grasp" / "notes.txt").write_text("of the user")
-    save(tmp_path, 2.0)
-    assert names(tmp_path) == [".run.json", "grasp/notes.txt", "meta.json", "result.npz"]
-
-
 @pytest.mark.parametrize("record", ["", "[]", "{", '{"files": {"a": ["x"]}}', '{"kind": 1, "files": 3, "parts": 0}'])
 def test_a_damaged_record_removes_nothing(tmp_path, record):
     (tmp_path / "a.txt").write_text("of the user")
@@ -97,16 +86,6 @@ def test_a_damaged_record_removes_nothing(tmp_path, record):
     assert names(tmp_path) == ["a.txt", "run/.run.json", "run/b.txt", "run/meta.json", "run/result.npz"]
 
 
-def test_a_record_names_files_of_its_folder_only(tmp_path):
-    (tmp_path / "a.txt").write_text("of the user")
-    digest = "9a271f2a916b0b6ee6cecb2426f0b3206ef074578be55d9bc94f6f3fe3ab86aa"
-    folder = save(tmp_path / "run", 1.0)
-    (folder / ".run.json").write_text(f'{{"kind": null, "files": {{"../a.txt": ["{digest}"]}}, "parts": ["..", "."]}}')
-    save(folder, 2.0)
-    assert (tmp_path / "a.txt").exists()
-    assert names(folder) == RUN
-
-
 @pytest.mark.skipif(os.name != "posix", reason="processes")
 def test_what_killed_processes_left_is_removed(tmp_path):
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:
@@ -116,15 +95,6 @@ def test_what_killed_processes_left_is_removed(tmp_path):
         (tmp_path / name).touch()
     save(tmp_path, 1.0)
     assert names(tmp_path) == [".run.json", *sorted((alive, ".tmp-mine")), "meta.json", "result.npz"]
-
-
-# the command line
-def test_commands_have_folders_of_their_own(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert run("simulate", RELEASE, *SHORT, "--no-pictures").exit_code == 0
-    assert run("export", RELEASE, "--to", "c", "--what", "kinematics").exit_code == 0
-    folders = [f"runs/{command}/nitinol_release_020g" for command in ("export/c", "simulate")]
-    assert [kind_of_run(folder) for folder in folders] == ["export", "simulate"]
 
 
 def test_without_pictures_none_of_an_earlier_run_stay(tmp_path):
@@ -196,25 +166,21 @@ def test_an_empty_name_is_no_folder_in_python_either(tmp_path, monkeypatch):
     "arguments",
     [
         ("simulate", "PIPE"),
-        ("validate", "PIPE"),
         ("simulate", RELEASE, "--out", "PIPE"),
-        ("simulate", RELEASE, "--out", "PIPE/run"),
         ("identify", ROOT / "configs/identify/belendez_strip.yaml", "--data", "PIPE"),
         ("schema", "--out", "PIPE"),
         ("plan", ROOT / "configs/plan/tip_to_point.yaml", "--warm", "PIPE"),
         ("sweep", ROOT / "configs/sweep/finger_design.yaml", "--plot-only", "--out", "HOLDS sweep.json"),
-        ("sweep", ROOT / "configs/sweep/finger_design.yaml", "--out", "HOLDS .lock"),
         ("export", RELEASE, "--to", "c", "--what", "kinematics", "--out", "HOLDS README.md"),
-        ("export", RELEASE, "--to", "c", "--what", "kinematics", "--out", "HOLDS CMakeLists.txt"),
     ],
 )
 def test_a_pipe_is_refused_and_not_waited_for(arguments, tmp_path):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "holds").mkdir()
-    for name in ("sweep.json", ".lock", "README.md", "CMakeLists.txt"):
+    for name in ("sweep.json", "README.md"):
         if arguments[-1] == f"HOLDS {name}":
             os.mkfifo(tmp_path / "holds" / name)
-    places = {"PIPE": tmp_path / "pipe", "PIPE/run": tmp_path / "pipe/run"}
+    places = {"PIPE": tmp_path / "pipe"}
     given = [tmp_path / "holds" if str(a).startswith("HOLDS") else places.get(a, a) for a in arguments]
     env = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
     command = [sys.executable, "-m", "continuum_grasp", *map(str, given)]
@@ -299,22 +265,6 @@ def test_every_writing_may_fail(tmp_path, monkeypatch, old, error):
     assert 10 <= count < 39
 
 
-def test_the_files_of_a_sweep_are_whole_or_not_there(tmp_path, monkeypatch):
-    for count in range(10):
-        with monkeypatch.context() as patch:
-            fail_from(patch, count)
-            try:
-                write_run_file(tmp_path, 7, b"whole")
-            except OSError:
-                done = False
-            else:
-                done = True
-        assert names(tmp_path) == (["runs/0000/0000007/result.npz"] if done else [])
-        if done:
-            break
-    assert 2 <= count < 9
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("arguments", [("schema", "finger"), ("modes", RELEASE), ("modes", RELEASE, "--json")])
 def test_standard_output_that_takes_no_more(arguments):
@@ -330,44 +280,6 @@ def test_a_folder_that_cannot_be_written_is_refused_at_once(tmp_path):
     tmp_path.chmod(0o500)
     result = run("simulate", RELEASE, "--out", tmp_path / "run")
     assert (result.exit_code, result.stderr) == (2, f"error: {tmp_path}: this folder cannot be written\n")
-
-
-# the cache of compiled code
-BUILD = """
-import os, sys
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
-library_for(sys.argv[1], find_compiler())
-"""
-
-
-@pytest.mark.deep
-@pytest.mark.skipif(os.name != "posix", reason="processes")
-def test_folders_of_killed_builds_are_removed_and_those_of_others_are_not(tmp_path, monkeypatch):
-    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
-    slow, asked = tmp_path / "slow", 'case "$*" in *--version*) echo cc 1.0; exit;; esac'
-    slow.write_text(f"#!/bin/sh\n{asked}\necho > {tmp_path}/begun-$$\nexec sleep 60\n")
-    slow.chmod(0o755)
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "CC": str(slow)}
-    killed, other = (subprocess.Popen([sys.executable, "-c", BUILD, f"int f{k};"], env=env) for k in range(2))
-    try:
-        for _ in range(600):
-            if len(list(tmp_path.glob("begun-*"))) == 2:
-                break
-            time.sleep(0.05)
-        assert len(list(cache_folder().glob("build-*"))) == 2
-        killed.kill()
-        killed.wait()
-        subprocess.run([sys.executable, "-c", BUILD, "int f2;"], env={**env, "CC": "cc"}, check=True)
-        assert len(list(cache_folder().glob("build-*"))) == 1
-    finally:
-        for process in (killed, other):
-            process.kill()
-            process.wait()
-        for path in tmp_path.glob("begun-*"):
-            os.kill(int(path.name.removeprefix("begun-")), 9)
-    subprocess.run([sys.executable, "-c", BUILD, "int f2;"], env={**env, "CC": "cc"}, check=True)  # compiles nothing
-    assert sorted({path.suffix for path in cache_folder().iterdir()}) == [".json", ".so"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits")
