@@ -91,6 +91,8 @@ def export(
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{SUFFIXES[to]}")
     more = () if to == "mjcf" else (ControlScene, MissionScene)
     scene = resolved_scene(output, *more)[0]
+    if rates and not isinstance(scene, more):
+        raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
     if to == "fmu":
         from continuum_grasp.export.fmu.write import identifier_of
 
@@ -122,8 +124,6 @@ def calls_per_period(made: Mapping[str, Any], clock: float) -> dict[str, tuple[f
 
     At one instruction per cycle of the ``clock`` [Hz], which neither waits for memory nor takes long divisions.
     """
-    if made["loop"] is None:
-        raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
     cycles, counts = clock * made["loop"]["period_s"], made["measured"]["functions"]
     return {
         name: (count["mean_instructions"] / cycles, count["most_instructions"] / cycles)

@@ -32,7 +32,7 @@ from continuum_grasp.export.source import (
     source_of,
 )
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
-from continuum_grasp.export.targets import example_files, measure, readme, target_of
+from continuum_grasp.export.targets import example_files, measure, measured_core, readme, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 from continuum_grasp.results.atomic import check_folder
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
@@ -182,6 +182,8 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
     # 1e-2: greatest relative error of single precision by default
     limit = 1e-2 if asked.error is None else positive("error", asked.error)
     target, computed_in = target_of(asked.target, asked.real)
+    if asked.measured:
+        measured_core(target)  # refused before kernels are made and vectors computed, which takes up to minutes
     kind = REALS[computed_in]
     source = source_of(given, kind, asked.finger)
     names = parts_of(asked.what, source)

@@ -58,12 +58,18 @@ _COUNTED = ("least_instructions", "mean_instructions", "most_instructions", "sta
 _SIZE = re.compile(r"^\s*(\d+)\s+(\d+)\s+(\d+)\s+\d+\s+\w+\s+(\w+)\.o$", re.MULTILINE)
 
 
-def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
-    """Build a package for its board, run the vectors there, and read off what it says."""
+def measured_core(target: str) -> str:
+    """Core of a target's emulated board; InputError where there is none, or where its tools are missing."""
     core = _core(target)
     if core is None:
         raise InputError(f"{target} has no emulated board: take cortex-m4f or cortex-m7", key="target")
     check_tools(TOOLS, "measuring needs {}", "gcc-arm-none-eabi, qemu-system-arm")
+    return core
+
+
+def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
+    """Build a package for its board, run the vectors there, and read off what it says."""
+    core = measured_core(target)
     with tempfile.TemporaryDirectory() as work:
         write_files(Path(work), files)
         line = ["sh", f"{work}/examples/baremetal/run.sh", core]

@@ -439,7 +439,8 @@ def test_a_name_means_nothing_to_a_language(tmp_path):
         ({"error": float("nan")}, "expected a number"),
         ({"ranges": {"tip_mass": (0.0, 1.0)}}, "no run-time parameter"),
         ({"real": "float", "error": 1e-9}, "relative error of"),
-        ({"measured": True}, "no emulated board"),
+        # Before anything is computed: else the error would come first.
+        ({"measured": True, "real": "float", "error": 1e-9}, "no emulated board"),
         ({"given": 17}, "given: expected a FingerModel or a Scene or .* or a path, got 17"),
         *[
             ({"given": scene("friction"), "ranges": {"tip_mass": values}}, message)
