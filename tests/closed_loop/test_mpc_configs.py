@@ -83,7 +83,7 @@ def test_no_offset_stays(stiffness):
 
 def test_few_factorizations_give_the_commands_of_many():
     """The loop of docs/embedded.md, whose calls fit into its period on a small board."""
-    board = (ARCS, "controller.horizon.stages=8", "controller.start_calls=5")
+    board = (ARCS, "controller.horizon.stages=8", "controller.horizon.method=sdirk2", "controller.start_calls=5")
     short, full = (checked(run("steady_tip", 1.0, *board, f"controller.iterations={most}")) for most in (4, 40))
     assert set(short.status) == {"solved"}
     assert np.array_equal(short.u, full.u)

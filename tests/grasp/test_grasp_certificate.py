@@ -280,7 +280,7 @@ def test_certificate_shares_nothing_with_the_optimizer():
                         "errors",
                         "arguments",
                         "arrays",
-                        "summary",
+                        "labels",
                     }, f"{module}: {name}"
     own = {
         "certificate",

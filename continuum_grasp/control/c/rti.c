@@ -9,13 +9,13 @@
 
 /* Rounds of the active set from a warm start, and from the interior point's estimate. In the closed loop of
  * configs/mpc/steady_tip.yaml a QP takes 3.5 factorizations on average and 10 at most, and needs no interior point; with 6
- * rounds of the first up to 27. In that of configs/mpc/keep_out.yaml, whose bounds are curved, it takes 14; with 1 and 6
+ * rounds of the first up to 27. In that of configs/mpc/keep_out.yaml, whose bounds are curved, it takes 15; with 1 and 6
  * rounds of the second 13 and 16. */
 #define RTI_ROUNDS 12
-#define RTI_FINAL_ROUNDS 2
+#define RTI_FINAL_ROUNDS 3
 /* Mean complementarity products, per cost of moving an input by its scale, at which the interior point's estimate of the
- * active set is tried: first at 1e-2 (in keep_out 1e-1: 14.7 factorizations, 1e-4: 13.4), then each time they have fallen by
- * 1e-3 (1e-1: 19, 1e-6: 13.5). Below the last, rounding hides any further progress. */
+ * active set is tried: first at 1e-2 (in keep_out 1e-1: 15.6 factorizations, 1e-4: 14.0), then each time they have fallen by
+ * 1e-3 (1e-1: 21, 1e-6: 13.9). Below the last, rounding hides any further progress. */
 #define RTI_FIRST_PRODUCT RTI_R(1e-2)
 #define RTI_PRODUCT_FACTOR RTI_R(1e-3)
 #ifdef RTI_SINGLE
