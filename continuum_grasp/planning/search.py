@@ -15,7 +15,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, Status, new_solver
 from continuum_grasp.planning.condensed import Condensed
-from continuum_grasp.planning.diagnosis import Diagnosis, diagnose, missed_goals
+from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
 from continuum_grasp.planning.fine import simulated
 from continuum_grasp.planning.goal import MET
 from continuum_grasp.planning.guess import (
@@ -30,7 +30,6 @@ from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import OneWay, PlanProblem
 from continuum_grasp.planning.result import Plan
 from continuum_grasp.scene.plan import DurationRange, Goal, PlanScene
-from continuum_grasp.scene.surroundings import ContactLaw
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
@@ -42,9 +41,6 @@ _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
 _PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
 """Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
-_SOFTER, _MOST_SOFTER = (10.0, 3.0), 250
-"""Factors on the rounding of contacts [1] from which a plan goes on that ended beside its goal, and most iterations of
-each. Without them plans of configs/plan/close_on_mug.yaml miss the forces of the grasp, by rounding."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
@@ -113,13 +109,6 @@ class Search:
             self._try("warm", *self._warm_start(self.warm), _NEAR)
         if self.best is None:
             self._try_paths()
-        law, best = self.scene.contact_law, self.best
-        if law is None or self.scene.transcription != "collocation" or self.over:
-            return
-        # Where the object moves, IPOPT regularizes such steps for minutes (a disc that is pushed: 200 s).
-        stops = best is None or not best.converged or missed_goals(self.problem, best.x, weighted=True)[0]
-        if stops and not self.scene.object_moves:
-            self._try_softer(law)
 
     def _try_one_way(self) -> None:
         """Start with tendons that slide one way, up to rest.
@@ -225,24 +214,6 @@ class Search:
             if not planned and self._approach(name, path, barrier):
                 return
 
-    def _try_softer(self, law: ContactLaw) -> None:
-        """Start from plans whose contacts begin to press earlier, each from the one before."""
-        path = smooth_path(self.motion, self.x0, self.first, self.last, 0.0)
-        w = self.problem.start(path)
-        multipliers: Multipliers | None = None
-        for factor in _SOFTER:
-            rounded = law.model_copy(update={"rounding": factor * law.rounding})
-            softer = Motion(self.scene.model_copy(update={"contact_law": rounded}))
-            if multipliers is None:
-                with suppress(NumericalError):
-                    states = simulated(softer.scene, softer.prediction, path, self.x0, 1)
-                    w = self.problem.start(replace(path, x=states))
-            found = self._solved(PlanProblem(softer, self.x0), w, multipliers, _NEAR, most=_MOST_SOFTER)
-            if found.violation > self.feasible or self.over:
-                return
-            w, multipliers = found.x, found.multipliers
-        self._try("from softer contacts", w, multipliers, _NEAR)
-
     def _begins_outside(self) -> bool:
         """Whether the motion begins beyond a hard bound, and cannot come back within its first intervals, whatever the
         goal: all paths would say so after a minute.
@@ -308,7 +279,7 @@ class Search:
         *,
         most: int | None = None,
     ) -> bool:
-        """Solve from a start, in ``most`` iterations at most; whether that gave a plan."""
+        """Solve from a start, in ``most`` iterations of single shooting at most; whether that gave a plan."""
         attempt = self._solved(self.problem, w, multipliers, barrier, most=most)
         self.attempts.append((name, attempt))
         feasible = attempt.violation <= self.feasible
@@ -338,8 +309,7 @@ class Search:
             else:
                 patience = _PATIENCE if self.scene.object is None else _PATIENCE_IN_CONTACT
                 start = assembly.start(w, multipliers, barrier, patience)
-                with self.budget.share(most) as part:
-                    attempt = self._solver.solve(assembly.nlp, start, part)
+                attempt = self._solver.solve(assembly.nlp, start, self.budget)
         self.interrupted |= pressed()
         return attempt
 
