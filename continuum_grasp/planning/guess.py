@@ -179,10 +179,15 @@ def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> 
     return value, y
 
 
-def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: float) -> Path:
-    """Postures that go smoothly from the first to the last, bent to a side in between by half bending ranges."""
-    model, n, time = motion.prediction, len(first.q), motion.first_duration
-    tau = np.linspace(0.0, 1.0, motion.scene.intervals + 1)[:, None]
+def smooth_path(
+    motion: Motion, x0: Array, first: Posture, last: Posture, side: float = 0.0, share: float = 1.0
+) -> Path:
+    """Postures that go smoothly from the first to the last in a share of the duration, and stay there.
+
+    They are bent to a ``side`` in between, by half bending ranges.
+    """
+    model, n, time = motion.prediction, len(first.q), share * motion.first_duration
+    tau = np.minimum(np.linspace(0.0, 1.0 / share, motion.scene.intervals + 1), 1.0)[:, None]
     # The quintic with neither rate nor acceleration at both ends, and its derivative.
     blend = tau**3 * (10.0 - 15.0 * tau + 6.0 * tau**2)
     rate = 30.0 * tau**2 * (1.0 - tau) ** 2
@@ -194,7 +199,7 @@ def smooth_path(motion: Motion, x0: Array, first: Posture, last: Posture, side: 
     x = np.array([model.at_rest(*row) for row in zip(q, u, strict=True)])
     x[:, n : 2 * n] += qd
     x[0] = x0
-    return Path(x, u, time)
+    return Path(x, u, motion.first_duration)
 
 
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:

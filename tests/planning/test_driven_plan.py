@@ -221,7 +221,7 @@ def test_no_step_seems_worse_than_none():
     """
     asked = two_arcs(method="single_shooting", goal={"bending": (0.4, 0.2), "end": "still"}, bounds={"speed": 2.0})
     search = Search(asked)
-    w = search.problem.start(smooth_path(search.motion, search.x0, search.first, search.last, 0.0))
+    w = search.problem.start(smooth_path(search.motion, search.x0, search.first, search.last))
     condensed = Condensed(search.problem, 1e-5, search.feasible)
     end = condensed.solve(w, search.budget, 100)
     model = _Model(condensed, condensed._moved(end.x))

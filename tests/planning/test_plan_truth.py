@@ -119,7 +119,7 @@ def test_steps_follow_a_motion_that_is_faster_than_was_thought(faster):
     """Where a motion would make the steps grow they become finer, and unknowns keep their places."""
     search = Search(load(TIP, [*BY_SHOOTING, "intervals=20", "finger.damping.quadratic=1e-5"]))
     problem = search.problem
-    path = smooth_path(search.motion, search.x0, search.first, search.last, 0.0)
+    path = smooth_path(search.motion, search.x0, search.first, search.last)
     w, size, before = problem.start(replace(path, x=faster * path.x)), problem.assembly.size, problem.steps
     # Damping forces per rate grow with the rate; the motion itself is the truth of how fast it decays.
     stiff = np.abs(problem.rates(w)[problem.rates(w).real < 0.0]).max()
