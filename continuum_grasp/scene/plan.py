@@ -142,8 +142,8 @@ class PlanSolver(SolverOptions):
     """Iterations of all starts together: counted work, so that the verdict does not depend on how fast or busy the
     machine is. Where it is not given, large plans take fewer, about a minute of one core."""
     starts: Annotated[int, Field(ge=1, le=9)] | None = None
-    """Paths from which the search begins, the direct one first; None: one, or five where there are zones. The best
-    plan counts."""
+    """Paths from which the search begins, the direct one first; None: one, or five where there are zones. With an
+    object they are up to three motions that rest sooner or later, until one misses no goal. The best plan counts."""
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
     """Runge-Kutta-Chebyshev steps per interval of single shooting; None: as many as the stiffness asks for."""
     degree: Annotated[int, Field(ge=2, le=9)] = 3
