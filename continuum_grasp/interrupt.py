@@ -29,10 +29,6 @@ _SAME_PRESS = 0.5
 """Signals within this time are one press [s]; a terminal and a parent process may send one each."""
 _PARTS = {
     "casadi.casadi": None,
-    "_frozen_importlib": None,  # named importlib._bootstrap once importlib itself is imported
-    "_frozen_importlib_external": None,
-    "importlib._bootstrap": None,
-    "importlib._bootstrap_external": None,
     "contextlib": ("__enter__", "__exit__"),
     "tempfile": None,
     "shutil": None,
@@ -42,7 +38,8 @@ _PARTS = {
     "continuum_grasp.results.record": None,
     "continuum_grasp.sweeps.folder": ("append", "write_run_files"),
 }
-"""Modules, and functions of them, in and under which an exception would be lost or leave half of something."""
+"""Modules, and functions of them, in and under which an exception would be lost or leave half of something; beside
+imports."""
 
 _noted: float | None = None
 """Time at which Ctrl-C was pressed, as long as it has not been raised [s of the monotonic clock]."""
@@ -170,7 +167,8 @@ def _carrier(frame: FrameType | None) -> FrameType | None:
     current = frame
     while frame is not None:
         names = _PARTS.get(frame.f_globals.get("__name__", ""), ())
-        if names is None or frame.f_code.co_name in names or frame.f_code.co_name == "__del__":
+        imports = frame.f_code.co_filename.startswith("<frozen importlib")
+        if imports or names is None or frame.f_code.co_name in (*names, "__del__"):
             current = frame.f_back
         frame = frame.f_back
     return current

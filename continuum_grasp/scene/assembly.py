@@ -40,23 +40,19 @@ def validated(document: Document, model: type[Model]) -> Model:
 
 def kind_of(data: Any) -> str:
     """Kind of a configuration, as in ``KINDS`` of ``scene.load``."""
-    if isinstance(data, dict):
-        if "controller" in data:
-            return "mission" if "grasp" in data else "mpc"
-        if "goal" in data:
-            return "plan"
-        if "variables" in data or "minimize" in data:
-            return "design"
-        if "scene" in data or "vary" in data or "sample" in data:
-            return "sweep"
+    keys = set(data) if isinstance(data, dict) else set()
+    marks = {
+        "mission": {"controller", "grasp"} <= keys,
+        "mpc": "controller" in keys,
+        "plan": "goal" in keys,
+        "design": {"variables", "minimize"} & keys,
+        "sweep": {"scene", "vary", "sample"} & keys,
         # A simulation with an object has a contact law, a grasp never.
-        if "object" in data and "contact_law" not in data:
-            return "grasp"
-        if "estimate" in data or "data" in data:
-            return "identify"
-        if "rod" in data and "finger" not in data:
-            return "finger"
-    return "simulate"
+        "grasp": "object" in keys and "contact_law" not in keys,
+        "identify": {"estimate", "data"} & keys,
+        "finger": "rod" in keys and "finger" not in keys,
+    }
+    return next((kind for kind, there in marks.items() if there), "simulate")
 
 
 def assembled(path: str | Path, changes: Iterable[Change], varied: Iterable[KeyPath] = ()) -> Document:
@@ -140,20 +136,11 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
 
 
 def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) -> Path:
-    """The file that is named at a place, which must be there."""
-    file = place.beside(target, main)
+    """The file that is named at a place, which must be there; ``main`` is the main file."""
+    file = (place.folder or (main if place.line is None else Path(place.file)).parent) / target
     if not file.is_file():
         raise place.error(f"no such {what}: {os.path.normpath(file)}", path)
     return file
-
-
-def _part_of(file: Path, words: str, foreign: str) -> Document:
-    """Contents of a file that holds a part of a scene, without its version; the part lacks a key of whole scenes."""
-    document = read_yaml(file, name=os.path.normpath(file))
-    if not isinstance(document.value, dict) or foreign in document.value:
-        raise document.places[()].error(f"expected {words}")
-    take_version(document)
-    return document
 
 
 def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:
@@ -181,7 +168,10 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
     # Resolved, so that links do not hide a circle.
     if os.path.realpath(file) in within:
         raise place.error(f"{target} leads back to itself", path + key)
-    base = _part_of(file, "a finger (rod, damping, tendons, ...)", foreign="finger")
+    base = read_yaml(file, name=os.path.normpath(file))
+    if not isinstance(base.value, dict) or "finger" in base.value:
+        raise base.places[()].error("expected a finger (rod, damping, tendons, ...)")
+    take_version(base)
     if "extends" in base.value:
         base = _resolved(base, (), file, (*within, os.path.realpath(file)))
     if isinstance(part.value, dict):

@@ -65,7 +65,6 @@ class HalfPlaneZone(_Zone):
     """Half the plane, on one side of a line."""
 
     type: Literal["half_plane"]
-    """Half the plane."""
     point: Position
     """A world point of the line [m]."""
     normal_angle: Angle
@@ -76,7 +75,6 @@ class DiscZone(_Zone):
     """A disc."""
 
     type: Literal["disc"]
-    """A disc."""
     center: Position
     """World position of its center [m]."""
     radius: Annotated[Positive, Unit("m")]

@@ -28,11 +28,6 @@ class Place:
     key_column: int | None = None
     folder: Path | None = None
 
-    def beside(self, target: str, main: Path) -> Path:
-        """The file that a path standing here means; ``main`` is the main file."""
-        folder = (main if self.line is None else Path(self.file)).parent
-        return (self.folder or folder) / target
-
     def error(self, message: str, path: KeyPath = ()) -> InputError:
         """An error that says it is about what stands here."""
         key = dotted(path) or None

@@ -102,7 +102,6 @@ class LengthDrive(_Winch):
     """A winch whose servo follows a commanded length."""
 
     kind: Literal["length"]
-    """A winch that follows a commanded length."""
     time_constant: TimeConstant
     """Time constant of the critically damped servo [s]."""
     rate_max: Annotated[Positive, Field(examples=[0.1]), Unit("m/s")] | None = None
@@ -136,7 +135,6 @@ class MotorDrive(_Winch):
     )
 
     kind: Literal["motor"]
-    """A motor under a commanded torque or angle."""
     winch_radius: Annotated[Extent, Field(examples=[0.008, "8 mm"])]
     """Cable wound up per angle [m]."""
     inertia: Annotated[Positive, Field(examples=[2e-6]), Unit("kg m2")]

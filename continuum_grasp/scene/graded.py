@@ -23,9 +23,6 @@ LinearDensity = Annotated[float, Field(ge=1e-15, le=1e9), Unit("kg/m")]
 RotaryInertia = Annotated[NonNegative, Unit("kg m")]
 Curvature = Annotated[Real, Unit("1/m")]
 
-_MOST_UNIT = 0.5 * math.pi
-"""Greatest turn of one unit of a spiral [rad]: a spiral of fewer than four units a turn is none."""
-
 
 def ends(value: float | tuple[float, float]) -> tuple[float, float]:
     """Values at the base end and at the tip end."""
@@ -213,16 +210,3 @@ class SpiRob(Value):
         base, tip, n = self.base_thickness, self.tip_thickness, self.units
         inside = (length * (base - base * (tip / base) ** (k / n)) / (base - tip) for k in range(1, n))
         return (0.0, *inside, length)
-
-    def section(self, length: float) -> RodSection:
-        """The straightened spiral as a section of a length [m], of its full thickness."""
-        thickness = (self.base_thickness, self.tip_thickness)
-        return RodSection(to=length, thickness=thickness, width=thickness if self.width is None else self.width)
-
-    def check(self, length: float) -> None:
-        """Refuse units that turn too far."""
-        if self.unit_angle(length) > _MOST_UNIT:
-            raise ValueError(
-                f"spirob.units = {self.units}: each would turn by {math.degrees(self.unit_angle(length)):.0f} degrees; "
-                f"take more units, so that it is {math.degrees(_MOST_UNIT):.0f} degrees at most"
-            )

@@ -152,10 +152,13 @@ class FingerSetup:
         branches = len(self.finger.damping.dry_friction)
         return self.tendon_friction_states + self.elements * self.bending_cells * branches
 
-    @property
+    @cached_property
     def stiffness(self) -> float:
-        """A bending stiffness of the finger as a scale of moments [N m2]."""
-        return self.finger.profile.mean_stiffness
+        """E I of the uniform rod whose tip a couple turns as far [N m2]: the harmonic mean, a scale of moments."""
+        profile, curve = self.finger.profile, self.finger.profile.bending_stiffness
+        if curve.constant is not None:
+            return curve.constant
+        return profile.length / float(profile.moments(lambda s: 1.0 / curve(s), (0.0, profile.length))[0, 0])
 
     @property
     def switches(self) -> dict[str, Switch]:

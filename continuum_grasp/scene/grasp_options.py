@@ -104,7 +104,6 @@ class PlanarGravity(Value):
     """Gravity in the plane of the fingers; the fingers' own weight acts too."""
 
     mode: Literal["planar"]
-    """Weight in the plane of the fingers."""
     vector: Acceleration
     """World gravity [m/s2]."""
 
@@ -116,7 +115,6 @@ class OutOfPlaneGravity(Value):
     """
 
     mode: Literal["out_of_plane"]
-    """Perpendicular to the plane of the fingers."""
     magnitude: Annotated[Positive, Unit("m/s2")]
     """Gravity perpendicular to the plane [m/s2]."""
     tilt: Literal["balance", "ignore"] = "balance"
@@ -128,7 +126,6 @@ class NoGravity(Value):
     """No weight at all."""
 
     mode: Literal["none"]
-    """No gravity."""
 
 
 GraspGravity = Annotated[PlanarGravity | OutOfPlaneGravity | NoGravity, Field(discriminator="mode")]

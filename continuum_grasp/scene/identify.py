@@ -149,7 +149,6 @@ class StaticPoses(_Data):
     )
 
     kind: Literal["static"]
-    """Shapes at rest, and vibrations about them."""
     conditions: _Conditions = ()
     """Columns with loads, inputs and parameters of each row."""
     holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
@@ -187,7 +186,6 @@ class TipTrajectory(_Data):
     )
 
     kind: Literal["trajectory"]
-    """Readings along a motion."""
     t: ColumnLike = "t"
     """Column of the instants [s]."""
     conditions: _Conditions = ()
@@ -213,7 +211,6 @@ class RingDown(_Data):
     """Free vibration after a motion: each signal becomes a frequency and a decay rate."""
 
     kind: Literal["ring_down"]
-    """Free vibration after a motion."""
     t: ColumnLike = "t"
     """Column of the instants [s]."""
     signals: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = ("signal",)

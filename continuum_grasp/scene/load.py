@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, overload
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import (
@@ -23,6 +24,8 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 
 if TYPE_CHECKING:
+    from pydantic import BaseModel
+
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.design import Design
     from continuum_grasp.scene.grasp import GraspScene
@@ -31,12 +34,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.sweep import Sweep
 
     Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep | Design
-
-from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
 
 
 class _Kind(NamedTuple):

@@ -49,7 +49,6 @@ class ForceLoad(Value):
     """A point force on the backbone."""
 
     kind: Literal["force"] = "force"
-    """A point force."""
     at: Distance
     """Position along the finger [m]."""
     force: Annotated[Vector2 | VectorSamples, Unit("N")]
@@ -62,7 +61,6 @@ class MomentLoad(Value):
     """A point moment on the backbone, positive counter-clockwise."""
 
     kind: Literal["moment"] = "moment"
-    """A point moment."""
     at: Distance
     """Position along the finger [m]."""
     moment: Annotated[Real | Samples, Unit("N m")]

@@ -44,9 +44,6 @@ FAMILIES = {
 }
 """All families by name, from coarse to fine; a new one is a line here."""
 
-PAPER_FAMILY = "arc"
-"""Curvature family of the paper, doi:10.1155/2014/308283."""
-
 
 def default_family(*, free_tip: bool) -> str:
     """Name the family of a model where none is stated: the finest one that allows its tip moment.

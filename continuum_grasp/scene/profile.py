@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.scene.graded import Along, RodFactors, RodSamples, RodSection, SpiRob, Varying, ends
+from continuum_grasp.scene.graded import Along, RodSamples, RodSection, SpiRob, Varying, ends
 from continuum_grasp.scene.value import SAME
 
 if TYPE_CHECKING:
@@ -160,11 +160,6 @@ class Profile:
     """Whether it is given by sections, samples or a spiral: stiffness and density as run-time arguments are then
     factors (nominal 1), and lengths of elements are none."""
 
-    def scaled(self, factors: RodFactors) -> Profile:
-        """A copy with other stiffness and mass everywhere."""
-        keys = ("bending_stiffness", "linear_density", "rotary_inertia")
-        return replace(self, **{key: getattr(self, key).scaled(getattr(factors, key)) for key in keys})
-
     @cached_property
     def uniform(self) -> bool:
         """Whether stiffness, density and rotary inertia are the same everywhere."""
@@ -179,14 +174,6 @@ class Profile:
     def breaks(self) -> tuple[float, ...]:
         """Places where these curves may jump or have kinks [m], increasing."""
         return tuple(start for start, _ in smooth_parts(self.length, self.curves))[1:]
-
-    @cached_property
-    def mean_stiffness(self) -> float:
-        """E I of the uniform rod whose tip a couple turns as far [N m2]: the harmonic mean, a scale of moments."""
-        curve = self.bending_stiffness
-        if curve.constant is not None:
-            return curve.constant
-        return self.length / float(self.moments(lambda s: 1.0 / curve(s), (0.0, self.length))[0, 0])
 
     def moments(self, density: Callable[[Array], Array], bounds: ArrayLike, powers: int = 1) -> Array:
         """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m].

@@ -14,14 +14,11 @@ from pydantic import Field
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends, shapes
-from continuum_grasp.scene.value import Length, check_shorter, doubt_outside
+from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene.value import Duration, Length, NonNegative, Positive, Value, check_shorter, doubt_outside
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Profile
-
-
-from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, NonNegative, Positive, Value
 
 
 class DryFriction(Value):
@@ -149,7 +146,13 @@ class Rod(Section):
         if self.sections is not None:
             self._check_section_keys(self.sections)
         elif self.spirob is not None:
-            self.spirob.check(self.length)
+            turn = self.spirob.unit_angle(self.length)
+            # A spiral of fewer than four units a turn is none.
+            if turn > 0.5 * math.pi:
+                raise ValueError(
+                    f"spirob.units = {self.spirob.units}: each would turn by {math.degrees(turn):.0f} degrees; take "
+                    "more units, so that it is 90 degrees at most"
+                )
         elif self.samples is not None:
             if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
                 raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
@@ -239,7 +242,8 @@ class Rod(Section):
         if self.sections is not None:
             return self.sections
         if self.spirob is not None:
-            return (self.spirob.section(self.length),)
+            thickness = (self.spirob.base_thickness, self.spirob.tip_thickness)
+            return (RodSection(to=self.length, thickness=thickness, width=self.spirob.width or thickness),)
         return (RodSection(to=self.length, **{key: getattr(self, key) for key in Section.model_fields}),)
 
     def check_inside(self, key: str, positions: Iterable[float], *, tip: bool = True) -> None:
@@ -320,4 +324,5 @@ class Rod(Section):
             profile = replace(
                 profile, bending_stiffness=stiffness, half_depth=profile.half_thickness.scaled(self.spirob.core)
             )
-        return replace(profile, graded=self.graded).scaled(self.factors)
+        scaled = {key: getattr(profile, key).scaled(factor) for key, factor in self.factors}
+        return replace(profile, graded=self.graded, **scaled)

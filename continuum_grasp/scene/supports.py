@@ -97,7 +97,6 @@ class Palm(_Support):
     """A fixed half plane."""
 
     type: Literal["palm"] = "palm"
-    """A fixed half plane."""
     point: Position
     """A world point on its surface [m]."""
     normal_angle: Angle
@@ -111,7 +110,6 @@ class Line(_Support):
     """A fixed straight edge of finite length; the object may lie on its left, walking from start to end."""
 
     type: Literal["line"]
-    """A fixed straight edge of finite length."""
     start: Position
     """World position of its start [m]."""
     end: Position
@@ -134,7 +132,6 @@ class Point(_Support):
     """A fixed point or round peg."""
 
     type: Literal["point"]
-    """A fixed point or round peg."""
     position: Position
     """World position of its center [m]."""
     radius: Distance = 0.0
@@ -148,7 +145,6 @@ class VGroove(_Support):
     """Two fixed half planes that meet in a line."""
 
     type: Literal["v_groove"]
-    """Two fixed half planes that meet in a line."""
     apex: Position
     """World position of the line where they meet [m]."""
     opening_angle: Annotated[float, Field(ge=1e-3, le=3.14), Unit("rad")]

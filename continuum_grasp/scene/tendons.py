@@ -14,6 +14,7 @@ from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     SAME,
+    Distance,
     Friction,
     Length,
     NonNegative,
@@ -22,13 +23,6 @@ from continuum_grasp.scene.value import (
     Value,
     check_shorter,
 )
-
-if TYPE_CHECKING:
-    from continuum_grasp.scene.profile import Channel, Curve
-
-from typing import TYPE_CHECKING
-
-from continuum_grasp.scene.value import Distance
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel, Curve

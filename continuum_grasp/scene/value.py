@@ -25,12 +25,12 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import table
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
-from continuum_grasp.labels import table
 
 SAME = 1e-9
 """Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
@@ -224,11 +224,13 @@ def field_docs(model: type) -> dict[str, str]:
     docs: dict[str, str] = {}
     for kind in reversed(model.__mro__):
         body = _classes(kind.__module__).get(kind.__qualname__)
-        for field, below in pairwise(body.body if body is not None else ()):
+        for field, below in pairwise((*body.body, ast.Pass()) if body is not None else ()):
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
                 docs.pop(field.target.id, None)  # declared anew
                 if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
                     docs[field.target.id] = inspect.cleandoc(str(below.value.value))
+                elif isinstance(field.annotation, ast.Subscript) and isinstance(field.annotation.slice, ast.Constant):
+                    docs[field.target.id] = str(kind.__doc__).partition("\n")[0]  # the word that selects the class
     return docs
 
 
