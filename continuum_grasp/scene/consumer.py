@@ -123,20 +123,15 @@ def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
     elif isinstance(value, Mapping):
         for label, child in value.items():
             yield from _given(child, key, f"{where}.{label}")
-    elif isinstance(value, BaseModel) and (field := _field(type(value), name)):
-        child, here = getattr(value, field), f"{where}.{name}".removeprefix(".")
-        default = type(value).model_fields[field].get_default(call_default_factory=True, validated_data={})
+    elif isinstance(value, BaseModel) and (field := type(value).model_fields.get(name)):
+        child, here = getattr(value, name), f"{where}.{name}".removeprefix(".")
+        default = field.get_default(call_default_factory=True, validated_data={})
         if rest:
             yield from _given(child, rest + (f"={word}" if word else ""), here)
         elif word and isinstance(child, tuple):
             yield from (f"{here}[{k}]" for k, each in enumerate(child) if each == word)
         elif child == word if word else bool(child) if default is PydanticUndefined else child not in (default, None):
             yield here
-
-
-def _field(model: type[BaseModel], key: str) -> str | None:
-    """The field that a key is, where the model has it."""
-    return next((name for name, field in model.model_fields.items() if key == (field.alias or name)), None)
 
 
 SECTION_LAWS = {

@@ -14,7 +14,7 @@ from continuum_grasp.scene.estimator import Estimator, Mounting
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity, Initial, begins
-from continuum_grasp.scene.value import Duration, doubt
+from continuum_grasp.scene.value import Duration, ListOf, doubt
 
 _CALM = 0.1
 """Share of the rate limit that the weight of the input's rate may tolerate [1]; at 0.075 the hand finger's loops
@@ -188,7 +188,7 @@ class ControlScene(CommandedScene):
     """State at time zero."""
     plant: Plant = Plant()
     """Differences of the plant from the controller's model."""
-    loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
+    loads: ListOf[ForceLoad] = ()
     """Forces on the plant that the controller does not know."""
     duration: Annotated[Duration | None, Field(examples=[3.0, "3 s"])] = None
     """Duration of the closed loop [s]."""

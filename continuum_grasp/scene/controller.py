@@ -22,6 +22,7 @@ from continuum_grasp.scene.value import (
     Duration,
     Friction,
     Interval,
+    ListOf,
     Mass,
     NonNegative,
     Position,
@@ -283,7 +284,7 @@ class Controller(Limited):
     iterations: Annotated[int, Field(ge=1, le=100)] = 40
     """Greatest number of factorizations per QP, beyond that of its preparation. A QP that is not solved with as many
     ends with an input within its limits and the status ITERATION_LIMIT."""
-    scenarios: Annotated[tuple[Scenario, ...], Field(strict=False)] = ()
+    scenarios: ListOf[Scenario] = ()
     """Plants for which the controller plans at once, 2 to 8: each has a plan of its own, all have the first command in
     common, and the cost is the weighted mean. {} is the finger as it is. Empty: only that one."""
     supervisor: bool = True

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field
 from continuum_grasp.scene.consumer import Consumer, needs
 from continuum_grasp.scene.loads import Sampled
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Angle, Length, NonNegative, Position, Positive, Real, Value, Vector2
+from continuum_grasp.scene.value import Angle, Length, ListOf, NonNegative, Position, Positive, Real, Value, Vector2
 
 
 def _running(value: Any) -> Any:
@@ -36,14 +36,14 @@ Weighted = Annotated[Weight, BeforeValidator(_running, json_schema_input_type=fl
 class ShapeWeight(Weight):
     """Positions along the finger that track setpoints."""
 
-    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
+    at: Annotated[ListOf[Length], Field(min_length=1)]
     """Positions along the finger [m]."""
 
 
 class ForceWeight(Weight):
     """Contacts whose normal forces, or distances from the object, track setpoints."""
 
-    of: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] | None = None
+    of: Annotated[ListOf[str], Field(min_length=1)] | None = None
     """Names of the contacts: finger.1 and so on at ``contacts``, finger.tip; None: all of these."""
 
 
@@ -94,13 +94,13 @@ class Cost(Value):
         return () if weight is None else weight.of or names
 
 
-Row = Annotated[tuple[Real, ...], Field(strict=False, min_length=1)]
+Row = Annotated[ListOf[Real], Field(min_length=1)]
 
 
 class RowSamples(Sampled):
     """Rows of numbers over time."""
 
-    values: Annotated[tuple[Row, ...], Field(strict=False, min_length=2), Unit(None)]
+    values: Annotated[ListOf[Row], Field(min_length=2), Unit(None)]
     """One row per instant, in the unit of what they are given for."""
     interpolation: Literal["smooth", "linear", "hold"] = "smooth"
     """smooth: monotone piecewise quintic; linear: straight lines; hold: each row until the next instant."""

@@ -146,8 +146,8 @@ def plain(value: Any) -> Any:
     """
     if hasattr(value, "model_fields_set"):
         fields = type(value).model_fields.items()
-        stated = value.model_fields_set | {name for name, field in fields if _is_tag(field.annotation)}
-        return {field.alias or name: plain(getattr(value, name)) for name, field in fields if name in stated}
+        stated = (name for name, field in fields if name in value.model_fields_set or _is_tag(field.annotation))
+        return {name: plain(getattr(value, name)) for name in stated}
     if isinstance(value, Mapping):
         return {key: plain(child) for key, child in value.items()}
     return [plain(child) for child in value] if isinstance(value, list | tuple) else value

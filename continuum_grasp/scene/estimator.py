@@ -14,6 +14,7 @@ from continuum_grasp.scene.value import (
     Angle,
     Duration,
     Length,
+    ListOf,
     Mass,
     Position,
     Positive,
@@ -49,7 +50,7 @@ class Connection(Value):
     """Command at which the drive exerts nothing, or reading of a load cell without load [N or N m]."""
 
 
-Connections = Annotated[tuple[Connection, ...], Field(strict=False, max_length=16)]
+Connections = Annotated[ListOf[Connection], Field(max_length=16)]
 
 
 class Mounting(Value):
@@ -75,7 +76,7 @@ Share = Annotated[float, Field(ge=0.0, le=0.9), Unit("1")]
 class BendingSensors(Value):
     """Angles of sections."""
 
-    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
+    at: Annotated[ListOf[Length], Field(min_length=1)]
     """Positions along the finger [m]."""
     std: Annotated[Positive, Field(examples=[0.003, "3 mrad"]), Unit("rad")]
     """Standard deviation of a measured angle [rad]."""
@@ -206,7 +207,7 @@ class ContactDetection(Value):
     contains the whole loop until motions have passed through it."""
     time_constant: TimeConstant = 0.02
     """Time constant of the residual's low-pass filter [s]."""
-    places: Annotated[tuple[Length, ...], Field(strict=False)] = ()
+    places: ListOf[Length] = ()
     """Positions along the finger where a contact may be [m], for which forces are reported; none: the middle and the
     tip."""
 

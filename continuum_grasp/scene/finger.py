@@ -33,6 +33,7 @@ from continuum_grasp.scene.value import (
     Angle,
     Distance,
     Length,
+    ListOf,
     Mass,
     NonNegative,
     Position,
@@ -145,7 +146,7 @@ class Finger(Value):
     """Half the outer thickness [m], where contacts touch; half that of the rod's section where not given."""
     strain_limit: Annotated[float, Field(ge=1e-9, lt=1.0, examples=[0.06, "6 %"]), Unit("1")] | None = None
     """Greatest bending strain of the rod [1], 0.06 for 6 %; needs the thickness of the rod's section."""
-    masses: Annotated[tuple[PointMass, ...], Field(strict=False)] = ()
+    masses: ListOf[PointMass] = ()
     """Point masses beside the rod's own mass."""
     tip_body: TipBody | None = None
     """A body fastened to the tip; None: none."""

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, excludes
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, NonNegative, Positive, Real, Value
+from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, ListOf, NonNegative, Positive, Real, Value
 
 _Number = TypeVar("_Number")
 Varying: TypeAlias = _Number | Annotated[tuple[_Number, _Number], Field(strict=False)]
@@ -32,9 +32,9 @@ def ends(value: float | tuple[float, float]) -> tuple[float, float]:
 class PiecewiseCurvature(Value):
     """A rest curvature that is constant between ``breaks``."""
 
-    breaks: Annotated[tuple[Length, ...], Field(strict=False), Increasing]
+    breaks: Annotated[ListOf[Length], Increasing]
     """Positions along the finger where the curvature jumps, increasing [m]."""
-    values: Annotated[tuple[Real, ...], Field(strict=False), Unit("1/m")]
+    values: Annotated[ListOf[Real], Unit("1/m")]
     """Curvatures between them, one more than ``breaks`` [1/m]."""
 
     def _check(self) -> None:
@@ -139,17 +139,17 @@ class RodSamples(Value):
     through the logarithm, so that neither overshoots nor is negative anywhere.
     """
 
-    at: Annotated[tuple[Distance, ...], Field(strict=False, min_length=2, max_length=1000), Increasing]
+    at: Annotated[ListOf[Distance], Field(min_length=2, max_length=1000), Increasing]
     """Positions along the rod, increasing from 0 to the length [m]."""
-    bending_stiffness: Annotated[tuple[Stiffness, ...], Field(strict=False)]
+    bending_stiffness: ListOf[Stiffness]
     """Bending stiffness E I at each [N m2]."""
-    linear_density: Annotated[tuple[LinearDensity, ...], Field(strict=False)]
+    linear_density: ListOf[LinearDensity]
     """Mass per length rho A at each [kg/m]."""
-    rotary_inertia: Annotated[tuple[RotaryInertia, ...], Field(strict=False)] | None = None
+    rotary_inertia: ListOf[RotaryInertia] | None = None
     """Rotary inertia per length rho I at each [kg m]; none where not given."""
-    rest_curvature: Annotated[tuple[Curvature, ...], Field(strict=False)] | None = None
+    rest_curvature: ListOf[Curvature] | None = None
     """Curvature of the unloaded rod at each [1/m], positive towards -X."""
-    thickness: Annotated[tuple[Extent, ...], Field(strict=False)] | None = None
+    thickness: ListOf[Extent] | None = None
     """Thickness at each [m]: how thick the finger is, and where the strain limit is reached."""
 
     def _check(self) -> None:

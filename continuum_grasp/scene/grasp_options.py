@@ -19,18 +19,19 @@ from continuum_grasp.scene.value import (
     Friction,
     Increasing,
     Length,
+    ListOf,
     Positive,
     Ratio,
     Real,
     Value,
 )
 
-Middles = Switch | Annotated[tuple[Switch, ...], Field(strict=False, min_length=1, max_length=4)]
-Counts = Annotated[int, Field(ge=1)] | Annotated[tuple[int, ...], Field(strict=False, min_length=1, max_length=16)]
+Middles = Switch | Annotated[ListOf[Switch], Field(min_length=1, max_length=4)]
+Counts = Annotated[int, Field(ge=1)] | Annotated[ListOf[int], Field(min_length=1, max_length=16)]
 Stations = Annotated[int, Field(ge=2, le=16)]
 Range = Annotated[tuple[Length, Length], Field(strict=False)]
 _Force = Annotated[Real, Unit("N")]
-_Moment = Annotated[Real, Unit("N m")]
+_Wrench = Annotated[tuple[_Force, _Force, Annotated[Real, Unit("N m")]], Field(strict=False)]
 
 
 class FingerContacts(Value):
@@ -153,13 +154,7 @@ class ObjectiveWeights(Value):
 class Disturbances(Value):
     """Wrenches that the grasp should resist, one at a time, on top of the weight."""
 
-    wrenches: (
-        Annotated[
-            tuple[Annotated[tuple[_Force, _Force, _Moment], Field(strict=False)], ...],
-            Field(strict=False, min_length=1, max_length=24),
-        ]
-        | None
-    ) = None
+    wrenches: Annotated[ListOf[_Wrench], Field(min_length=1, max_length=24)] | None = None
     """World force x, y [N] and moment about the center of mass [N m]; None: forces of 1 N to both sides along both
     axes, and moments of 1 N times ``torque_scale`` both ways."""
     torque_scale: Extent | None = None

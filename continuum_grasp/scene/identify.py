@@ -9,7 +9,7 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, needs
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
+from continuum_grasp.scene.value import Duration, Interval, Length, ListOf, Positive, Real, Value
 
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "frequency", "decay_rate"]
 _NUMBERED = ("tension", "length", "motor_angle", "torque", "frequency", "decay_rate")
@@ -53,12 +53,9 @@ class Condition(Column):
 
     name: str
     """Entry of the model's inputs (tip_moment, tension_1, ...), forces (tip_y, load_1_y, ...) or parameters."""
-    choices: Annotated[tuple[Real, ...], Field(strict=False), Unit("unit of the column")] = ()
+    choices: Annotated[ListOf[Real], Unit("unit of the column")] = ()
     """Cells of the column that ``identify --design`` may propose [unit of the column], such as the weights that there
     are."""
-
-
-_Conditions = Annotated[tuple[Condition, ...], Field(strict=False)]
 
 
 OF_BENDS = beside(
@@ -108,7 +105,7 @@ class RowsEqual(Value):
 
     column: str
     """Heading of the column."""
-    equals: Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+    equals: Annotated[ListOf[str], Field(min_length=1)]
     """The texts, or numbers as texts."""
 
 
@@ -118,9 +115,9 @@ class _Data(Value):
     file: str | None = None
     """Name of the file with wildcards, torque_*.csv, with its folder where names are not enough; None: every file that
     is given."""
-    where: Annotated[tuple[RowsEqual, ...], Field(strict=False)] = ()
+    where: ListOf[RowsEqual] = ()
     """Rows to read; all of them must hold."""
-    set: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    set: ListOf[str] = ()
     """Changes of the scene for this set, as ``key.path=value``."""
     use: Literal["fit", "holdout"] = "fit"
     """holdout: predicted and compared, not fitted."""
@@ -149,11 +146,11 @@ class StaticPoses(_Data):
     )
 
     kind: Literal["static"]
-    conditions: _Conditions = ()
+    conditions: ListOf[Condition] = ()
     """Columns with loads, inputs and parameters of each row."""
-    holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
+    holdout_rows: ListOf[Annotated[int, Field(ge=1)]] = ()
     """Rows, counted from 1 among those read, that are predicted and not fitted."""
-    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)]
+    measured: Annotated[ListOf[ReadingColumn], Field(min_length=1)]
     """Columns with what was measured."""
     pose: str | None = None
     """Heading of the column that is the same in all rows of a pose, in a table with a row per point; None: every row is
@@ -188,10 +185,10 @@ class TipTrajectory(_Data):
     kind: Literal["trajectory"]
     t: ColumnLike = "t"
     """Column of the instants [s]."""
-    conditions: _Conditions = ()
+    conditions: ListOf[Condition] = ()
     """Columns with the commands of the drives at these instants, smooth between them, by their names in the model
     (tension_1, length_1, angle_1, ...); they replace ``actuation``."""
-    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)] = (
+    measured: Annotated[ListOf[ReadingColumn], Field(min_length=1)] = (
         ReadingColumn(quantity="x", column="x"),
         ReadingColumn(quantity="y", column="y"),
     )
@@ -213,7 +210,7 @@ class RingDown(_Data):
     kind: Literal["ring_down"]
     t: ColumnLike = "t"
     """Column of the instants [s]."""
-    signals: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = ("signal",)
+    signals: Annotated[ListOf[str], Field(min_length=1)] = ("signal",)
     """Headings of the columns, in any unit; empty cells are samples that are missing."""
     window: _Window
     """Instants from and to which samples are used [s]."""
@@ -257,9 +254,9 @@ class Law(Value):
 
     name: str
     """Name of the law in reports."""
-    set: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    set: ListOf[str] = ()
     """Changes of the scene under this law, as ``key.path=value``."""
-    estimate: Annotated[tuple[Estimate, ...], Field(strict=False)] = ()
+    estimate: ListOf[Estimate] = ()
     """Parameters that are to be found under this law, beside those of the scene."""
 
 
@@ -296,11 +293,11 @@ class IdentifyScene(Scene):
 
     REFUSALS = (_FIT,)
 
-    estimate: Annotated[tuple[Estimate, ...], Field(strict=False)] = ()
+    estimate: ListOf[Estimate] = ()
     """Parameters that are to be found; none: the scene is compared with the data as it is."""
-    laws: Annotated[tuple[Law, ...], Field(strict=False)] = ()
+    laws: ListOf[Law] = ()
     """Laws of which the one is chosen that predicts best what is held out; none: that of the scene."""
-    data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
+    data: ListOf[DataSet] = ()
     """Formats of the files that are given beside this one."""
     excitation: Excitation = Excitation()
     """Commands that ``identify --design`` designs, where it is given and a set is a ``trajectory``."""

@@ -10,13 +10,13 @@ from pydantic import Field
 
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Increasing, Real, Value, Vector2
+from continuum_grasp.scene.value import Distance, Increasing, ListOf, Real, Value, Vector2
 
 
 class Sampled(Value):
     """Values at instants."""
 
-    times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Increasing, Unit("s")]
+    times: Annotated[ListOf[Real], Field(min_length=2), Increasing, Unit("s")]
     """Instants, increasing [s]; before the first and after the last the value is held."""
 
     def _check(self) -> None:
@@ -34,14 +34,14 @@ class _Interpolated(Sampled):
 class Samples(_Interpolated):
     """A scalar function of time."""
 
-    values: Annotated[tuple[Real, ...], Field(strict=False), Unit(None)]
+    values: Annotated[ListOf[Real], Unit(None)]
     """The value at each instant, in the unit of what it is given for."""
 
 
 class VectorSamples(_Interpolated):
     """A planar vector function of time."""
 
-    values: Annotated[tuple[Vector2, ...], Field(strict=False), Unit(None)]
+    values: Annotated[ListOf[Vector2], Unit(None)]
     """The components x, y at each instant, in the unit of what they are given for."""
 
 
@@ -86,15 +86,15 @@ class Actuation(Value):
 
     tip_moment: Annotated[Real | Samples, Unit("N m")] | None = None
     """Tip moment [N m], for a finger without tendons and chambers."""
-    tensions: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("N")] | None = None
+    tensions: Annotated[ListOf[Real | Samples], Field(min_length=1), Unit("N")] | None = None
     """Tension of each tendon [N], for a finger with tendons: F1, F2 of a pair."""
-    lengths: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("m")] | None = None
+    lengths: Annotated[ListOf[Real | Samples], Field(min_length=1), Unit("m")] | None = None
     """Cable that each winch winds up [m], for tendons with ``drive.kind: length``."""
-    torques: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("N m")] | None = None
+    torques: Annotated[ListOf[Real | Samples], Field(min_length=1), Unit("N m")] | None = None
     """Torque of each motor at the drum [N m], for tendons with ``drive.kind: motor``."""
-    angles: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("rad")] | None = None
+    angles: Annotated[ListOf[Real | Samples], Field(min_length=1), Unit("rad")] | None = None
     """Angle of each drum [rad], where its drive has a ``position_gain``."""
-    pressures: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("Pa")] | None = None
+    pressures: Annotated[ListOf[Real | Samples], Field(min_length=1), Unit("Pa")] | None = None
     """Pressure of each chamber above that of the surroundings [Pa], for a finger with ``pressure``."""
 
     def _check(self) -> None:

@@ -24,6 +24,7 @@ from continuum_grasp.scene.value import (
     Extent,
     Friction,
     Length,
+    ListOf,
     NonNegative,
     Position,
     Positive,
@@ -271,7 +272,7 @@ class MissionScene(Configuration):
     """A turn of the object on its table before it is grasped; None: it stands as in the grasp."""
     slip: Slip | None = None
     """Answer to an object that slips while it is held; None: it is held as planned."""
-    more_contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
+    more_contacts: ListOf[Length] = ()
     """More positions along each finger where it may touch the object in the plant, which its controller does not know
     [m]."""
     phases: Phases = Phases()

@@ -17,7 +17,7 @@ from continuum_grasp.scene.reach import check_reach, check_references, stated_ra
 from continuum_grasp.scene.simulate import Fidelity, Initial, begins, check_commands
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value
+from continuum_grasp.scene.value import Duration, Length, ListOf, NonNegative, Position, Positive, Ratio, Value
 
 
 def _exact(value: Any) -> Any:
@@ -55,9 +55,9 @@ class PointAim(_Aim):
 class ShapeAim(_Aim):
     """Points along the finger that are to be reached."""
 
-    at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
+    at: Annotated[ListOf[Length], Field(min_length=1)]
     """Positions along the finger [m]."""
-    value: Annotated[tuple[Position, ...], Field(strict=False, min_length=1)]
+    value: Annotated[ListOf[Position], Field(min_length=1)]
     """World positions of the points [m]."""
 
     def _check(self) -> None:
@@ -226,7 +226,7 @@ class PlanScene(CommandedScene):
     """Limits and form of the input."""
     bounds: PlanBounds = PlanBounds()
     """Bounds of the state and zones to keep out of."""
-    loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
+    loads: ListOf[ForceLoad] = ()
     """Known forces at places of ``contacts`` or at the tip; over time only where the duration is given."""
     goal: Goal
     """End of the motion."""

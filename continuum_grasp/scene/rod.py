@@ -15,7 +15,16 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends, shapes
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Length, NonNegative, Positive, Value, check_shorter, doubt_outside
+from continuum_grasp.scene.value import (
+    Duration,
+    Length,
+    ListOf,
+    NonNegative,
+    Positive,
+    Value,
+    check_shorter,
+    doubt_outside,
+)
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Profile
@@ -66,10 +75,10 @@ class Damping(Value):
     quadratic: Annotated[NonNegative, Unit("N m3 s2")] = 0.0
     """Damping that grows with the speed [N m3 s2]: bending moment per squared curvature rate, as air drag has it in a
     vibration of one shape; unlike dry friction it makes the finger no softer where it swings far."""
-    dry_friction: Annotated[tuple[DryFriction, ...], Field(strict=False, max_length=8)] = ()
+    dry_friction: Annotated[ListOf[DryFriction], Field(max_length=8)] = ()
     """Branches of dry friction, in which the finger remembers how it was bent: it rests anywhere between two shapes,
     is stiffer where it moves little, and small swings die out."""
-    relaxation: Annotated[tuple[Relaxation, ...], Field(strict=False, max_length=3)] = ()
+    relaxation: Annotated[ListOf[Relaxation], Field(max_length=3)] = ()
     """Branches in which the material relaxes: it creeps under a load that is held, and comes back slowly."""
     friction_cells: Annotated[int, Field(ge=1, le=16)] = 2
     """Cells per element on which dry friction (a state of each branch) and quadratic damping see the mean curvature;
@@ -131,7 +140,7 @@ class Rod(Section):
 
     length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
     """Length L [m]."""
-    sections: Annotated[tuple[RodSection, ...], Field(strict=False, min_length=1, max_length=1000)] | None = None
+    sections: Annotated[ListOf[RodSection], Field(min_length=1, max_length=1000)] | None = None
     """Sections from base to tip; values may change linearly inside a section and jump from one to the next. What a
     section does not state of ``youngs_modulus``, ``density`` and ``rotary_inertia`` is the rod's."""
     samples: RodSamples | None = None

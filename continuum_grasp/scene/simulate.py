@@ -21,6 +21,7 @@ from continuum_grasp.scene.value import (
     Duration,
     Increasing,
     Length,
+    ListOf,
     Real,
     Value,
     doubt,
@@ -68,9 +69,7 @@ class Fidelity(Value):
     """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
     (tendon friction, a moment on the tip that varies in time) or, at time zero, does not fit the initial pose."""
     elements: (
-        Annotated[int, Field(ge=1, le=64)]
-        | Annotated[tuple[Length, ...], Field(strict=False, min_length=1, max_length=64)]
-        | None
+        Annotated[int, Field(ge=1, le=64)] | Annotated[ListOf[Length], Field(min_length=1, max_length=64)] | None
     ) = None
     """Number of elements, or their lengths from base to tip [m]; None: two, or one per segment between contacts and
     jumps of the rest curvature; with stops as many, up to 16, as bend by one turn at most where links touch."""
@@ -110,21 +109,21 @@ class Initial(Value):
     pose: Literal["straight", "rest", "equilibrium"] | None = None
     """straight; rest: the unloaded shape; equilibrium: under the scene's loads at time zero and ``held_by``. None
     without ``q``: straight, in plans and closed loops the unloaded shape."""
-    held_by: Annotated[tuple[Load, ...], Field(strict=False)] = ()
+    held_by: ListOf[Load] = ()
     """Constant loads that hold the equilibrium pose and are released at time zero."""
-    q: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad or 1/m")] | None = None
+    q: Annotated[ListOf[Real], Unit("rad or 1/m")] | None = None
     """Bending coordinates, less those that the finger has at rest: angles [rad] (arcs) or nodal curvatures [1/m]
     (clothoids)."""
-    qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
+    qd: Annotated[ListOf[Real], Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
     reached_by: Literal["pulling", "releasing", "state"] | None = None
     """Path by which the finger came to its posture, where tendons or bending have friction. pulling: from straight,
     tendons slid and the finger was bent all the way; releasing: it was bent so much further, to the same side, that all
     has slid back since, by twice its presliding or more; state: by ``friction_states``. None: nothing slid, and
     friction is zero; an equilibrium needs one of the others."""
-    friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
+    friction_states: Annotated[ListOf[Real], Unit("1")] | None = None
     """Direction of friction in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
-    motor_angles: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad")] | None = None
+    motor_angles: Annotated[ListOf[Real], Unit("rad")] | None = None
     """Angles at which motors stand in an equilibrium [rad], one per motor: held there by dry friction, a worm gear or a
     brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
 
@@ -196,12 +195,12 @@ class FingerScene(Configuration, Surroundings):
     """The finger."""
     gravity: Acceleration
     """World gravity [m/s2]."""
-    contacts: Annotated[tuple[Length, ...], Field(strict=False), Increasing] = ()
+    contacts: Annotated[ListOf[Length], Increasing] = ()
     """Positions along the finger where contact forces may act, increasing [m]; element boundaries. These and the tip
     are where it touches an object."""
     fidelity: Fidelity = Fidelity()
     """Resolution of the finger's model."""
-    parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    parameters: ListOf[str] = ()
     """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
 
     @property
@@ -224,7 +223,7 @@ class Scene(FingerScene):
     """Inputs over time; None: the finger is passive and its tendons are slack."""
     initial: Annotated[Initial, begins("straight")] = Initial(pose="straight")
     """State at time zero."""
-    loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()
+    loads: ListOf[Load] = ()
     """Forces and moments on the finger, constant or over time."""
     time: Timing | None = None
     """Duration and steps of a simulation; None: for statics and modes alone."""

@@ -16,7 +16,7 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Configuration, Interval, Positive, Real, Value
+from continuum_grasp.scene.value import Configuration, Interval, ListOf, Positive, Real, Value
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
@@ -123,7 +123,7 @@ QUANTITIES = {
 }
 """Columns of the table about every grasp besides status, reason and message, and their units."""
 
-Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=100_000)]
+Values = Annotated[ListOf[Any], Field(min_length=1, max_length=100_000)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
 
 
@@ -248,11 +248,11 @@ class Sweep(Varied):
     """Key paths in the scene with their values; all combinations are tried, the last key changing fastest."""
     sample: Sample | None = None
     """Random draws of keys; None: none."""
-    record: Annotated[tuple[str, ...], Field(strict=False, max_length=40)] = ()
+    record: Annotated[ListOf[str], Field(max_length=40)] = ()
     """More columns of the table: numbers of the result, such as ``quality.epsilon`` or ``statistics.starts``."""
-    maps: tuple[Map, ...] = Field(default=(), strict=False)
+    maps: ListOf[Map] = ()
     """Pictures of one quantity over two keys."""
-    pareto: tuple[Front, ...] = Field(default=(), strict=False)
+    pareto: ListOf[Front] = ()
     """Pictures of two quantities against each other."""
 
     def _check(self) -> None:

@@ -17,6 +17,7 @@ from continuum_grasp.scene.value import (
     Distance,
     Friction,
     Length,
+    ListOf,
     NonNegative,
     Positive,
     TimeConstant,
@@ -143,7 +144,7 @@ class Tendon(_Tensions):
         return ends(self.offset)[0] / math.sqrt(1.0 + self.slope(length) ** 2)
 
 
-TendonList = Annotated[tuple[Tendon, ...], Field(strict=False, min_length=1, max_length=16)]
+TendonList = Annotated[ListOf[Tendon], Field(min_length=1, max_length=16)]
 
 
 def check_tendon(key: str, tendon: Tendon, length: float) -> None:
@@ -300,4 +301,4 @@ class Chamber(Value):
         return Channel(self.shape(length), to, arms, self.time_constant, order=1, gain=self.arm)
 
 
-ChamberList = Annotated[tuple[Chamber, ...], Field(strict=False, min_length=1, max_length=16)]
+ChamberList = Annotated[ListOf[Chamber], Field(min_length=1, max_length=16)]

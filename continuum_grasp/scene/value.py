@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sized
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn, Self, TypeAlias, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -66,9 +66,8 @@ class Value(BaseModel):
         json_schema = handler(schema)
         properties = handler.resolve_ref_schema(json_schema).get("properties", {})
         for name, text in field_docs(cls).items():
-            key = (cls.model_fields[name].alias or name) if name in cls.model_fields else name
-            if key in properties:
-                properties[key].setdefault("description", text)
+            if name in properties:
+                properties[name].setdefault("description", text)
         return json_schema
 
     @model_validator(mode="after")
@@ -243,6 +242,9 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
     return {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
 
 
+_Entry = TypeVar("_Entry")
+ListOf: TypeAlias = Annotated[tuple[_Entry, ...], Field(strict=False)]
+"""A list in a file, which is a tuple in Python."""
 # Wide enough for any finger in SI units: a value beyond is in another unit, or mistyped.
 Real = Annotated[float, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e12)]

@@ -100,7 +100,7 @@ def keys_of(value):
     """Names of the keys that a loaded or a parsed configuration states, at any depth."""
     if isinstance(value, Value):
         for name in value.model_fields_set:
-            yield type(value).model_fields[name].alias or name
+            yield name
             yield from keys_of(getattr(value, name))
     elif isinstance(value, dict):
         for name, one in value.items():

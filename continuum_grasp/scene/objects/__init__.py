@@ -24,6 +24,7 @@ from continuum_grasp.scene.objects.shapes import (
     Superellipse,
 )
 from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene.value import ListOf
 
 __all__ = [
     "Box",
@@ -59,7 +60,7 @@ class Union(ObjectBody):
 
     shape: Literal["union"]
     """Parts stuck together."""
-    members: Annotated[tuple[UnionMember, ...], Field(strict=False, min_length=2, max_length=12)]
+    members: Annotated[ListOf[UnionMember], Field(min_length=2, max_length=12)]
     """The parts; they may overlap."""
 
     @property

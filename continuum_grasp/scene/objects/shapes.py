@@ -20,7 +20,7 @@ from continuum_grasp.scene.parts import (
     rounded,
 )
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Angle, Distance, Extent, Interval, Mass, Position, Value
+from continuum_grasp.scene.value import Angle, Distance, Extent, Interval, ListOf, Mass, Position, Value
 
 Pose = tuple[float, float, float]
 
@@ -202,7 +202,7 @@ class Box(_BoxShape, ObjectBody):
 class _PolygonShape(Value):
     shape: Literal["polygon"]
     """A simple polygon, with rounded corners, but for reflex ones, where a radius is given."""
-    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=1024)]
+    vertices: Annotated[ListOf[Position], Field(min_length=3, max_length=1024)]
     """Corners of the sharp outline, a simple polygon, in order, either way round [m]; a search takes longer with more
     than a hundred."""
     corner_radius: Distance = 0.0
