@@ -199,7 +199,7 @@ def _has(problem: Problem) -> dict[str, bool]:
     return {
         "softening": any(finger.softening is not None for finger in fingers),
         "stops": any(finger.stops is not None for finger in fingers),
-        "dry friction": any(finger.has_dry_friction for finger in fingers),
+        "dry friction": any(finger.damping.dry_friction for finger in fingers),
         "tendon friction": "tendon_friction" in estimated or any(finger.has_tendon_friction for finger in fingers),
         "drag": "quadratic_damping" in estimated or any(finger.damping.quadratic > 0.0 for finger in fingers),
     }

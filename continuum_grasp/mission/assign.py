@@ -242,13 +242,13 @@ def _control_scene(
         effort=asked.effort,
         input_rate=asked.input_rate,
     )
-    estimated, adapted = mission.estimator.disturbances.names, set[str]()
+    estimated, adapted = frozenset(mission.estimator.disturbances.stated()), set[str]()
     if mission.estimator.adapt is not None:
         adapted = set(mission.estimator.adapt.spreads)
     return ControlScene(
         name=mission.name,
         finger=finger,
-        gravity=mission.plane_gravity,
+        gravity=mission.grasp.gravity_in_plane,
         contacts=stations,
         **_surroundings(mission, body),
         fidelity=Fidelity(

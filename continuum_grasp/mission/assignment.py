@@ -84,7 +84,7 @@ class Assignment:
 
 def object_height(mission: MissionScene, pose: Array) -> Array:
     """Height (K,) of an object with poses (K, 3 or 4): out of the plane, or in it against gravity [m]."""
-    up = -np.array(mission.plane_gravity)
+    up = -np.array(mission.grasp.gravity_in_plane)
     size = float(np.hypot(*up))
     return np.asarray(pose[:, 3] if size == 0.0 else pose[:, :2] @ up / size)
 

@@ -207,7 +207,7 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) ->
     For small motions. Controllers that follow a force give way further than drives that keep their tension.
     """
     of, fingers = assignments[0], [assignment.control.finger for assignment in assignments]
-    grasp, down = of.grasp, np.array(of.mission.plane_gravity)
+    grasp, down = of.grasp, np.array(of.mission.grasp.gravity_in_plane)
     if of.mission.gravity:
         return ()
     more = (plant_mass(of.mission, variation) - grasp.scene.object.mass) * np.array([*down, 0.0])

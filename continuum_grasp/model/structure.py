@@ -340,7 +340,7 @@ class Structure:
         if not self.friction_states:
             return
         if initial.reached_by is None:
-            holds = "dry friction holds" if self.finger.has_dry_friction else "tendons with friction hold"
+            holds = "dry friction holds" if self.finger.damping.dry_friction else "tendons with friction hold"
             raise InputError(
                 f"{holds} a finger anywhere between two shapes: state how it got there, pulling, releasing, or state "
                 "with friction_states",

@@ -262,4 +262,4 @@ class ControlScene(CommandedScene):
     @property
     def disturbances(self) -> frozenset[str]:
         """Names of the disturbances that are estimated."""
-        return frozenset() if self.estimator is None else self.estimator.disturbances.names
+        return frozenset() if self.estimator is None else frozenset(self.estimator.disturbances.stated())

@@ -232,13 +232,8 @@ class DriveLaw:
         return [each / (1.0 + servo * (sum(pulls) if self.pulley else each)) for each in pulls]
 
     @property
-    def friction(self) -> float:
-        """Dry friction of the motor, as a tension [N]."""
-        return self.drive.coulomb_friction / self.radius if isinstance(self.drive, MotorDrive) else 0.0
-
-    @property
     def greatest(self) -> float:
         """Greatest tension, or difference of the two on a pulley, that the motor pulls up against its friction [N]."""
         if not isinstance(self.drive, MotorDrive):
             return math.inf
-        return self.drive.torque_max / self.radius - self.friction
+        return self.drive.torque_max / self.radius - self.drive.coulomb_friction / self.radius

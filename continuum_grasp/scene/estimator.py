@@ -141,11 +141,6 @@ class Disturbed(Value):
     tendon_friction: Annotated[Positive, Field(examples=[0.1]), Unit("1 / s^0.5")] | None = None
     """Friction coefficient of the tendons, relative [1 / s^0.5]; must be one of the scene's ``parameters``."""
 
-    @property
-    def names(self) -> frozenset[str]:
-        """Names of the disturbances that are estimated."""
-        return frozenset(self.stated())
-
 
 class Spread(Value):
     """Standard deviations of unknowns at the start, of those that a plant has once and for all."""

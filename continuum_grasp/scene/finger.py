@@ -294,14 +294,9 @@ class Finger(Value):
         return any(tendon.friction > 0.0 for tendon in self.tendon_list)
 
     @property
-    def has_dry_friction(self) -> bool:
-        """Whether its bending has dry friction."""
-        return bool(self.damping.dry_friction)
-
-    @property
     def has_friction(self) -> bool:
         """Whether tendons or bending have friction, so that a shape depends on how it was reached."""
-        return self.has_tendon_friction or self.has_dry_friction
+        return self.has_tendon_friction or bool(self.damping.dry_friction)
 
     @property
     def winches(self) -> tuple[LengthDrive | MotorDrive, ...]:

@@ -142,7 +142,7 @@ class FingerSetup:
     @property
     def bending_cells(self) -> int:
         """Cells per element along which dry friction in bending has one state of each branch; 0 without it."""
-        if not self.finger.has_dry_friction:
+        if not self.finger.damping.dry_friction:
             return 0
         return 1 if FAMILIES[self.family].even else self.finger.damping.friction_cells
 

@@ -304,8 +304,3 @@ class MissionScene(Configuration):
     def gravity(self) -> float:
         """Gravity out of the plane [m/s2]."""
         return self.grasp.gravity.magnitude if self.grasp.gravity.mode == "out_of_plane" else 0.0
-
-    @property
-    def plane_gravity(self) -> tuple[float, float]:
-        """Gravity in the plane, world [m/s2]."""
-        return self.grasp.gravity.vector if self.grasp.gravity.mode == "planar" else (0.0, 0.0)

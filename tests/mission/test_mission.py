@@ -273,9 +273,8 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, 
     """
     asked = SimpleNamespace(
         contact_law=SimpleNamespace(friction=0.5),
-        grasp=SimpleNamespace(places=(SimpleNamespace(name="palm", friction=1.0),)),
+        grasp=SimpleNamespace(places=(SimpleNamespace(name="palm", friction=1.0),), gravity_in_plane=(0.0, 0.0)),
         more_contacts=(),
-        plane_gravity=(0.0, 0.0),
         turn=None,
     )
     spans = {"lift": (1.0, 2.0), "hold": (2.0, 4.0), "lower": (6.0, 7.0)}
