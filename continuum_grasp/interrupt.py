@@ -8,8 +8,8 @@ goes on; computations that look at `pressed` now and then end early for it. With
 
 from __future__ import annotations
 
-import _thread
 import atexit
+import math
 import os
 import select
 import signal
@@ -49,8 +49,8 @@ _seen = False
 _ending = threading.Lock()
 _watched = False
 """Whether the process ends with the block that listens."""
-_answered = False
-"""Whether the main thread has run Python code since it was asked to."""
+_handled = -math.inf
+"""Time at which the main thread last handled the signal [s of the monotonic clock]."""
 
 
 def pressed() -> bool:
@@ -144,8 +144,8 @@ def ignored_by_children() -> Iterator[None]:
 
 def _press(number: int, frame: FrameType | None) -> None:
     """Handle the signal: raise now, or have the nearest frame raise that can."""
-    global _noted, _seen
-    now = time.monotonic()
+    global _noted, _seen, _handled
+    now = _handled = time.monotonic()
     if _noted is not None:
         if now - _noted > _SAME_PRESS:
             _end() if _watched else _raise()
@@ -208,32 +208,23 @@ def _start_watch() -> None:
     """Have a thread learn of every press, also while the main thread is within a call into C++."""
     global _watched
     _watched = True
-    if not hasattr(signal, "SIGURG"):
+    if os.name != "posix":
         return
     heard, reported = os.pipe()
     os.set_blocking(reported, False)
     signal.set_wakeup_fd(reported, warn_on_full_buffer=False)
-    signal.signal(signal.SIGURG, _answer)  # unused, and ignored elsewhere
     threading.Thread(target=_watch, args=(heard,), daemon=True).start()
-
-
-def _answer(number: int, frame: FrameType | None) -> None:
-    global _answered
-    _answered = True
 
 
 def _watch(heard: int) -> None:
     """End the process where a press is not raised in time, or is repeated."""
-    global _answered
     # The wakeup descriptor gets a byte from C as soon as the signal comes, whatever the main thread does.
     while True:
         if signal.SIGINT not in os.read(heard, 64):
             continue
-        _answered = False
-        # Its handler runs when the main thread is back in Python: then the press is raised, or held by a block.
-        _thread.interrupt_main(signal.SIGURG)
         began, reported = time.monotonic(), False
-        while not _answered or _noted is not None:
+        # Its handler runs when the main thread is back in Python: then the press is raised, or held by a block.
+        while _handled < began - _SAME_PRESS or _noted is not None:
             waited = time.monotonic() - began
             if select.select([heard], [], [], 0.1)[0] and signal.SIGINT in os.read(heard, 64) and waited > _SAME_PRESS:
                 _end()
