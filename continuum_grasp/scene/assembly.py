@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Change, Document, KeyPath, Place, dotted, plain
+from continuum_grasp.scene.document import Change, Document, KeyPath, Place, dotted, plain, undotted
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ _VERSION = 1
 """Version of the format of configurations, the only one so far."""
 
 Overrides = Iterable[str] | Mapping[str, Any]
-_PART = re.compile(r"([^.\[\]\s]+)|\[(\d+)\]")
 
 
 def validated(document: Document, model: type[Model]) -> Model:
@@ -231,13 +230,11 @@ def _read(text: str) -> tuple[KeyPath, Document]:
 
 def path_of(key: str, name: str) -> KeyPath:
     """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands."""
-    parts: list[str | int] = []
-    for word, index in _PART.findall(key):
-        parts.append(int(index or word) if (index or word).isdecimal() else word)
-    # What the pattern skips, such as a blank or an open bracket, is missing when the path is written again.
-    if not parts or dotted(tuple(parts)) != re.sub(r"\.(\d+)(?=\.|\[|$)", r"[\1]", key):
+    path = tuple(int(part) if str(part).isdecimal() else part for part in undotted(key))
+    # What is skipped, such as an open bracket, is missing when the path is written again.
+    if not path or re.search(r"\s", key) or dotted(path) != re.sub(r"\.(\d+)(?=\.|\[|$)", r"[\1]", key):
         raise InputError(f"expected a key path such as finger.masses[0].mass, got {key!r}", file=name)
-    return tuple(parts)
+    return path
 
 
 def placed(value: Any, place: Place) -> Document:

@@ -126,15 +126,10 @@ class InputLimits(Value):
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
 
-_OF_MOMENTS = ("moment_max", "time_constant")
+_OF_MOMENTS = "controller.input.moment_max controller.input.time_constant input.moment_max input.time_constant"
 _RANGES = ("lengths", "angles", "torques")
 _BARE = "is for a finger without tendons and chambers"
 _CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
-
-
-def _both(*keys: str) -> str:
-    """Keys of limits of the input, in closed loops and in plans."""
-    return " ".join(f"{where}.{key}" for where in ("controller.input", "input") for key in keys)
 
 
 def _some_lag(scene: CommandedScene) -> bool:
@@ -148,7 +143,7 @@ class CommandedScene(FingerScene):
     REFUSALS = (
         *of_drives("commands", ("controller.input", "input"), *_RANGES),
         beside("commands of some lags", _some_lag, "finger.tendons.time_constant", "all tendons lag, or none"),
-        beside("commands of pulls", lambda s: "tip_moment" not in s.finger.input_keys, _both(*_OF_MOMENTS), _BARE),
+        beside("commands of pulls", lambda s: "tip_moment" not in s.finger.input_keys, _OF_MOMENTS, _BARE),
         beside("commands without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
     )
 
