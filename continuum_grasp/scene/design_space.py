@@ -85,12 +85,8 @@ class DesignSpace:
     file: Path
 
     def scene(self, case: str, values: Sequence[float], errors: Sequence[float] = ()) -> GraspScene:
-        """The scene of a case for values of the variables, and errors of what is tolerated.
-
-        Raises
-        ------
-        InputError
-            The values do not make sense together.
+        """The scene of a case for values of the variables, and errors of what is tolerated; InputError if these do not
+        make sense together.
         """
         actual = list(values)
         puts: list[tuple[KeyPath, float]] = []

@@ -189,10 +189,7 @@ def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None
 def text_of(path: str | os.PathLike[str], most: int, name: str | None = None) -> str:
     """Text of a file in UTF-8 of at most so many bytes, without a byte order mark, as editors on Windows write it.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, is longer, or not UTF-8; ``name`` is what errors call it in place of its path.
+    InputError if it cannot be read, is longer, or not UTF-8; ``name`` is what errors call it in place of its path.
     """
     name = name or os.fspath(path)
     refuse_what_is_no_file(path, name)

@@ -20,13 +20,13 @@ from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.rod import Damping, Rod
 from continuum_grasp.scene.tendons import (
     ALIKE,
+    MOST_SLOPE,
     Chamber,
     ChamberList,
     Tendon,
     TendonList,
     Tendons,
     channels,
-    check_tendon,
 )
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -204,9 +204,14 @@ class Finger(Value):
     def _check_tendons(self) -> None:
         # Of a pair the second is the mirror image of the first.
         for key, tendon in zip(self.places_of("tendons"), self.tendon_list, strict=False):
-            check_tendon(key, tendon, self.rod.length)
             self.rod.check_inside(f"{key}.to", [tendon.to or 0.0])
             key, offset, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
+            check_shorter(key, offset, self.rod.length)
+            if (slope := abs(tendon.slope(self.rod.length))) > MOST_SLOPE:
+                raise ValueError(
+                    f"{key} changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds for "
+                    "tendons that are nearly parallel to the backbone"
+                )
             if half is not None and 0.0 < half < offset:
                 doubt(
                     f"{key} = {offset:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"

@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath, Place, dotted, plain
+from continuum_grasp.scene.document import Document, KeyPath, dotted
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
 
@@ -88,11 +88,6 @@ def input_error(error: ValidationError, model: type[BaseModel], document: Docume
         lines.append(f"and {len(placed) - _MOST} more")
     place, first = placed[0]
     return place.error("\n".join([first.message, *lines]), first.path)
-
-
-def input_error_of_values(error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]) -> InputError:
-    """Error about values that were given in Python, with the class in place of a file."""
-    return input_error(error, model, Document(plain(data), {(): Place(model.__name__)}))
 
 
 def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:

@@ -22,7 +22,6 @@ from continuum_grasp.scene.value import (
     Positive,
     TimeConstant,
     Value,
-    check_shorter,
 )
 
 if TYPE_CHECKING:
@@ -145,16 +144,6 @@ class Tendon(_Tensions):
 
 
 TendonList = Annotated[ListOf[Tendon], Field(min_length=1, max_length=16)]
-
-
-def check_tendon(key: str, tendon: Tendon, length: float) -> None:
-    """Refuse a tendon, which stands at a key, that does not fit a finger of a length [m]."""
-    check_shorter(f"{key}.offset", tendon.greatest_offset, length)
-    if (slope := abs(tendon.slope(length))) > MOST_SLOPE:
-        raise ValueError(
-            f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
-            "for tendons that are nearly parallel to the backbone"
-        )
 
 
 def _two_lags(tendons: tuple[Tendon, ...], length: float) -> bool:

@@ -122,13 +122,7 @@ def pattern(si: str | None) -> str:
 
 
 def factor_to_si(unit: str, si: str) -> float:
-    """Factor from a unit to the SI unit of the same dimension, such as ``m`` or ``N m``.
-
-    Raises
-    ------
-    InputError
-        If the unit is unknown, or of another dimension.
-    """
+    """Factor from a unit to an SI unit such as ``N m``; InputError if it is unknown, or of another dimension."""
     if unit == si:
         return 1.0
     spelled = _unit_in(f" {unit}", si)

@@ -56,9 +56,11 @@ class Value(BaseModel):
         try:
             super().__init__(**data)
         except ValidationError as error:
-            from continuum_grasp.scene.problems import input_error_of_values
+            from continuum_grasp.scene.assembly import placed
+            from continuum_grasp.scene.document import Place
+            from continuum_grasp.scene.problems import input_error
 
-            raise input_error_of_values(error, type(self), data) from None
+            raise input_error(error, type(self), placed(data, Place(type(self).__name__))) from None
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
