@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, needs
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, excludes, needs
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, ListOf, Positive, Real, Value
@@ -16,9 +16,7 @@ _NUMBERED = ("tension", "length", "motor_angle", "torque", "frequency", "decay_r
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
 _READ, _DRIVES = "data.measured", f"goes with {', '.join(_NUMBERED)}"
 _PRIOR = "goes with start: estimated"
-_MEASURED = beside(
-    "identify but shapes at rest", lambda data_set: True, "conditions.choices", "goes with propose", "data"
-)
+_MEASURED = Consumer("identify but shapes at rest", {"data.conditions.choices": "goes with propose"}, at="data")
 _Window = Annotated[Interval, Unit("s")]
 _Place = Annotated[float, Field(ge=0.0, le=1e4), Unit("m")]
 _Axis = Literal["x", "-x", "y", "-y"]
@@ -136,13 +134,7 @@ class StaticPoses(_Data):
 
     REFUSALS = (
         needs("identify", "conditions.choices", "propose", at="data"),
-        beside(
-            "identify of sequences",
-            lambda data_set: data_set.sequence,
-            "propose",
-            "takes rows reached by themselves",
-            "data",
-        ),
+        excludes("identify", "propose", "sequence", "takes rows reached by themselves", "data"),
     )
 
     kind: Literal["static"]
@@ -176,9 +168,7 @@ class TipTrajectory(_Data):
     """Readings along a motion, such as the path of the tip."""
 
     REFUSALS = (
-        beside(
-            "identify of known starts", lambda data_set: data_set.start != "estimated", "start_prior", _PRIOR, "data"
-        ),
+        needs("identify", "start_prior", "start=estimated", _PRIOR, "data"),
         _MEASURED,
     )
 

@@ -53,7 +53,7 @@ _TRIED = "is in coordinates of one model, and several are tried: give a pose, or
 SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED})
 _NONE = "has no effect: neither tendons nor bending have friction"
 _AT_REST, _RELEASED = "a named pose is at rest", "has no effect: what holds the finger is released at time zero"
-_HOLDING, _HELD, _HOLDS = "held_by motor_angles", "needs pose: equilibrium", "must be constant"
+_STEADY = dict.fromkeys(("initial.held_by.force.times", "initial.held_by.moment.times"), "must be constant")
 _BOTH = "friction_states and reached_by: state need each other"
 
 
@@ -89,21 +89,8 @@ class Initial(Value):
         needs("initial", "friction_states", "reached_by=state", _BOTH, "initial"),
         needs("initial", "reached_by=state", "friction_states", _BOTH, "initial"),
         beside("initial pose by name", lambda initial: initial.pose, "qd", _AT_REST, "initial"),
-        beside(
-            "initial pose that is no equilibrium",
-            lambda initial: initial.pose != "equilibrium",
-            _HOLDING,
-            _HELD,
-            "initial",
-        ),
-        beside("initial loads", lambda initial: True, "held_by.input", _RELEASED, "initial"),
-        beside(
-            "initial loads over time",
-            lambda initial: True,
-            "held_by.force.times held_by.moment.times",
-            _HOLDS,
-            "initial",
-        ),
+        needs("initial", "held_by motor_angles", "pose=equilibrium", at="initial"),
+        Consumer("initial loads", {"initial.held_by.input": _RELEASED, **_STEADY}, at="initial"),
     )
 
     pose: Literal["straight", "rest", "equilibrium"] | None = None

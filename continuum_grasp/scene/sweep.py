@@ -125,20 +125,13 @@ QUANTITIES = {
 
 Values = Annotated[ListOf[Any], Field(min_length=1, max_length=100_000)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
+_ALONE = "values stand alone, without min, max, count and spacing"
 
 
 class Grid(Value):
     """Values of one key, each of which is tried with all values of the other keys."""
 
-    REFUSALS = (
-        excludes(
-            "sweep",
-            "min max count spacing",
-            "values",
-            "values stand alone, without min, max, count and spacing",
-            "vary",
-        ),
-    )
+    REFUSALS = (excludes("sweep", "min max count spacing", "values", _ALONE, "vary"),)
 
     values: Values | None = None
     """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""
