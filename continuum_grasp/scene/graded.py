@@ -185,11 +185,7 @@ class SpiRob(Value):
     """Width across the plane of bending [m]; as the thickness where not given."""
 
     def _check(self) -> None:
-        if self.tip_thickness >= self.base_thickness:
-            raise ValueError(
-                f"tip_thickness = {self.tip_thickness} m is not below base_thickness = {self.base_thickness} m: a "
-                "spiral tapers"
-            )
+        self._check_below("tip_thickness", "base_thickness")
 
     def growth(self, length: float) -> float:
         """The exponent b of the spiral ``r = a exp(b angle)`` [1] that a straightened length [m] has."""

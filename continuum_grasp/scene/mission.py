@@ -162,8 +162,7 @@ class Slip(Value):
     never."""
 
     def _check(self) -> None:
-        if self.down <= self.sunk:
-            raise ValueError(f"down = {self.down:g} m is not more than what is answered, {self.sunk:g} m")
+        self._check_below("sunk", "down")
 
 
 class Trials(Value):
