@@ -9,11 +9,11 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
-from continuum_grasp.scene.cost import Reference, tracked
+from continuum_grasp.scene.cost import tracked
 from continuum_grasp.scene.estimator import Estimator, Mounting
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_references
-from continuum_grasp.scene.simulate import Fidelity, Initial, begins
+from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.value import Duration, ListOf, doubt
 
 _CALM = 0.1
@@ -177,15 +177,11 @@ class ControlScene(CommandedScene):
     """Resolution of the controller's model."""
     controller: Controller
     """The controller: horizon, weights, limits."""
-    reference: Reference = Reference()
-    """Setpoints of what the cost tracks."""
     estimator: Estimator | None = None
     """Estimator of the state; None: the controller measures the state."""
     mounting: Mounting | None = None
     """Mounting of the bench, as ``commission`` finds it; what drives read and are sent goes through it. None: as the
     model does."""
-    initial: Annotated[Initial, begins("rest")] = Initial(pose="rest")
-    """State at time zero."""
     plant: Plant = Plant()
     """Differences of the plant from the controller's model."""
     loads: ListOf[ForceLoad] = ()

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import beside
-from continuum_grasp.scene.cost import Cost
+from continuum_grasp.scene.cost import Cost, Reference
 from continuum_grasp.scene.drives import LengthDrive, of_drives
 from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.methods import CONTROL_METHODS, default_family
-from continuum_grasp.scene.simulate import Fidelity, FingerScene
+from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial, begins
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -146,6 +146,11 @@ class CommandedScene(FingerScene):
         beside("commands of pulls", lambda s: "tip_moment" not in s.finger.input_keys, _OF_MOMENTS, _BARE),
         beside("commands without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
     )
+
+    initial: Annotated[Initial, begins("rest")] = Initial(pose="rest")
+    """State at time zero."""
+    reference: Reference = Reference()
+    """Setpoints of what the cost tracks."""
 
     @property
     def limits(self) -> InputLimits:

@@ -9,12 +9,12 @@ from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty
-from continuum_grasp.scene.cost import Cost, Reference, Row, tracked
+from continuum_grasp.scene.cost import Cost, Row, tracked
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.methods import SolverOptions
 from continuum_grasp.scene.reach import check_reach, check_references, stated_ranges
-from continuum_grasp.scene.simulate import Fidelity, Initial, begins, check_commands
+from continuum_grasp.scene.simulate import Fidelity, check_commands
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Length, ListOf, NonNegative, Position, Positive, Ratio, Value
@@ -220,8 +220,6 @@ class PlanScene(CommandedScene):
     grasp: GraspScene | None = None
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
     contacts, contact forces to be reached, the finger's base and the object's pose are then those of the grasp."""
-    initial: Annotated[Initial, begins("rest")] = Initial(pose="rest")
-    """State in which the motion begins."""
     input: PlanInput = PlanInput()
     """Limits and form of the input."""
     bounds: PlanBounds = PlanBounds()
@@ -235,8 +233,6 @@ class PlanScene(CommandedScene):
     least_input_rate: integral of its squared rate; tracking: ``cost`` about ``reference``."""
     cost: Cost | None = None
     """Weights of ``tracking``."""
-    reference: Reference = Reference()
-    """Setpoints of ``tracking`` over time."""
     smoothing: Ratio = 1e-3
     """Weight of input changes beside ``least_time``, whose inputs would not be unique [1]: the plan is this share of
     the duration, or less, longer for smooth inputs."""
