@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import nearest
 
 __all__ = ["Example", "copy_example", "copy_notebooks", "example", "examples", "shipped_folder"]
 
@@ -83,8 +84,6 @@ def examples() -> dict[str, Example]:
 
 def example(name: str) -> Example:
     """The example of a name; where there is none, the InputError has names that are near."""
-    from continuum_grasp.scene.problems import nearest
-
     if name not in examples():
         raise InputError(f"no example {name!r}{nearest(name, examples(), say_all=False)}")
     return examples()[name]

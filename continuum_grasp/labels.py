@@ -1,9 +1,9 @@
-"""Short texts: labels of entries, ``"name [unit]"``, and what large objects are in a few lines."""
+"""Short texts: labels of entries, ``"name [unit]"``, summaries of large objects, and what was likely meant."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
@@ -94,6 +94,17 @@ def clipped(text: str, most: int = _LINE) -> str:
     """A text in one line of so many characters at most."""
     line = " ".join(text.splitlines())
     return line if len(line) <= most else line[: most - 3] + "..."
+
+
+def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True, cutoff: float = 0.6) -> str:
+    """``; did you mean 'x'?`` where one is near, otherwise what is allowed."""
+    from difflib import get_close_matches
+
+    known = {name.lower(): name for name in allowed}
+    # 0.6, the default of difflib, finds swapped and missing letters and few other words.
+    if close := get_close_matches(word.lower(), known, n=1, cutoff=cutoff):
+        return f"; did you mean {known[close[0]]!r}?"
+    return f"; expected one of {', '.join(known.values())}" if known and say_all else ""
 
 
 def quoted(name: str | None, *more: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Sequence
 from functools import partial
@@ -12,7 +11,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.labels import unit_of
+from continuum_grasp.labels import nearest, unit_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.laws.section import POSITIVE
 from continuum_grasp.model.parameters import numbers_of
@@ -153,8 +152,7 @@ def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
         family = None if stated else default_family(free_tip=True)
         model = FingerModel(scene, parameters=(name,), input_rates=False, family=family)
     except InputError as error:
-        near = difflib.get_close_matches(name, tuple(_OWN), n=1)
-        hint = f"; did you mean {near[0]}?" if near and "did you mean" not in error.message else ""
+        hint = nearest(name, _OWN, say_all=False) if "did you mean" not in error.message else ""
         raise InputError(f"{error.message}{hint}", key=f"{key}.name") from None
     if model.np != 1:
         raise InputError(f"{name} has {model.np} entries; only single numbers can be estimated", key=f"{key}.name")

@@ -4,7 +4,6 @@ the user names.
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,6 +17,7 @@ import numpy as np
 
 from continuum_grasp.arguments import choice, real_array, shown
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import nearest
 from continuum_grasp.model.laws import numbers_of as numbers_of_laws
 from continuum_grasp.model.laws.section import POSITIVE, Number
 from continuum_grasp.model.planar import Scalar
@@ -75,8 +75,7 @@ class Parameters:
         self._nominal = nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
-                near = difflib.get_close_matches(name, self._nominal, n=1)
-                hint = f"; did you mean {near[0]}?" if near else ""
+                hint = nearest(name, self._nominal, say_all=False)
                 message = f"unknown parameter {name!r:.60}{hint} (this finger has {', '.join(sorted(self._nominal))})"
                 raise InputError(message, key=f"parameters[{k}]")
             if name in names[:k]:

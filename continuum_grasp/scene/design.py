@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from continuum_grasp.labels import nearest
 from continuum_grasp.scene.sweep import InSI, Key, Varied
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Positive, Real, Value
@@ -151,8 +152,6 @@ def names_in(expression: str) -> frozenset[str]:
 
 def check_expression(key: str, expression: str, known: tuple[str, ...]) -> None:
     """Refuse an expression that is no formula of known names; the message begins with the key."""
-    from continuum_grasp.scene.problems import nearest
-
     if len(expression) > _MOST_SYMBOLS:
         raise ValueError(f"{key}: an expression of {len(expression)} characters is more than {_MOST_SYMBOLS}")
     try:

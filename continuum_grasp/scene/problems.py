@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import nearest
 from continuum_grasp.scene.document import Document, KeyPath, dotted
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
@@ -256,16 +256,6 @@ def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
             break
         value = value[keys[-1]]
     return (*path, *keys)
-
-
-def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True) -> str:
-    """``; did you mean 'x'?`` where one is near, otherwise what is allowed."""
-    allowed = list(allowed)
-    # 0.6, the default of difflib, finds swapped and missing letters and few other words.
-    close = difflib.get_close_matches(word.lower(), allowed, n=1, cutoff=0.6)
-    if close:
-        return f"; did you mean {close[0]!r}?"
-    return f"; expected one of {', '.join(allowed)}" if allowed and say_all else ""
 
 
 def _show(value: Any) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import io
 import math
 import re
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import nearest
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.units import QUANTITIES, factor_to_si, units_of
 
@@ -78,8 +78,7 @@ class Table:
         name = wanted[1] if wanted and heading not in self.headings else heading
         if name in self.headings:
             return self.headings.index(name)
-        near = difflib.get_close_matches(name, self.headings, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = nearest(name, self.headings, say_all=False)
         raise self.error(f"no column {heading!r}{hint} (it has {', '.join(self.headings)})", 0)
 
     def chosen(self, heading: str, texts: Sequence[str]) -> Table:

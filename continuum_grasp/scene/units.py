@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import nearest
 
 _NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 """Pattern of numbers of YAML 1.2, without infinity and NaN."""
@@ -130,8 +130,7 @@ def factor_to_si(unit: str, si: str) -> float:
         return float(units_of(si)[spelled])
     known = list(units_of(si)) or [si]
     # Names of one or two letters resemble each other by chance.
-    near = difflib.get_close_matches(unit, known, n=1, cutoff=0.75)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = nearest(unit, known, say_all=False, cutoff=0.75)
     raise InputError(f"expected a unit like {', '.join(known)}, got {unit!r}{hint}")
 
 

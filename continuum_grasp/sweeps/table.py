@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import nearest
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
-from continuum_grasp.scene.problems import nearest
 from continuum_grasp.sweeps.folder import SOLVED, TABLE, decode, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
 

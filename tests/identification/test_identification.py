@@ -256,7 +256,7 @@ def test_a_mode_that_does_not_ring_is_an_error():
         ("bending_stiffness", "parameters: expected a list of Estimate or text"),
         ([3], "parameters: expected a list of Estimate or text"),
         (["youngs_modulus"], "given by its shape"),
-        (["bending_stiffnes"], "did you mean bending_stiffness"),
+        (["bending_stiffnes"], "did you mean 'bending_stiffness'"),
         (["gravity"], "2 entries"),
         (["drive_delay"], "needs finger.tendons"),
         (["clamp_angle", "base_angle"], "same parameter"),

@@ -298,4 +298,4 @@ def test_errors_in_the_configuration_have_their_line(tmp_path):
     done = run(tmp_path / "c.yaml", "--data", tmp_path / "drops.csv")
     assert done.exit_code == 2
     assert f"c.yaml:{line}:" in done.stderr
-    assert "did you mean bending_stiffness" in done.stderr
+    assert "did you mean 'bending_stiffness'" in done.stderr

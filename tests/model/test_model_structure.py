@@ -331,7 +331,7 @@ def test_a_scene_supplies_and_keywords_override():
 WITH_FRICTION = EVERYTHING.model_copy(update={"tendons": Tendons(offset=0.01, max_tension=9.0, friction=0.1)})
 LAGGED = EVERYTHING.model_copy(update={"tendons": Tendons(offset=0.01, max_tension=9.0, time_constant=0.1)})
 WRONG = {
-    "unknown parameter": (FULL, {"parameters": ("tip_mas",)}, "unknown parameter 'tip_mas'; did you mean tip_mass"),
+    "unknown parameter": (FULL, {"parameters": ("tip_mas",)}, "unknown parameter 'tip_mas'; did you mean 'tip_mass'"),
     "parameter of no use here": (FULL, {"parameters": ("tendon_offset",)}, "unknown parameter 'tendon_offset'"),
     "repeated parameter": (FULL, {"parameters": ("gravity", "gravity")}, "repeated"),
     "piecewise rest at run time": (FULL, {"parameters": ("rest_curvature",)}, "unknown parameter 'rest_curvature'"),
@@ -402,7 +402,7 @@ def test_wrong_input_is_explained(name):
 
 SCENE = Scene(finger=FULL, gravity=(0.0, -9.81))
 IN_SCENE = {
-    "parameter": ({"parameters": ("gravity", "tip_mas")}, {}, "parameters[1]", "did you mean tip_mass"),
+    "parameter": ({"parameters": ("gravity", "tip_mas")}, {}, "parameters[1]", "did you mean 'tip_mass'"),
     "repeated parameter": ({"parameters": ("gravity", "gravity")}, {}, "parameters[1]", "'gravity' is repeated"),
     "piecewise rest": ({"parameters": ("gravity", "element_lengths")}, {}, "parameters[1]", "piecewise rest curvature"),
     "initial angles": (
