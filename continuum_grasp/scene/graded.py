@@ -91,11 +91,6 @@ class Section(Value):
     rod, or that of the shape, or none beside ``linear_density``."""
 
     @property
-    def shaped(self) -> bool:
-        """Whether stiffness and mass follow from its shape."""
-        return self.bending_stiffness is None
-
-    @property
     def thick(self) -> float | tuple[float, float] | None:
         """Thickness or diameter [m], where known."""
         return self.thickness if self.diameter is None else self.diameter
@@ -114,7 +109,8 @@ class Section(Value):
     @property
     def left_open(self) -> tuple[str, ...]:
         """Keys that concern it, and that it does not state."""
-        keys = ("youngs_modulus", "density", "rotary_inertia") if self.shaped else ("rotary_inertia",)
+        shaped = self.bending_stiffness is None
+        keys = ("youngs_modulus", "density", "rotary_inertia") if shaped else ("rotary_inertia",)
         return tuple(key for key in keys if getattr(self, key) is None)
 
 

@@ -278,8 +278,8 @@ class Rod(Section):
     @property
     def one_modulus(self) -> bool:
         """Whether its bending stiffness is everywhere proportional to its ``youngs_modulus``."""
-        shaped = (section.shaped and section.youngs_modulus is None for section in self.sections or ())
-        return isinstance(self.youngs_modulus, float) and all(shaped)
+        left_open = ("youngs_modulus" in section.left_open for section in self.sections or ())
+        return isinstance(self.youngs_modulus, float) and all(left_open)
 
     @property
     def own_rest_curvature(self) -> bool:
