@@ -92,7 +92,9 @@ class Value(BaseModel):
         """Refuse a field that is not below another, where both are given."""
         low, high = getattr(self, least), getattr(self, greatest)
         if low is not None and high is not None and low >= high:
-            raise ValueError(f"{least} = {low:g} is not below {greatest} = {high:g}")
+            units = [each.si for each in type(self).model_fields[least].metadata if isinstance(each, Unit) and each.si]
+            unit = f" {units[0]}" if units else ""
+            raise ValueError(f"{least} = {low:g}{unit} is not below {greatest} = {high:g}{unit}")
 
     def _check_count(self, key: str, values: Sized | None, count: int, of: str) -> None:
         """Refuse a list, where there is one, without as many entries as there are of something."""
