@@ -111,7 +111,7 @@ REFUSED = {
         lambda: finger({"offset": 0.01, "conduit_bend": 1.0}),
         "tendons[0].conduit_bend: needs friction",
     ),
-    "limits": (lambda: finger({"offset": 0.1, "min_tension": 20.0}), "tendons[0].min_tension: min_tension = 20 is"),
+    "limits": (lambda: finger({"offset": 0.1, "min_tension": 20.0}), "tendons[0].min_tension: min_tension = 20 N is"),
 }
 
 
