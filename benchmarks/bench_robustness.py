@@ -23,7 +23,6 @@ from benchmarks.report import RESULTS, Report, arguments
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs
@@ -135,11 +134,15 @@ def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun
         REPEATED.get(loop, math.inf),
     )
     duration = DURATION.get(loop, OTHERS) + DRIFTING * (wrong.fault == "drift")
-    phase = Phase(loop, lambda t: points.rows(t if math.isinf(again) else np.mod(t, again)), duration)
+    # Repeated ones are functions of time.
+    functions = {
+        name: lambda t, part=part: points.rows(np.atleast_1d(t % again))[0, part] for name, part in points.parts.items()
+    }
+    driven_by = functions if math.isfinite(again) else None
     driven = _Clocked(control, plant) if wrong.clock else control
     asked = scene.model_copy(update={"duration": duration})
     try:
-        return run_closed_loop(asked, controller=driven, plant=plant, schedule=[phase]), False
+        return run_closed_loop(asked, controller=driven, plant=plant, functions=driven_by), False
     except NumericalError as error:
         return error.result, True
 

@@ -28,8 +28,8 @@ def planned(table, names, t):
 def begun(table, stages, plant):
     """Weights and limits, by the phases that set them."""
     found, plan = {}, Plan(table, stages, np.zeros(0))
-    for k, phase in enumerate(plan.phases):
-        said = SimpleNamespace(change=lambda name=phase.name, **new: found.update({name: new}))
+    for k, phase in enumerate(plan.names):
+        said = SimpleNamespace(change=lambda name=phase, **new: found.update({name: new}))
         plan.enter(0.0, said, plant, k)
     return found
 

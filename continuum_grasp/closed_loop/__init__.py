@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from continuum_grasp.closed_loop.readings import Metrics as Metrics
     from continuum_grasp.closed_loop.result import ControlRun as ControlRun
     from continuum_grasp.closed_loop.run import run_closed_loop as run_closed_loop
-    from continuum_grasp.closed_loop.schedule import Phase as Phase
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]
 _GONE = {
-    "Converged": "continuum_grasp.Controller does it, of a scene with controller.sqp_iterations=20 and no estimator"
+    "Converged": "continuum_grasp.Controller does it, of a scene with controller.sqp_iterations=20 and no estimator",
+    "Phase": "setpoints that change over time are points with times in reference, or run_closed_loop(functions=...)",
 }
 __getattr__, __dir__ = lazy_names(__name__, _MODULES, _GONE)

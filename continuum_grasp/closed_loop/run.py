@@ -18,7 +18,6 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, setpoints
@@ -67,7 +66,6 @@ def run_closed_loop(
     controller: Controls | None = None,
     plant: Plant | None = None,
     functions: Mapping[str, Function] | None = None,
-    schedule: Sequence[Phase] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ControlRun:
     """Let a controller move a plant.
@@ -83,9 +81,6 @@ def run_closed_loop(
         A plant at its start; that of the scene where not given.
     functions : mapping of str to callable, optional
         Functions of time in place of references of the scene; see ``setpoints``.
-    schedule : sequence of Phase, optional
-        Phases in place of the scene's reference; the loop ends with the last one, or after the ``duration`` if that is
-        sooner.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
 
@@ -96,7 +91,7 @@ def run_closed_loop(
     Raises
     ------
     InputError
-        If the scene has no duration and nothing else ends the loop, or pieces do not fit.
+        If the scene has no duration, or pieces do not fit.
     NumericalError
         If the plant's motion does not stay finite; ``result`` is the run until then.
     Interrupted
@@ -115,27 +110,37 @@ def run_closed_loop(
     control: Controls = Controller(scene, deadline=math.inf) if controller is None else controller
     model = control.prediction
     tried = Plant(scene, model, control.period) if plant is None else plant
-    if schedule is None:
-        schedule = [Phase("run", setpoints(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows)]
-    plan = Schedule(schedule)
-    duration = min(plan.duration, scene.duration or np.inf)
-    if not np.isfinite(duration):
+    if scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", key="duration")
-    loop = FingerLoop(scene, control, tried, plan)
-    (run,), error = run_fingers([loop], SharedPlant([tried]), duration, progress, began)
+    rows = setpoints(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows
+    loop = FingerLoop(scene, control, tried, rows)
+    (run,), error = run_fingers([loop], SharedPlant([tried]), scene.duration, progress, began)
     if error is not None:
         error.result = run
         raise error
     return run
 
 
+class Phases(Protocol):
+    """Phases of a closed loop, which change its setpoints and its controller; ``events`` notes when each began [s]."""
+
+    @property
+    def events(self) -> Sequence[tuple[float, str]]: ...
+    def enter(self, t: float, controller: Any, plant: Any) -> None:
+        """Begin the first phase at an instant [s]."""
+
+    def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
+        """Begin what is due at an instant [s], by the last command; False after the last phase."""
+
+
 class FingerLoop(NamedTuple):
-    """A finger of a closed loop: its scene, controller, plant and schedule."""
+    """A finger of a closed loop; ``rows`` gives its setpoints (T, nr) at instants (T,) [s]."""
 
     scene: ControlScene
     control: Controls
     plant: Plant
-    plan: Schedule
+    rows: Callable[[Array], Array]
+    phases: Phases | None = None
 
 
 @interrupt.computing()
@@ -146,7 +151,7 @@ def run_fingers(
     progress: Callable[[float], None] | None = None,
     began: float | None = None,
 ) -> tuple[list[ControlRun], NumericalError | Interrupted | None]:
-    """Let controllers of equal periods move the plants that ``shared`` has for a time [s], each by its own schedule.
+    """Let controllers of equal periods move the plants that ``shared`` has for a time [s], each by its own setpoints.
 
     Returns the run of each finger, and what stopped them if anything did, which is not raised. ``began`` is when the
     making of what is given began, by ``perf_counter`` [s].
@@ -180,24 +185,23 @@ def _loop(
 ) -> NumericalError | Interrupted | None:
     """Run until the end, or until what stopped it."""
     ahead = [s.stage * np.arange(s.stages + 1.0) for s in (loop.control.stages for loop in loops)]
-    for loop in loops:
-        loop.plan.enter(loop.plant.t, loop.control, loop.plant)
+    phased = [(k, loop.phases) for k, loop in enumerate(loops) if loop.phases is not None]
+    for k, phases in phased:
+        phases.enter(loops[k].plant.t, loops[k].control, loops[k].plant)
     try:
         for k in range(steps):
             asked = []
             for loop, later in zip(loops, ahead, strict=True):
-                plant, plan = loop.plant, loop.plan
-                reference, measured = plan.rows(plant.t + later), plant.measure()
+                reference, measured = loop.rows(loop.plant.t + later), loop.plant.measure()
                 asked.append((measured, reference[0], loop.control.step(measured, reference)))
             states = shared.advance([of[-1].u for of in asked])
             # The period is recorded at once and whole, wherever an interruption falls.
             done.append([_Step(*of, plant_states[-1]) for of, plant_states in zip(asked, states, strict=True)])
             progress((k + 1) / steps)
-            ended = [
-                not loop.plan.advance(loop.plant.t, loop.control, loop.plant, of[-1])
-                for loop, of in zip(loops, asked, strict=True)
+            goes_on = [
+                phases.advance(loops[k].plant.t, loops[k].control, loops[k].plant, asked[k][-1]) for k, phases in phased
             ]
-            if any(ended):
+            if not all(goes_on):
                 break
     except KeyboardInterrupt:
         return Interrupted(f"interrupted after t = {loops[0].plant.t:g} s")
@@ -208,7 +212,7 @@ def _loop(
 
 def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], finished: bool) -> ControlRun:
     """Collect what was recorded since the ``first`` instant and state, and read off the plant what was tracked."""
-    scene, control, plant, plan = loop
+    scene, control, plant, rows, phases = loop
     model, stages, count = control.prediction, control.stages, len(steps)
     commands, rest = [step.command for step in steps], plant.model.rest_input
     t = np.asarray(first[0] + plant.period * np.arange(count + 1), dtype=float)
@@ -233,7 +237,7 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
         std=_stack([() if c.estimate.std is None else c.estimate.std for c in commands]),
         contact_force_estimate=_stack([of.force for of in touched]) if touched else None,
         contact_force_std=_stack([of.std for of in touched]) if touched else None,
-        r=np.array([*[step.r for step in steps], plan.rows(t[-1:])[0]]),
+        r=np.array([*[step.r for step in steps], rows(t[-1:])[0]]),
         tracked=readings.tracked(x, last, w, held),
         tip=readings.tip(x, last, w),
         plan_tip=_planned_tips(commands, model, stages.stages + 1),
@@ -249,7 +253,7 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
         mismatch=np.array([c.mismatch for c in commands], dtype=float),
         activity=np.array([c.activity for c in commands], dtype=float),
         adapted=commands[-1].adapted if count else {},
-        events=tuple(plan.events),
+        events=() if phases is None else tuple(phases.events),
         ended="stopped" if not finished else "tripped" if "tripped" in health else "finished",
         x_names=plant.model.x_names,
         u_names=stages.u_names,

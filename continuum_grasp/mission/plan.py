@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.compiled import Compiled, mission_source
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
@@ -152,7 +151,7 @@ def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Se
     }
 
 
-class Plan(Schedule):
+class Plan:
     """Phases of one finger's mission for a closed loop.
 
     ``reported`` gives what a finger needs to know of others before the lift: the first one, whether they bear enough,
@@ -173,10 +172,10 @@ class Plan(Schedule):
     ) -> None:
         sizes, settings = mission_settings(table, stages, certified, leads=leads)
         self._watches = bool(settings["watches"])
-        names = [span.name for span in table.phases()]
-        lengths = np.ravel(np.asarray(settings["length"])).tolist()
-        super().__init__([Phase(name, self.rows, length) for name, length in zip(names, lengths, strict=True)])
-        self._confirm, self._release = names.index("confirm"), names.index("release")
+        self.names, self.current = [span.name for span in table.phases()], 0
+        self.events: list[tuple[float, str]] = []
+        self.duration = float(np.sum(settings["length"]))
+        self._confirm, self._release = self.names.index("confirm"), self.names.index("release")
         self._reported, self._waits, self._grips, self._nr = reported, waits, grips, sizes["NR"]
         inputs = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "blind": 1, "height": 1}
         parts = dict.fromkeys(("phase", "changed", "decision", "bears", "grip", "noticed", "asks", "lost"), 1)
@@ -231,9 +230,8 @@ class Plan(Schedule):
         if what <= _RELEASE:
             passed = passed[-1:]
         cut = range(self._confirm + 1, self._release) if decision == LETS_GO else ()
-        self.events += [(t, self.phases[k].name) for k in passed if k not in cut]
-        if phase != self.current or what >= 0:
-            self.current, self.start = phase, t
+        self.events += [(t, self.names[k]) for k in passed if k not in cut]
+        self.current = phase
         self.decision, self.bears, self.grip, self.noticed, self._asks = decision, bears, grip, noticed, bool(asks)
         self.lost = float(output[7])
         if changed:

@@ -212,7 +212,6 @@ class MissionRun(MotionResult):
         """
         run, changes = self.runs[0], list[dict[str, Any]]()
         plan = Plan(self.timetable, stages, np.zeros(0))
-        names = [phase.name for phase in plan.phases]
         for span in self.spans:
 
             def note(*, weights: Array, u_min: Array, u_max: Array, start: float = span.start) -> None:
@@ -220,9 +219,8 @@ class MissionRun(MotionResult):
 
             # The command before the phase, by which limits are moved.
             before = run.u[min(max(int(np.searchsorted(run.t, span.start)) - 1, 0), len(run.u) - 1)]
-            plan.enter(
-                span.start, SimpleNamespace(change=note), SimpleNamespace(command=before), names.index(span.name)
-            )
+            number = plan.names.index(span.name)
+            plan.enter(span.start, SimpleNamespace(change=note), SimpleNamespace(command=before), number)
         return changes
 
     @property

@@ -104,9 +104,10 @@ class MissionRunner:
             zip(self.assignments, self._controllers, self._models, strict=True)
         ):
             plant = mission_plant(assignment, tables[k], control.prediction, asked, model)
-            loops.append(FingerLoop(assignment.control, control, plant, check.schedule(k, control.stages)))
+            plan = check.schedule(k, control.stages)
+            loops.append(FingerLoop(assignment.control, control, plant, plan.rows, plan))
         shared = SharedPlant([loop.plant for loop in loops], self._shared)
-        runs, error = run_fingers(loops, shared, loops[0].plan.duration, progress)
+        runs, error = run_fingers(loops, shared, plan.duration, progress)  # all last equally long
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
         with interrupt.held(quietly=True) as pressed:
             judged = self._judged(asked, runs, tables[0], check)

@@ -16,7 +16,6 @@ from continuum_grasp.closed_loop.plant import Plant, Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.setpoints import missed_setpoints
@@ -335,27 +334,6 @@ def test_metrics_by_hand():
     )
 
 
-# -- phases -----------------------------------------------------------------------------------------------------------
-
-
-def constant(value):
-    return lambda t: np.full((len(t), 1), value)
-
-
-def test_phases_follow_one_another():
-    phases = [Phase("a", constant(1.0), 0.3), Phase("b", lambda t: t[:, None], 0.2), Phase("c", constant(3.0), 0.15)]
-    plan = Schedule(phases)
-    plan.enter(0.0, None, None)
-    assert plan.duration == pytest.approx(0.65)
-    assert plan.rows(np.array([0.0, 0.29, 0.31, 0.49, 0.6]))[:, 0] == pytest.approx([1.0, 1.0, 0.01, 0.19, 3.0])
-    reached = [plan.advance(t, None, None, None) and plan.phase.name for t in (0.1, 0.3, 0.4, 0.5, 0.6, 0.7)]
-    assert reached == ["a", "b", "b", "c", "c", False]
-    assert plan.events == [(0.0, "a"), (0.3, "b"), (0.5, "c")]
-    assert Schedule([Phase("a", constant(1.0))]).duration == math.inf
-    with pytest.raises(InputError, match="one phase"):
-        Schedule([])
-
-
 # -- whole loops ------------------------------------------------------------------------------------------------------
 
 
@@ -434,22 +412,6 @@ def test_the_estimator_leaves_no_offset():
         duration=1.2,
     )
     assert run_closed_loop(scene).metrics().tracking[0].final < 1e-3 * 0.18
-
-
-def test_phases_have_their_own_setpoints():
-    scene = make(estimator=ESTIMATOR, duration=None)
-    home = [0.0, 0.18, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
-    away = [*ON_CURVE, *home[2:]]
-    phases = [
-        Phase("go", lambda t: np.tile(away, (len(t), 1)), 0.2),
-        Phase("return", lambda t: np.tile(home, (len(t), 1)), 0.3),
-    ]
-    found = run_closed_loop(scene, schedule=phases)
-    assert [name for _, name in found.events] == ["go", "return"]
-    assert found.t[-1] == pytest.approx(0.5)
-    assert np.linalg.norm(found.tip[-1] - (0.0, 0.18)) < 5e-3
-    with pytest.raises(InputError, match="duration"):
-        run_closed_loop(scene)
 
 
 def test_functions_of_time_are_followed():
