@@ -39,21 +39,8 @@ class ChainSystem(HingeChain, Functions):
     reads off a system, and ``around`` for the integration of its motion; there is no ``forward_dynamics``, since what
     sticks at a guide is decided step by step.
 
-    Parameters
-    ----------
-    scene : Scene
-        The plant's finger in its surroundings; its tendons have no lag.
-    hinges : int
-        Number of hinges.
-    axial_stiffness : float, optional
-        Of tendons whose tension is commanded [N].
-    parameters, object_parameters : sequence of str
-        As those of ``System``; of the finger ``bending_stiffness``, ``material_damping``, ``tendon_friction``.
-
-    Raises
-    ------
-    InputError
-        Of what a chain does not have: no tendons, stops, a body beside the tip, tendons that are rigid.
+    Tendons of the scene have no lag; ``axial_stiffness`` [N] is of those whose tension is commanded. Of the finger,
+    ``parameters`` are some of ``OF_FINGER``. What a chain does not have is an InputError.
     """
 
     def __init__(

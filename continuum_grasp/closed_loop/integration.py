@@ -63,8 +63,6 @@ class Integration(Remade):
 class ChainIntegration(Integration):
     """Integrates plants of ``plant.guides``: implicit in bends, contacts, drives and sliding tendons; see
     ``templates/chain.c``.
-
-    Raises a TypeError where the plant is no chain of guides.
     """
 
     def __init__(self, model: PlantModel | SharedModel) -> None:
@@ -78,7 +76,8 @@ class ChainIntegration(Integration):
         rows = np.ascontiguousarray(model.forces(start + np.arange(count + 1) * step))
         states = np.full((count + 1, model.nx), np.nan)
         states[0] = x
-        numbers, p = model.chain_numbers, np.ascontiguousarray(model.around_p)
+        numbers = np.concatenate([plant.chain.numbers_at(plant.p) for plant in model.plants])
+        p = np.concatenate([plant.p[plant.finger_parameters :] for plant in model.plants])
         pointers = [pointer(each) for each in (numbers, u, rows)]
         begin = ctypes.c_longlong(count), ctypes.c_double(step)
         done = self._run_steps(*begin, *pointers, ctypes.c_longlong(model.nw), pointer(p), pointer(states))

@@ -210,12 +210,7 @@ class Guided:
 class HingeChain:
     """The numbers of a chain of N hinges in equal parts of the finger, each with the bend of its part.
 
-    Parameters
-    ----------
-    finger : Finger
-    hinges : int
-    axial_stiffness : float, optional
-        Of tendons whose tension is commanded [N].
+    ``axial_stiffness`` [N] is of tendons whose tension is commanded.
     """
 
     def __init__(self, finger: Finger, hinges: int, axial_stiffness: float | None = None) -> None:

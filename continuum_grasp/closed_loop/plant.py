@@ -143,14 +143,9 @@ class Plant:
 
 
 class SharedPlant:
-    """Plants of fingers that move together, each of which measures for itself; one finger moves as its plant alone.
+    """Plants of fingers at one instant that move together, each of which measures for itself; one moves alone.
 
-    Parameters
-    ----------
-    plants : sequence of Plant
-        At the same instant.
-    model : SharedModel, optional
-        Their equations, where they exist already; not needed for one finger.
+    ``model`` has their equations, where they exist already.
     """
 
     def __init__(self, plants: Sequence[Plant], model: SharedModel | None = None) -> None:
@@ -173,15 +168,7 @@ class SharedPlant:
         return self._integration.compiled
 
     def advance(self, commands: Sequence[ArrayLike]) -> list[Array]:
-        """Apply the command (nu) of each finger for one period; return the states (substeps + 1, nx) of each.
-
-        Raises
-        ------
-        InputError
-            If a command has the wrong size or is not finite.
-        NumericalError
-            If the motion does not stay finite.
-        """
+        """Apply the command (nu) of each finger for one period as `Plant.advance` does; return the states of each."""
         if self._joint is None:  # a plant of the user's own may advance in its own way
             return [self.plants[0].advance(commands[0])]
         known = [plant.checked(u) for plant, u in zip(self.plants, commands, strict=True)]
@@ -190,12 +177,11 @@ class SharedPlant:
             plant.reach(plant_states, command)
         return states
 
-    def replayed(self, x: Sequence[Array], u: Sequence[Array], start: float) -> list[Array]:
-        """Return the ends of a period from states x with steps half as long; the plants stay as they are."""
-        return [states[-1] for states in self.moved(x, u, start, finer=2)]
-
     def moved(self, x: Sequence[Array], u: Sequence[Array], start: float, finer: int = 1) -> list[Array]:
-        """Return the states (substeps + 1, nx) of each over a period from states x, with ``finer`` times the steps."""
+        """Return the states (substeps + 1, nx) of each over a period from states x, with ``finer`` times the steps.
+
+        The plants stay as they are.
+        """
         first, joint = self.plants[0], self._joint
         u = [plant.acting(command) for plant, command in zip(self.plants, u, strict=True)]
         timing = start, first.period, finer * first.method.substeps

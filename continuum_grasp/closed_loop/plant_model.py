@@ -91,31 +91,11 @@ class PlantModel(Remade):
     """The plant as functions of its state x (nx), the command u (nu), forces w (nw) and parameters p.
 
     x is that of the system, then, where the drive lags, the tensions or the tip moment that it exerts, and their rates
-    unless it is of first order.
-
-    Parameters
-    ----------
-    given : Scene, optional
-        The plant's finger in its surroundings, where it is not that of ``plant_scene``.
-    parameters, object_parameters : sequence of str
-        What of finger and object may be changed without compiling anew: the values in ``p``, which may be assigned to.
-        ``drive_time_constant`` of commanded tensions is the last one there.
-    falls : bool, optional
-        Whether w has a last entry ``friction_fall [1]``, by whose share friction is less than the parameter
-        ``friction_factor`` has it.
-
-    Attributes
-    ----------
-    symbols : tuple of casadi.SX
-        What its expressions are of: x, u, w, p; ``command`` is u.
-    outside : dict of str to callable
-        Entries of w, by name, as functions of instants [s], on top of the scene's loads.
-
-    Raises
-    ------
-    InputError
-        If a matched tip's moment jumps, having no lag, or its rate does, having one of first order: the tip would jump
-        with it; if a drive without lag is to be of first order.
+    unless it is of first order. ``given`` is the plant's finger in its surroundings, where it is not that of
+    ``plant_scene``. What of finger and object ``parameters`` name may be changed without compiling anew, by assigning
+    to ``p``; ``drive_time_constant`` of commanded tensions is the last one there. ``falls``: w has a last entry
+    ``friction_fall [1]``, by whose share friction is less than the parameter ``friction_factor`` has it. ``outside``
+    has entries of w, by name, as functions of instants [s], on top of the scene's loads.
     """
 
     def __init__(

@@ -221,9 +221,9 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
     held, last = np.vstack([rest, u]), np.vstack([u, u[-1:] if count else rest])
     w = plant.model.forces(t)
     readings = Readings(scene, plant.model, stages, model)
-    health = tuple(c.health.name.lower() for c in commands)
-    touched = [c.contact_forces for c in commands] if model.contact_names and scene.estimator is not None else []
+    by_commands = _of_commands(commands, model, stages, touches=scene.estimator is not None)
     return ControlRun(
+        **by_commands,
         scene=scene,
         readings=readings,
         t=t,
@@ -231,30 +231,13 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
         u=u,
         w=w,
         y=np.array([step.y for step in steps]).reshape(count, len(plant.sensors.names)),
-        estimate=_stack([c.estimate.x for c in commands]),
-        parameters=_stack([c.estimate.p for c in commands]),
         given_parameters=_stack([stages.p_nominal] * count),
-        std=_stack([() if c.estimate.std is None else c.estimate.std for c in commands]),
-        contact_force_estimate=_stack([of.force for of in touched]) if touched else None,
-        contact_force_std=_stack([of.std for of in touched]) if touched else None,
         r=np.array([*[step.r for step in steps], rows(t[-1:])[0]]),
         tracked=readings.tracked(x, last, w, held),
         tip=readings.tip(x, last, w),
-        plan_tip=_planned_tips(commands, model, stages.stages + 1),
         bounds=tuple(readings.bounds(x, last, w, held, plant.period)),
-        status=tuple(c.status.name.lower() for c in commands),
-        iterations=np.array([c.iterations for c in commands], dtype=np.int64),
-        violation=np.array([c.violation for c in commands], dtype=float),
-        phase_names=tuple(commands[0].time._fields) if count else (),
-        phase_times=_stack([c.time for c in commands]),
-        anomalies=tuple(tuple(c.anomalies) for c in commands),
-        health=health,
-        health_texts=tuple(c.health_text for c in commands),
-        mismatch=np.array([c.mismatch for c in commands], dtype=float),
-        activity=np.array([c.activity for c in commands], dtype=float),
-        adapted=commands[-1].adapted if count else {},
         events=() if phases is None else tuple(phases.events),
-        ended="stopped" if not finished else "tripped" if "tripped" in health else "finished",
+        ended="stopped" if not finished else "tripped" if "tripped" in by_commands["health"] else "finished",
         x_names=plant.model.x_names,
         u_names=stages.u_names,
         y_names=plant.sensors.names,
@@ -272,6 +255,30 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
             "controller": dict(control.statistics),
         },
     )
+
+
+def _of_commands(commands: list[Any], model: Prediction, stages: Stages, *, touches: bool) -> dict[str, Any]:
+    """What a run has of its commands."""
+    touched = [c.contact_forces for c in commands] if model.contact_names and touches else []
+    return {
+        "estimate": _stack([c.estimate.x for c in commands]),
+        "parameters": _stack([c.estimate.p for c in commands]),
+        "std": _stack([() if c.estimate.std is None else c.estimate.std for c in commands]),
+        "contact_force_estimate": _stack([of.force for of in touched]) if touched else None,
+        "contact_force_std": _stack([of.std for of in touched]) if touched else None,
+        "plan_tip": _planned_tips(commands, model, stages.stages + 1),
+        "status": tuple(c.status.name.lower() for c in commands),
+        "iterations": np.array([c.iterations for c in commands], dtype=np.int64),
+        "violation": np.array([c.violation for c in commands], dtype=float),
+        "phase_names": tuple(commands[0].time._fields) if commands else (),
+        "phase_times": _stack([c.time for c in commands]),
+        "anomalies": tuple(tuple(c.anomalies) for c in commands),
+        "health": tuple(c.health.name.lower() for c in commands),
+        "health_texts": tuple(c.health_text for c in commands),
+        "mismatch": np.array([c.mismatch for c in commands], dtype=float),
+        "activity": np.array([c.activity for c in commands], dtype=float),
+        "adapted": commands[-1].adapted if commands else {},
+    }
 
 
 def _stack(rows: list[Any]) -> Array:
@@ -298,11 +305,12 @@ def _plant_errors(shared: SharedPlant, runs: Sequence[ControlRun]) -> list[float
     # 50: periods that are integrated again with steps half as long; their cost does not grow with the run
     chosen = np.unique(np.linspace(0, count - 1, min(count, 50)).astype(int))
     finer = [
-        shared.replayed([run.x[k] for run in runs], [run.u[k] for run in runs], float(runs[0].t[k])) for k in chosen
+        shared.moved([run.x[k] for run in runs], [run.u[k] for run in runs], float(runs[0].t[k]), finer=2)
+        for k in chosen
     ]
-    after = chosen + 1
-    errors = []
-    for run, states in zip(runs, zip(*finer, strict=True), strict=True):
+    after, errors = chosen + 1, []
+    for number, run in enumerate(runs):
+        states = [moved[number][-1] for moved in finer]
         w = run.readings.plant.forces(run.t[after])
         moved = run.readings.tip(np.array(states), run.u[chosen], w) - run.readings.tip(run.x[after], run.u[chosen], w)
         errors.append(float(np.linalg.norm(moved, axis=1).max()))

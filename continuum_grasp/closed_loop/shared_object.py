@@ -27,15 +27,7 @@ class SharedModel:
     those of the plants one after the other, without what they share; the fingers' coordinates and their rates, of
     chains of guides also their tensions, come first, as integrators expect them. One plant alone shares nothing.
 
-    Parameters
-    ----------
-    plants : sequence of PlantModel
-        With the same object, supports and table; their ``p`` and ``outside`` may be changed at any time.
-
-    Attributes
-    ----------
-    nx, nu, nw : int
-        Numbers of states, inputs and forces.
+    ``p`` and ``outside`` of the plants may be changed at any time.
     """
 
     def __init__(self, plants: Sequence[PlantModel]) -> None:
@@ -117,16 +109,6 @@ class SharedModel:
     @property
     def chains(self) -> tuple[ChainSystem, ...]:
         return tuple(plant.chain for plant in self.plants)
-
-    @property
-    def chain_numbers(self) -> Array:
-        """Numbers of the chains for the C of their motion."""
-        return np.concatenate([plant.chain.numbers_at(plant.p) for plant in self.plants])
-
-    @property
-    def around_p(self) -> Array:
-        """Parameters of what surrounds the chains."""
-        return np.concatenate([plant.p[plant.finger_parameters :] for plant in self.plants])
 
     @cached_property
     def drums(self) -> ca.Function:

@@ -45,13 +45,7 @@ class Wiring(NamedTuple):
 def wiring_of(
     mounting: Mounting | None, reading_names: Sequence[str], command_names: Sequence[str], key: str
 ) -> Wiring:
-    """Wiring by the names and units of readings and commands; ``key`` is where the mounting stands in its scene.
-
-    Raises
-    ------
-    InputError
-        If there are not as many lines as tendons.
-    """
+    """Wiring by the names and units of readings and commands; ``key`` is where the mounting stands in its scene."""
     known = Mounting() if mounting is None else mounting
     readings = Affine(np.eye(len(reading_names)), np.zeros(len(reading_names)))
     if set(TIP) <= set(reading_names):

@@ -23,6 +23,7 @@ from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.quality.resistance import Resistance
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.values import Contact
 from continuum_grasp.mission.assignment import LARGEST, Assignment, object_of
 from continuum_grasp.mission.budget import lowered_by_pulls, promised
 from continuum_grasp.mission.on_pads import standing
@@ -138,47 +139,34 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
 
 
 def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
-    name, posture = setup.name, grasp.fingers[setup.name]
-    contacts = {contact.name: contact for contact in grasp.contacts if contact.name.startswith(f"{name}.")}
-    tip = contacts.pop(setup.tip_name, None)
-    middles = sorted((c for c in contacts.values() if not np.isnan(c.station)), key=lambda contact: contact.station)
-    if tip is None:
-        raise InputError(f"a mission needs a contact of the tip of {name}", key="grasp.contacts")
+    name, posture, (*middles, tip) = setup.name, grasp.fingers[setup.name], _contacts(grasp, setup)
     forces = {f"finger.{k + 1}": contact.normal_force for k, contact in enumerate(middles)}
     hardest = max(forces, key=lambda contact: forces[contact], default="finger.tip")
     forces["finger.tip"] = tip.normal_force
     asked = mission.controller.held
-    held = tuple(forces) if asked == "all" else (hardest if asked == "middle" else "finger.tip",)
-    original = setup.finger
+    held = forces if asked == "all" else {at: forces[at] for at in (hardest if asked == "middle" else "finger.tip",)}
     base, pose = posture.base.tolist(), grasp.object_pose.tolist()
-    placed: Finger = original.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    placed: Finger = setup.finger.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
     finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
     if mission.drive_tension is not None:
         finger = finger.with_tendons(max_tension=mission.drive_tension)
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
-    stations = tuple(contact.station for contact in middles)
-    control = _control_scene(mission, finger, body, stations, {contact: forces[contact] for contact in held})
+    control = _control_scene(mission, finger, body, tuple(contact.station for contact in middles), held)
     control = control.replaced(parameters=(*control.parameters, *_base_parameters(mission, grasp, setup)))
-    lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
-    edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
-    removed = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
-    free = placed.with_tendons(**dict.fromkeys(removed))
+    edges = np.minimum(np.cumsum([0.0, *np.asarray(control.fidelity.elements)]), finger.rod.length)
+    ends = np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))
+    tensions = np.array(posture.tensions)
     least = np.array([tendon.min_tension for tendon in placed.tendon_list])
     greatest = np.array([tendon.max_tension for tendon in finger.tendon_list])
+    free = placed.with_tendons(time_constant=None, drive=None, axial_stiffness=None, series_stiffness=None)
     before, angles, _ = _about_to_touch(control, free, body, tensions, (least, greatest), edges)
     if mission.turn is not None:
         _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, greatest), edges)[2])
-    commands = Commands(finger, edges)
-    ends = np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))
-    pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
-    firm = commands.of(np.where(pulls, mission.controller.retained * tensions, least), ends)
-    # 3.0: tension that the other tendon may have meanwhile beyond its least tension [N]
-    loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + 3.0)), ends)
-    closing, rise = commands.closing(pulls), np.maximum(tensions - before, 0.0)
+    commands, factors = Commands(finger, edges), np.minimum(np.asarray(resistance.factors), LARGEST)
+    rise = np.maximum(tensions - before, 0.0)
     reserve = float(np.min((greatest - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
     reserve = max(0.0, reserve) if math.isfinite(reserve) else 0.0
-    factors = np.minimum(np.asarray(resistance.factors), LARGEST)
     return Assignment(
         mission=mission,
         grasp=grasp,
@@ -191,17 +179,41 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
         reserve=reserve,
         before=commands.of(before, angles),
         rest=np.array(control.rest_input),
-        holding=(
-            np.where(closing > 0.0, firm, -np.inf),
-            np.where(closing > 0.0, np.inf, np.where(closing < 0.0, firm, loose)),
-        ),
+        holding=_limits(commands, tensions, (least, greatest), ends, mission.controller.retained),
         bends=np.diff(angles),
         posture=np.diff(ends),
-        forces={contact: forces[contact] for contact in held},
+        forces=dict(held),
         middles=tuple(contact.name for contact in middles),
         resisted=resistance,
         pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
     )
+
+
+def _contacts(grasp: GraspResult, setup: FingerSetup) -> list[Contact]:
+    """Contacts of a finger in a grasp: those along it from its base on, that of its tip last."""
+    contacts = {contact.name: contact for contact in grasp.contacts if contact.name.startswith(f"{setup.name}.")}
+    tip = contacts.pop(setup.tip_name, None)
+    if tip is None:
+        raise InputError(f"a mission needs a contact of the tip of {setup.name}", key="grasp.contacts")
+    along = (contact for contact in contacts.values() if not np.isnan(contact.station))
+    return [*sorted(along, key=lambda contact: contact.station), tip]
+
+
+def _limits(
+    commands: Commands, tensions: Array, limits: tuple[Array, Array], angles: Array, retained: float
+) -> tuple[Array, Array]:
+    """Least and greatest commands (nu) while the object is held, under limits of tensions (T) [N].
+
+    The tendon that closes the finger keeps a share of its tension ``retained``, the others stay loose.
+    """
+    least, greatest = limits
+    pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
+    firm = commands.of(np.where(pulls, retained * tensions, least), angles)
+    # 3.0: tension that the other tendon may have meanwhile beyond its least tension [N]
+    loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + 3.0)), angles)
+    closing = commands.closing(pulls)
+    highest = np.where(closing > 0.0, np.inf, np.where(closing < 0.0, firm, loose))
+    return np.where(closing > 0.0, firm, -np.inf), highest
 
 
 def _base_parameters(mission: MissionScene, grasp: GraspResult, setup: FingerSetup) -> tuple[str, ...]:

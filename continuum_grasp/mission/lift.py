@@ -155,18 +155,8 @@ class LiftCheck:
     Where a contact bears too little by the estimate, the fingers squeeze on, following their held forces, for as long
     as the squeeze took at most; then they let go. What one finger notices while the object is held, all answer.
 
-    Parameters
-    ----------
-    assignments : sequence of Assignment
-    timetables : sequence of Timetable
-        Of each finger; what follows the decision is moved there.
-
-    Attributes
-    ----------
-    refused : NotLifted or None
-        Why the object was not lifted.
-    slipped : Slipped or None
-        What was noticed of slip while it was held.
+    What follows the decision is moved in the timetables; ``refused`` says why the object was not lifted, ``slipped``
+    what was noticed of slip while it was held.
     """
 
     def __init__(self, assignments: Sequence[Assignment], timetables: Sequence[Timetable]) -> None:

@@ -28,27 +28,14 @@ _STIFFER = 10.0
 
 @dataclass(frozen=True)
 class Closed:
-    """Fingers that are closed on an object that gives way, with the tensions of the grasp or more.
+    """Fingers that are closed on an object that gives way, with the tensions of the grasp or more."""
 
-    Attributes
-    ----------
-    tension : float
-        Greatest one [N].
-    names : tuple of str
-        Contacts of the fingers.
-    normal_force, gap, away : (C,) ndarray
-        Normal forces [N], distance from the surface, negative where pressed [m], and distance from where the grasp has
-        the finger's section [m].
-    moved : (3,) ndarray
-        Motion of the object from its pose in the grasp: x, y [m] and angle [rad].
-    """
-
-    tension: float
-    names: tuple[str, ...]
-    normal_force: Array
-    gap: Array
-    away: Array
-    moved: Array
+    tension: float  # greatest one [N]
+    names: tuple[str, ...]  # (C,) contacts of the fingers
+    normal_force: Array  # (C,) [N]
+    gap: Array  # (C,) distances from the surface, negative where pressed [m]
+    away: Array  # (C,) distances from where the grasp has the fingers' sections [m]
+    moved: Array  # (3,) motion of the object from its pose in the grasp: x, y [m] and angle [rad]
 
 
 class _Hand:
@@ -175,13 +162,7 @@ def reserved(of: Assignment) -> tuple[str, ...]:
 
 
 def check_pads(assignments: Sequence[Assignment]) -> None:
-    """Refuse a mission whose contacts, closed on its compliant pads, bear too little to lift at any tension.
-
-    Raises
-    ------
-    SolverError
-        With status ``not_loaded``, the contacts with both forces, where object and finger go, and what to try.
-    """
+    """Refuse a mission whose contacts, closed on its compliant pads, bear too little to lift at any tension."""
     best, lacking = _best(assignments)
     if not lacking:
         return

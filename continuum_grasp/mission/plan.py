@@ -184,6 +184,11 @@ class Plan:
         self._c = Compiled(mission_source(sizes, settings), settings, inputs, parts, "the mission")
         self.decision, self.bears, self.grip, self.noticed, self.lost, self._asks = WAITS, UNKNOWN, USUAL, 0, 0.0, False
 
+    @property
+    def phase(self) -> str:
+        """Name of the present phase."""
+        return self.names[self.current]
+
     def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:
         """Begin a phase, at first the first one."""
         self._step(t, controller, plant.command, phase, height=self._height(plant))

@@ -139,14 +139,7 @@ def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variat
 
 
 def admit(assignments: Sequence[Assignment], reasons: Sequence[str]) -> None:
-    """Warn before the run of what goes beyond the certificate, then close the fingers on the mission's pads.
-
-    Raises
-    ------
-    SolverError
-        The mission goes beyond its certificate, and ``beyond_certificate`` is ``refuse``; or its contacts bear too
-        little to lift.
-    """
+    """Warn before the run of what goes beyond the certificate, or refuse it; then check the mission's pads."""
     if reasons and assignments[0].mission.beyond_certificate == "refuse":
         raise SolverError(
             "the mission asks for more than its certificate promises",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -21,14 +21,15 @@ from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.precheck import Exceeded
 from continuum_grasp.mission.verdict import Verdict, force_estimate
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
+from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.results.plain import plain
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import ContactForces, overlap_text
+from continuum_grasp.simulation.contacts import CONTACT, ContactForces, overlap_text
+from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 
 _HEAD = """\
 # How a mission went: the verdict, why the object was dropped if it was, what was asked beyond the certificate.
@@ -36,41 +37,29 @@ _HEAD = """\
 """
 
 
-_OWN = ("t", "object_pose", "contacts")
-"""Attributes that belong to the mission and not to a finger."""
-
-
-def _path(name: str) -> str:
-    """Path in a mission of an attribute of its closed loop; dots lead into attributes."""
-    return name if name.partition(".")[0] in _OWN else f"run.{name}"
-
-
-def _source(stored: Stored) -> str:
-    return _path(stored.source or stored.name)
-
-
 @dataclass(frozen=True)
 class MissionRun(MotionResult):
-    """A mission that was carried out.
-
-    Of one finger the closed loop is stored with it, of several each one's in a folder of its name.
-    """
+    """A mission that was carried out; the closed loop of each finger is stored in a folder of its name."""
 
     kind: ClassVar[str] = "mpc"
     stored: ClassVar[tuple[Stored, ...]] = (
-        *(replace(stored, source=_source(stored)) for stored in ControlRun.stored),
-        Stored("force_estimate", "(period,)", "N", "normal force of the held contact as the controller estimated it"),
-        Stored("force_std", "(period,)", "N", "standard deviation of that estimate"),
+        Stored("t", "(time,)", "s", "instants at which commands were given, and the end"),
+        Stored("object_pose", "(time, pose)", "", "pose of the object: x, y [m], angle [rad], height [m]"),
+        *CONTACTS_STORED,
+        Stored(
+            "force_estimate", "(period, held)", "N", "normal force of each held contact as its controller estimated it"
+        ),
+        Stored("force_std", "(period, held)", "N", "standard deviation of that estimate"),
         Stored("friction_use", "(time, contact)", "1", "share of the friction cone that each contact uses"),
         Stored("pulls", "(pull, wrench)", "", "wrench of each pull: x, y [N], moment [N m]", "wrenches"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
-        *(
-            replace(dimension, labels=_path(dimension.labels))
-            if isinstance(dimension.labels, str) and dimension.labels
-            else dimension
-            for dimension in ControlRun.dimensions
-        ),
+        TIME,
+        Dimension("period", "instants at which commands were given", "t", "s"),
+        POSE,
+        XY,
+        CONTACT,
+        Dimension("held", "of each finger, the held contact that presses hardest", "held_forces"),
         Dimension("pull", "pulls, in order", "pulls"),
         Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
     )
@@ -143,9 +132,7 @@ class MissionRun(MotionResult):
 
     @property
     def statistics(self) -> Mapping[str, Any]:
-        """Statistics of the closed loop, of several by the fingers' names."""
-        if self.run is not None:
-            return self.run.statistics
+        """Statistics of the closed loops by the fingers' names."""
         return {name: run.statistics for name, run in self.fingers.items()}
 
     def pairs(self) -> dict[str, str]:
@@ -169,14 +156,14 @@ class MissionRun(MotionResult):
         return forces
 
     @property
-    def force_estimate(self) -> Array | None:
-        """Normal force of the held contact as the controller estimated it (K,) [N]; None of several fingers."""
-        return None if self.run is None else force_estimate(self.assignments[0], self.run)[0]
+    def force_estimate(self) -> Array:
+        """Estimates of these forces (K, fingers) [N]."""
+        return np.stack([estimate for _, estimate, _ in self.held_forces.values()], axis=1)
 
     @property
-    def force_std(self) -> Array | None:
-        """Standard deviation of that estimate (K,) [N]; None of several fingers."""
-        return None if self.run is None else force_estimate(self.assignments[0], self.run)[1]
+    def force_std(self) -> Array:
+        """Standard deviations of these estimates (K, fingers) [N]."""
+        return np.stack([std for *_, std in self.held_forces.values()], axis=1)
 
     @property
     def spans(self) -> tuple[Span, ...]:
@@ -293,14 +280,12 @@ class MissionRun(MotionResult):
         return _HEAD + yaml_text(plain({**head, **self.findings()}))
 
     def meta(self, **options: Any) -> dict[str, Any]:
-        """Meta data of the closed loop, with phases and verdict; those of several fingers are in their folders."""
-        return {
-            **(super().meta(**options) if self.run is None else self.run.meta(**options)),
-            "mission": self.mission.model_dump(mode="json"),
-            "warnings": list(self.warnings),
-            **self.findings(),
-            "variation": asdict(self.variation),
-        }
+        """Meta data, whose configuration is the mission; those of the closed loops are in the fingers' folders."""
+        return {**super().meta(**options), "config": self.mission.model_dump(mode="json")}
+
+    def details(self) -> dict[str, Any]:
+        """Verdict, phases, and how the plant differs."""
+        return {**self.findings(), "variation": asdict(self.variation)}
 
     def findings(self) -> dict[str, Any]:
         """Verdict with the reason of a drop, what went beyond the certificate, and the phases, as plain data."""
@@ -311,8 +296,8 @@ class MissionRun(MotionResult):
         }
 
     def parts(self) -> dict[str, Result]:
-        """The grasp, and of several fingers the closed loop of each."""
-        return {"grasp": self.assignments[0].grasp, **(self.fingers if self.run is None else {})}
+        """The grasp, and the closed loop of each finger."""
+        return {"grasp": self.assignments[0].grasp, **self.fingers}
 
 
 def verdict_data(verdict: Verdict) -> dict[str, Any]:

@@ -124,20 +124,37 @@ def judge(
     pose, t = present(first.object_pose), first.t
     lift, hold, lower = (timetable.span(name) for name in ("lift", "hold", "lower"))
     carried = (t >= lift.start) & (t <= lower.start)
-    still = (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
     # Of what was lifted: heights before the lift do not count.
-    lost = np.zeros(len(t))
-    height = object_height(mission, pose)
+    lost, height = np.zeros(len(t)), object_height(mission, pose)
     lost[carried] = height[carried][:1] - height[carried]
     sunk = float(np.max(lost, initial=0.0))
     if slipped is not None and slipped.down < np.inf:
         until = (t >= lift.start) & (t <= lower.end)
         slipped = replace(slipped, slid=float(np.max(height[until][:1] - height[until], initial=0.0)))
-    moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
+    fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
+    margins = _margins(assignments, contacts, timetable.fallen(variation, t), variation)
+    return Verdict(
+        held=whole and sunk < FALLEN,
+        sunk=sunk,
+        moved=float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0)),
+        **_force_errors(assignments, runs, (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)),
+        slip_margin=_over(np.min, margins[(t >= hold.start) & (t <= hold.end)]),
+        pulled_margin=_over(np.min, margins[(t > hold.end) & (t < lower.start)]),
+        released=(whole or refused is not None) and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
+        fallbacks=sum(word in _FALLBACKS for run in runs for word in run.status),
+        drop=find_drop(assignments, timetable, variation, t, contacts, lost),
+        refused=refused,
+        slipped=slipped,
+        turned=find_turned(assignments, timetable, variation, runs, pose, contacts),
+    )
+
+
+def _force_errors(assignments: Sequence[Assignment], runs: Sequence[ControlRun], still: Array) -> dict[str, float]:
+    """Errors of held forces and of their estimates over some instants (K + 1,), per setpoint: the worst of all."""
     # 0.1: time over which forces are averaged before their greatest error is taken [s]
-    window = max(1, round(0.1 / first.period))
-    errors, means, estimates, stds = list[Array](), list[float](), list[float](), list[float]()
+    window = max(1, round(0.1 / runs[0].period))
+    errors, means, estimates = list[Array](), list[float](), list[tuple[float, float]]()
     for assignment, run in zip(assignments, runs, strict=True):
         for name, wanted in assignment.forces.items():
             force, setpoint = (each[:, run.r_names.index(f"contact_force_{name} [N]")] for each in (run.tracked, run.r))
@@ -146,36 +163,26 @@ def judge(
             means.append(_over(np.mean, share[still] - 1.0))
             if name == assignment.contact:
                 believed, std = force_estimate(assignment, run)
-                estimates.append(_over(np.mean, ((believed - force[:-1]) / wanted)[still[:-1]]))
-                stds.append(float(np.sqrt(_over(np.mean, std[still[:-1]] ** 2))) / wanted)
-    worst = int(np.argmax(np.abs(estimates)))
-    fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
+                off = _over(np.mean, ((believed - force[:-1]) / wanted)[still[:-1]])
+                estimates.append((off, float(np.sqrt(_over(np.mean, std[still[:-1]] ** 2))) / wanted))
+    worst = int(np.argmax(np.abs([off for off, _ in estimates])))
+    return {
+        "force_error": _over(np.max, np.concatenate(errors)),
+        "force_mean_error": max(means, key=abs),
+        **dict(zip(("force_estimate_error", "force_estimate_std"), estimates[worst], strict=True)),
+    }
+
+
+def _margins(assignments: Sequence[Assignment], contacts: ContactForces, fallen: Array, variation: Variation) -> Array:
+    """Share of the friction cone (K + 1, contacts) that is left at each contact but the table's."""
     bearing = [k for k, name in enumerate(contacts.names) if not is_table(name)]
-    normal, shear = contacts.normal_force[:, bearing], contacts.shear[:, bearing]
-    names = [contacts.names[k] for k in bearing]
-    limits = plant_friction(mission, variation, names, timetable.fallen(variation, t)) * normal
-    margins = 1.0 - shear / np.maximum(limits, 1e-9)
+    normal, names = contacts.normal_force[:, bearing], [contacts.names[k] for k in bearing]
+    limits = plant_friction(assignments[0].mission, variation, names, fallen) * normal
+    margins = 1.0 - contacts.shear[:, bearing] / np.maximum(limits, 1e-9)
     # Where hardly anything presses, the cone is too small for its share to mean something.
     # 0.05: share of the held force below which a contact's friction is not judged
     margins[normal < 0.05 * min(assignment.force for assignment in assignments)] = 1.0
-    calm, pulled = (t >= hold.start) & (t <= hold.end), (t > hold.end) & (t < lower.start)
-    return Verdict(
-        held=whole and sunk < FALLEN,
-        sunk=sunk,
-        moved=moved,
-        force_error=_over(np.max, np.concatenate(errors)),
-        force_mean_error=max(means, key=abs),
-        force_estimate_error=estimates[worst],
-        force_estimate_std=stds[worst],
-        slip_margin=_over(np.min, margins[calm]),
-        pulled_margin=_over(np.min, margins[pulled]),
-        released=(whole or refused is not None) and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
-        fallbacks=sum(word in _FALLBACKS for run in runs for word in run.status),
-        drop=find_drop(assignments, timetable, variation, t, contacts, lost),
-        refused=refused,
-        slipped=slipped,
-        turned=find_turned(assignments, timetable, variation, runs, pose, contacts),
-    )
+    return np.asarray(margins)
 
 
 def force_estimate(assignment: Assignment, run: ControlRun) -> tuple[Array, Array]:

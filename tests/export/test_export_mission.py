@@ -86,8 +86,8 @@ def test_a_mission_of_python_is_replayed(carried, package, tmp_path):
         sent = np.frombuffer(other._work, dtype=float)[-count - 1 :]
         assert any(np.array_equal(sent[at : at + count].reshape(wanted.T.shape), wanted.T) for at in (0, 1))
         assert wanted[0] == pytest.approx(done.r[k], abs=1e-10)
-        assert names[other.phase()] == plan.phase.name
-        assert plan.phase.name == phases_of(done, done.t[k : k + 1])[0]
+        assert names[other.phase()] == plan.phase
+        assert plan.phase == phases_of(done, done.t[k : k + 1])[0]
     assert np.abs(off).max() < 1e-6
     assert (other.decision(), other.forces()) == (1, 1)
 

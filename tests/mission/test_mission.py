@@ -415,7 +415,8 @@ def test_it_is_saved_reported_and_drawn(held, tmp_path):
     assert [phase["name"] for phase in stored.meta["phases"]] == [span.name for span in held.spans]
     assert stored.arrays["force_estimate"] == pytest.approx(held.force_estimate)
     assert stored.arrays["force_std"] == pytest.approx(held.force_std)
-    assert stored.arrays["contact_force_std"].shape == (len(held.run.u), 2)
+    assert stored.meta["config"]["phases"] == held.mission.phases.model_dump(mode="json")
+    assert read_run(tmp_path / "finger").arrays["contact_force_std"].shape == (len(held.run.u), 2)
     assert stored.arrays["pulls"].shape == (6, 3)
     assert_declared(held, stored.arrays)
     assert repr(held).startswith('MissionRun "mug, from approach to release": held and released')

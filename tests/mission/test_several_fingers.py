@@ -308,7 +308,7 @@ def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
     assert lower.mean() == pytest.approx(upper.mean(), rel=0.02)
     assert run.contacts.lift[during, :2].sum(axis=1).mean() == pytest.approx(0.1 * 9.81, rel=0.02)
     assert run.run is None
-    assert run.force_estimate is None
+    assert run.force_estimate.shape == run.force_std.shape == (len(t) - 1, 2)
     assert list(run.held_forces) == ["lower.tip", "upper.tip"]
     # Both fingers see one object, and sensors of their own.
     poses = [one.object_pose for one in run.runs]
