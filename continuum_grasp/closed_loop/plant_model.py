@@ -87,6 +87,15 @@ def _stiffer(rod: Rod, factor: float) -> Rod:
     return rod.replaced(**{name: getattr(rod, name) * factor})
 
 
+def _lag_of(control: ControlScene, plant: Scene) -> Array | None:
+    """Lags of the tensions, or of the tip moment [s]; pressures of chambers are states of the system."""
+    lags = [tendon.time_constant for tendon in plant.finger.tendon_list]
+    if "tip_moment" in plant.finger.input_keys:
+        lags = [control.plant.time_constant or control.controller.input.time_constant]
+    known = [lag for lag in lags if lag is not None]
+    return np.array(known) if known and len(known) == len(lags) else None
+
+
 class PlantModel(Remade):
     """The plant as functions of its state x (nx), the command u (nu), forces w (nw) and parameters p.
 
@@ -108,40 +117,14 @@ class PlantModel(Remade):
     ) -> None:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
         varies = given is None and scene.object_moves
-        if varies:
-            object_parameters = ("object_mass", "friction_factor")
-        finger = self.scene.finger
-        tendons = finger.tendon_list
-        lags = [t.time_constant for t in tendons]
-        if "tip_moment" in finger.input_keys:
-            lags = [scene.plant.time_constant or scene.controller.input.time_constant]
-        known = [lag for lag in lags if lag is not None]
-        # Of tensions, or the tip moment; pressures of chambers are states of the system.
-        self._lag = np.array(known) if known and len(known) == len(lags) else None
-        self._lags = 0 if self._lag is None else len(lags)
-        self._order = scene.plant.drive_order
-        # A matched tip moves with its moment: without a lag of second order it would jump.
-        jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
-        family = scene.plant.fidelity.family or default_family(free_tip=jumps or bool(finger.free_tip_reasons))
-        # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
-        unlagged = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
-        guides = scene.plant.guides
-        self.system: System | ChainSystem
+        finger, self._order = self.scene.finger, scene.plant.drive_order
+        self._lag = _lag_of(scene, self.scene)
+        self._lags = 0 if self._lag is None else len(self._lag)
         varied_lag = _LAG in parameters and not finger.winches and self._lag is not None
-        if varied_lag:
-            parameters = [name for name in parameters if name != _LAG]
-        if guides is not None:
-            self.system = ChainSystem(unlagged, guides, scene.plant.axial_stiffness, parameters, object_parameters)
-        else:
-            self.system = System(
-                unlagged,
-                family=family,
-                input_rates=FAMILIES[family].matches_tip or None,
-                parameters=parameters,
-                object_parameters=object_parameters,
-            )
-        self.parameters, self.finger_parameters = tuple(parameters), len(parameters)
-        self.object_parameters = tuple(object_parameters)
+        self.parameters = tuple(name for name in parameters if not (varied_lag and name == _LAG))
+        self.finger_parameters = len(self.parameters)
+        self.object_parameters = ("object_mass", "friction_factor") if varies else tuple(object_parameters)
+        self.system = self._system()
         self.u_names = tuple(self.system.u_names[: len(finger.input_keys)])
         lagging = [lag_names(*split_unit(name), self._order) for name in self.u_names[: self._lags]]
         self.x_names = (*self.system.x_names, *(name for names in zip(*lagging, strict=True) for name in names))
@@ -166,6 +149,19 @@ class PlantModel(Remade):
         self.outside: dict[str, Callable[[Array], Array]] = {}
         self.integrations: dict[str, Any] = {}
         self._signals = Signals(self.scene, self.system.finger_model)
+
+    def _system(self) -> System | ChainSystem:
+        """The finger in its surroundings, without the lag, which is the plant's own: its sensors read every tension."""
+        plant, finger = self.control.plant, self.scene.finger
+        unlagged = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
+        varied = self.parameters, self.object_parameters
+        if plant.guides is not None:
+            return ChainSystem(unlagged, plant.guides, plant.axial_stiffness, *varied)
+        # A matched tip moves with its moment: without a lag of second order it would jump.
+        jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
+        family = plant.fidelity.family or default_family(free_tip=jumps or bool(finger.free_tip_reasons))
+        rates, (parameters, of_object) = FAMILIES[family].matches_tip or None, varied
+        return System(unlagged, family=family, input_rates=rates, parameters=parameters, object_parameters=of_object)
 
     def __getstate__(self) -> tuple[Array, dict[str, Callable[[Array], Array]]]:
         return self.p.copy(), dict(self.outside)

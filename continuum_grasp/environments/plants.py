@@ -152,20 +152,16 @@ def plants_of(
     for scene in scenes[1:]:
         _check_fixed(first, scene, keys)
     around = [plant_scene(scene) for scene in scenes]
-    names, rows = _finger_parameters(around)
-    object_names, object_rows = _object_parameters(scenes)
-    model = PlantModel(first, parameters=names, object_parameters=object_names)
+    of_finger, (object_names, of_object) = _finger_parameters(around), _object_parameters(scenes)
+    model = PlantModel(first, parameters=[*of_finger], object_parameters=object_names)
     # Run-time parameters are in this order: the finger's, the object's, the lag of the drive.
-    lag = [name == "drive_time_constant" and len(model.p) > model.system.np for name in names for _ in rows[name][0]]
-    finger = np.hstack([np.zeros((len(scenes), 0)), *[np.array(rows[name]) for name in names]])
-    of_object = np.array(object_rows).reshape(len(scenes), -1)
-    p = np.hstack([finger[:, ~np.array(lag, dtype=bool)], of_object, finger[:, np.array(lag, dtype=bool)]])
+    lag = [name for name in of_finger if name not in model.parameters]
+    p = np.hstack([*(of_finger[name] for name in model.parameters), of_object, *(of_finger[name] for name in lag)])
     prediction = Prediction(first)
     outputs = Outputs.of(first.controller.cost, prediction)
     periods = max(1, round(first.duration / first.controller.step))
     times = first.controller.step * np.arange(periods + 1)
-    rows_of_setpoints = [setpoints(outputs, scene.reference).rows(times) for scene in scenes]
-    table = np.array(rows_of_setpoints)
+    table = np.array([setpoints(outputs, scene.reference).rows(times) for scene in scenes])
     if np.all(table == table[:, :1]):
         table = table[:, :1]
     if np.all(table == table[:1]):
@@ -224,13 +220,11 @@ def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) 
         raise InputError(why, key="sample")
 
 
-def _finger_parameters(around: Sequence[Scene]) -> tuple[list[str], dict[str, list[list[float]]]]:
-    """Names of the finger's parameters that differ between scenes, and their values by scene."""
+def _finger_parameters(around: Sequence[Scene]) -> dict[str, Array]:
+    """The finger's parameters that differ between scenes, by name: values (scenes, size)."""
     by_scene = [_values(scene) for scene in around]
-    names = [
-        name for name, value in by_scene[0].items() if any(scene_values.get(name) != value for scene_values in by_scene)
-    ]
-    return names, {name: [scene_values.get(name, by_scene[0][name]) for scene_values in by_scene] for name in names}
+    names = [name for name, value in by_scene[0].items() if any(values.get(name) != value for values in by_scene)]
+    return {name: np.array([values.get(name, by_scene[0][name]) for values in by_scene]) for name in names}
 
 
 def _values(scene: Scene) -> dict[str, list[float]]:
@@ -238,23 +232,19 @@ def _values(scene: Scene) -> dict[str, list[float]]:
     return nominal_values(scene.finger, scene.gravity, lengths)
 
 
-def _object_parameters(scenes: Sequence[ControlScene]) -> tuple[tuple[str, ...], list[list[float]]]:
-    """Names of the object's parameters that the model needs, and their values by scene."""
-    first = scenes[0]
+def _object_parameters(scenes: Sequence[ControlScene]) -> tuple[tuple[str, ...], Array]:
+    """Names of the object's parameters that the model is to be given, and values (scenes, size) of all that it has."""
+    first, bodies = scenes[0], [scene.object for scene in scenes if scene.object is not None]
     if first.object is None:
-        return (), [[] for _ in scenes]
-    friction = [_friction_of(scene) / (_friction_of(first) or 1.0) for scene in scenes]
+        return (), np.zeros((len(scenes), 0))
+    friction = np.array([_friction_of(scene) / (_friction_of(first) or 1.0) for scene in scenes])
     if first.object_moves:  # parameters of every plant with such an object
-        masses = [scene.object.mass * scene.plant.object_mass for scene in scenes if scene.object is not None]
-        factors = [
-            coefficient * scene.plant.object_friction for coefficient, scene in zip(friction, scenes, strict=True)
-        ]
-        return (), [list(row) for row in zip(masses, factors, strict=True)]
-    rows = {"friction_factor": friction}
-    for k, name in enumerate(("object_x", "object_y")):
-        rows[name] = [scene.object.position[k] for scene in scenes if scene.object is not None]
-    varied = {name: column for name, column in rows.items() if any(value != column[0] for value in column)}
-    return tuple(varied), [list(row) for row in zip(*varied.values(), strict=True)] or [[] for _ in scenes]
+        masses = [body.mass * scene.plant.object_mass for body, scene in zip(bodies, scenes, strict=True)]
+        return (), np.stack([masses, friction * [scene.plant.object_friction for scene in scenes]], axis=1)
+    x, y = np.transpose([body.position for body in bodies])
+    known = {"friction_factor": friction, "object_x": x, "object_y": y}
+    varied = {name: values for name, values in known.items() if np.any(values != values[0])}
+    return tuple(varied), np.stack([*varied.values()], axis=1) if varied else np.zeros((len(scenes), 0))
 
 
 def _friction_of(scene: ControlScene) -> float:

@@ -41,7 +41,10 @@ class Periods:
     def __init__(self, slope: ca.Function, cost: ca.Function, readings: ca.Function, use: int) -> None:
         self.sizes = {"x": slope.numel_in(0), "u": slope.numel_in(1), "w": slope.numel_in(2), "p": slope.numel_in(3)}
         self.sizes |= {"r": cost.numel_in(5), "y": readings.numel_out(0)}
-        functions = _lane_functions(slope, cost, readings)
+        functions = in_lanes((slope, cost, readings), "double")
+        if not functions:
+            why = "this plant has an operation without vector code, so that environments cannot run it in lanes"
+            raise InputError(why)
         words = {"use": use} | {f"n{name}": size for name, size in self.sizes.items()}
         words |= {f"n{name}1": max(size, 1) for name, size in self.sizes.items()}  # C has no empty arrays
         text = filled(template("environments", "period.c"), words)
@@ -75,13 +78,6 @@ class Periods:
         arrays = [pointer(array) for array in (x, u, held, w, p, r, bounds, cost, readings)]
         self._code(whole(count), whole(substeps), ctypes.c_double(h), *arrays, ctypes.c_void_p(ended.ctypes.data))
         return cost, ended
-
-
-def _lane_functions(*functions: ca.Function) -> str:
-    lanes = in_lanes(functions, "double")
-    if not lanes:
-        raise InputError("this plant has an operation without vector code, so that environments cannot run it in lanes")
-    return lanes
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene.value import doubt
 
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """Characters that may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
@@ -132,6 +133,11 @@ def _is_cut(model: FingerModel, real: Real) -> bool:
 
 def _of_loop(scene: ControlScene, real: Real) -> Source:
     """The closed loop, and the model that its controller predicts with."""
+    if scene.estimator is not None and scene.estimator.frozen and scene.controller.supervisor and not scene.plant.noise:
+        doubt(
+            "plant.noise is 0, so that no reading that stays the same counts as frozen, in the package neither: set "
+            "plant.noise for sensors that have some, or estimator.frozen: false if that is meant"
+        )
     model = Prediction(scene).system.finger_model
     if _is_cut(model, real):
         fidelity = scene.fidelity.model_copy(update={"accuracy": _CUT * real.epsilon})

@@ -81,46 +81,47 @@ def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
 
 
 class MissionPlant(Plant):
-    """The plant of one finger, with an object whose height in the hand is measured for ``slip``."""
+    """The plant of one finger at the start of a mission, with an object whose height is measured for ``slip``.
 
-    mission: MissionScene
-    height_noise: np.random.Generator
+    Its equations are those of ``mission_plant_model``.
+    """
+
+    def __init__(
+        self,
+        assignment: Assignment,
+        timetable: Timetable,
+        prediction: Prediction,
+        variation: Variation,
+        equations: PlantModel,
+    ) -> None:
+        self._mission = mission = assignment.mission
+        # The equations have the factors of the mission's ``plant`` already.
+        stiffness = 1.0 if variation.stiffness is None else variation.stiffness / mission.plant.stiffness
+        damping = 1.0 if variation.damping is None else variation.damping / mission.plant.damping
+        of_tendons = [variation.tendon_friction] * equations.scene.finger.has_tendon_friction
+        factors = [stiffness, damping, *of_tendons, variation.mass, variation.friction]
+        equations.p = np.array(equations.system.p_nominal) * np.array(factors)
+        equations.outside = {**timetable.outside(), FALL: partial(timetable.fallen, variation)}
+        first = own = mission.plant.seed if variation.seed is None else variation.seed
+        if (number := list(mission.grasp.named_fingers).index(assignment.name)) > 0:
+            # Each finger's sensors have noise of their own.
+            own = int(np.random.SeedSequence((first, number)).generate_state(1)[0])
+        super().__init__(assignment.control, prediction, mission.controller.period, equations, own)
+        # All fingers are given the same height.
+        self._height_noise = np.random.default_rng((first, 0xBE16))
+        self.x = self.x.copy()
+        if any(variation.shift):
+            self.x[equations.system.object_states][:2] += _clear_of_supports(equations, self.x, variation.shift)
 
     @property
     def height(self) -> float:
         """Height of the object that is measured now [m]; NaN where it is not."""
-        slip = self.mission.slip
+        slip = self._mission.slip
         if slip is None or slip.height is None:
             return math.nan
         pose = self.seen()[1][self.model.system.object_states]
-        height = float(object_height(self.mission, pose[None])[0])
-        return height + self.mission.plant.noise * slip.height * self.height_noise.standard_normal()
-
-
-def mission_plant(
-    assignment: Assignment, timetable: Timetable, prediction: Prediction, variation: Variation, equations: PlantModel
-) -> MissionPlant:
-    """The plant of one finger at the start of a mission; its equations are those of ``mission_plant_model``."""
-    settings, nominal = assignment.mission.plant, np.array(equations.system.p_nominal)
-    # The equations have the factors of the mission's ``plant`` already.
-    stiffness = 1.0 if variation.stiffness is None else variation.stiffness / settings.stiffness
-    damping = 1.0 if variation.damping is None else variation.damping / settings.damping
-    of_tendons = [variation.tendon_friction] * equations.scene.finger.has_tendon_friction
-    equations.p = nominal * np.array([stiffness, damping, *of_tendons, variation.mass, variation.friction])
-    equations.outside = {**timetable.outside(), FALL: partial(timetable.fallen, variation)}
-    fingers, seed = list(assignment.mission.grasp.named_fingers), variation.seed
-    if (number := fingers.index(assignment.name)) > 0:
-        # Each finger's sensors have noise of their own.
-        drawn = np.random.SeedSequence((settings.seed if seed is None else seed, number))
-        seed = int(drawn.generate_state(1)[0])
-    plant = MissionPlant(assignment.control, prediction, assignment.mission.controller.period, equations, seed)
-    plant.mission = assignment.mission
-    # All fingers are given the same height.
-    plant.height_noise = np.random.default_rng((settings.seed if variation.seed is None else variation.seed, 0xBE16))
-    plant.x = plant.x.copy()
-    if any(variation.shift):
-        plant.x[equations.system.object_states][:2] += _clear_of_supports(equations, plant.x, variation.shift)
-    return plant
+        height = float(object_height(self._mission, pose[None])[0])
+        return height + self._mission.plant.noise * slip.height * self._height_noise.standard_normal()
 
 
 def _clear_of_supports(equations: PlantModel, x: Array, shift: tuple[float, float]) -> Array:

@@ -22,7 +22,7 @@ from continuum_grasp.mission.assignment import Assignment, present
 from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.on_pads import reserved
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
-from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
+from continuum_grasp.mission.plant import MissionPlant, Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import admit, exceeded, exceeded_by_trials
 from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.mission.verdict import judge
@@ -103,7 +103,7 @@ class MissionRunner:
         for k, (assignment, control, model) in enumerate(
             zip(self.assignments, self._controllers, self._models, strict=True)
         ):
-            plant = mission_plant(assignment, tables[k], control.prediction, asked, model)
+            plant = MissionPlant(assignment, tables[k], control.prediction, asked, model)
             plan = check.schedule(k, control.stages)
             loops.append(FingerLoop(assignment.control, control, plant, plan.rows, plan))
         shared = SharedPlant([loop.plant for loop in loops], self._shared)

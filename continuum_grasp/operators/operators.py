@@ -87,19 +87,26 @@ class Operators(Remade, Summarized, ABC):
             if key in by_name:
                 raise InputError(f"{name}: {key} is given twice")
             by_name[key] = value
-        arrays, convert = self._arrays({key: value for key, value in by_name.items() if value is not None})
         sizes = {key: function.nnz_in(k) for k, key in enumerate(inputs)}
-        for key in inputs:
-            if key not in arrays:
-                nominal = self.model.p_nominal if key == "p" else np.zeros(sizes[key])
-                arrays[key] = convert(np.array(nominal, dtype=float))
-            elif not arrays[key].shape and sizes[key] == 1:
+        arrays, _ = self._complete(by_name, sizes)
+        for key, size in sizes.items():
+            if not arrays[key].shape and size == 1:
                 arrays[key] = arrays[key].reshape(1)
-        ordered = [arrays[key] for key in inputs]
         batch = _batch(name, {key: tuple(arrays[key].shape) for key in inputs}, sizes)
-        rows = [self._rows(array, batch, array.shape[-1:]) for array in ordered]
+        rows = [self._rows(arrays[key], batch, arrays[key].shape[-1:]) for key in inputs]
         results = self._apply(self._point(name), rows)
         return _shaped(function, [value.reshape(*batch, value.shape[-1]) for value in results])
+
+    def _complete(
+        self, given: Mapping[str, Any], sizes: Mapping[str, int]
+    ) -> tuple[dict[str, Any], Callable[[Array], Any]]:
+        """Arrays by name, zero or nominal where none is given, and what makes such an array of one of numpy."""
+        arrays, convert = self._arrays({key: value for key, value in given.items() if value is not None})
+        for key, size in sizes.items():
+            if key not in arrays:
+                default = self.model.p_nominal if key == "p" else np.zeros(size)
+                arrays[key] = convert(np.array(default, dtype=float))
+        return arrays, convert
 
     def _point(self, name: str) -> Point:
         if name not in self._points:
@@ -162,14 +169,10 @@ class Operators(Remade, Summarized, ABC):
         """
         model = self.model
         steps, substeps, step = whole("steps", steps), whole("substeps", substeps), positive("step", step)
-        inputs = {"x0": x0, "u": u, "w": w, "p": p}
-        arrays, convert = self._arrays({key: value for key, value in inputs.items() if value is not None})
-        if "x0" not in arrays:
+        if x0 is None:
             raise InputError("expected an array, got None", key="x0")
         sizes = {"x0": model.nx, "u": model.nu, "w": model.nw, "p": model.np}
-        defaults = {"u": np.zeros(model.nu), "w": np.zeros(model.nw), "p": np.array(model.p_nominal, dtype=float)}
-        for key, default in defaults.items():
-            arrays.setdefault(key, convert(default))
+        arrays, convert = self._complete({"x0": x0, "u": u, "w": w, "p": p}, sizes)
         for key in ("u", "w"):
             if len(arrays[key].shape) == 1:
                 arrays[key] = arrays[key].reshape(1, -1)
@@ -210,9 +213,9 @@ class Operators(Remade, Summarized, ABC):
 
         Inputs u, forces w and parameters p (..., size) hold during it; everything else is as in ``rollout``.
         """
-        arrays, _ = self._arrays({key: value for key, value in {"x": x, "u": u, "w": w}.items() if value is not None})
-        if "x" not in arrays:
+        if x is None:
             raise InputError("expected an array, got None", key="x")
+        arrays, _ = self._arrays({key: value for key, value in {"x": x, "u": u, "w": w}.items() if value is not None})
         held = {key: arrays[key][..., None, :] for key in ("u", "w") if key in arrays}
         states = self.rollout(arrays["x"], 1, step, **held, p=p, substeps=substeps, method=method)
         return states[..., -1, :]

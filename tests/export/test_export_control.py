@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import warnings
 from functools import lru_cache
 
 import numpy as np
@@ -18,6 +19,7 @@ from continuum_grasp.export.control import replay
 from continuum_grasp.export.control.loop import Loop, identifiers, unit_of
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
+from continuum_grasp.export.source import source_of
 from tests.control_cases import Reality, hand_scene
 from tests.export_cases import (  # noqa: F401
     DRIVES,
@@ -289,6 +291,17 @@ def test_measurements_of_the_vectors_have_noise():
     readings = np.array([finger.measured(loop.before) for _ in range(400)])
     deviations = [1e-4 if "[m]" in name else 1e-2 for name in loop.measurement_names]
     assert readings.std(axis=0) == pytest.approx(deviations, rel=0.15)
+
+
+def test_a_package_whose_readings_can_not_freeze_says_so():
+    """Those of a plant without noise rest together, so that controllers of such a scene do not look for frozen ones."""
+    ideal = hand_scene().changed({"plant.noise": 0.0})
+    with pytest.warns(UserWarning, match=r"plant\.noise is 0"):
+        source_of(ideal, REALS["double"], None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for meant in (hand_scene(), ideal.changed({"estimator.frozen": False})):
+            source_of(meant, REALS["double"], None)
 
 
 # Noise of the test vectors and names of a scene.

@@ -22,7 +22,7 @@ from continuum_grasp.mission import run as runs
 from continuum_grasp.mission.assign import _control_scene, assign
 from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
-from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
+from continuum_grasp.mission.plant import MissionPlant, Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.result import verdict_data
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.verdict import judge
@@ -213,7 +213,7 @@ def test_an_object_is_shifted_into_no_support(assignment):
     plain, model = Prediction(assignment.control), mission_plant_model(assignment)
 
     def placed(shift):
-        return mission_plant(assignment, table, plain, Variation(shift=shift), model).x[model.system.object_states][:2]
+        return MissionPlant(assignment, table, plain, Variation(shift=shift), model).x[model.system.object_states][:2]
 
     assert placed((1e-3, 5e-4)) == pytest.approx([x + 1e-3, y + 5e-4], abs=1e-15)
     assert placed((-1e-3, 5e-4)) == pytest.approx([x, y + 5e-4], abs=1e-8)
@@ -247,7 +247,7 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
     at = system.object_states
 
     def falling(variation):
-        plant = mission_plant(assignment, Timetable(assignment), control, variation, model)
+        plant = MissionPlant(assignment, Timetable(assignment), control, variation, model)
         x = plant.x[: system.nx].copy()
         x[at.start] += 0.01  # clear of the palm
         found = np.array(system.forward_dynamics(x, [1.0, 1.0], w, model.p)).ravel()
