@@ -34,12 +34,6 @@ from continuum_grasp.sweeps.worker import scene_data
 
 MOST_SCENES = 10_000
 """Scenes of a sweep that an environment draws from [1]: each is checked beforehand, in about 5 ms."""
-_PROBES, _SHAPES = 4, 400
-"""States at which a plant with run-time parameters is compared with one that is built from its own scene, in free space
-and in contact, and shapes among which those that touch are looked for [1]."""
-_ROUNDING = 1e-8
-"""Greatest relative difference between the two [1]: folded constants round otherwise, by 1e-13; a parameter that is
-missing changes digits that can be seen."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +147,8 @@ def plants_of(
         _check_fixed(first, scene, keys)
     around = [plant_scene(scene) for scene in scenes]
     of_finger, (object_names, of_object) = _finger_parameters(around), _object_parameters(scenes)
-    model = PlantModel(first, parameters=[*of_finger], object_parameters=object_names)
+    varied = {"parameters": [*of_finger], "object_parameters": object_names}
+    model = PlantModel(first, **varied)
     # Run-time parameters are in this order: the finger's, the object's, the lag of the drive.
     lag = [name for name in of_finger if name not in model.parameters]
     p = np.hstack([*(of_finger[name] for name in model.parameters), of_object, *(of_finger[name] for name in lag)])
@@ -181,7 +176,7 @@ def plants_of(
         first.controller.step,
     )
     for k in _that_differ(values):
-        _check_plant(plants, k)
+        _check_plant(plants, k, PlantModel(_with_friction(scenes[k], first), **varied))
     return plants
 
 
@@ -247,6 +242,18 @@ def _object_parameters(scenes: Sequence[ControlScene]) -> tuple[tuple[str, ...],
     return tuple(varied), np.stack([*varied.values()], axis=1) if varied else np.zeros((len(scenes), 0))
 
 
+def _with_friction(scene: ControlScene, of: ControlScene) -> ControlScene:
+    """A copy of a scene with the friction coefficient of another, which a parameter multiplies."""
+    law = scene.contact_law
+    return scene if law is None else scene.replaced(contact_law=law.replaced(friction=_friction_of(of)))
+
+
+def _has_one_friction(scene: ControlScene) -> bool:
+    """Whether a factor of all friction coefficients sets that of the contact law, and no other one."""
+    others = [surface.friction for surface in (scene.table, *scene.supports) if surface is not None]
+    return _friction_of(scene) > 0.0 and not any(others)
+
+
 def _friction_of(scene: ControlScene) -> float:
     return 0.0 if scene.contact_law is None else scene.contact_law.friction
 
@@ -258,24 +265,18 @@ def _forces(model: PlantModel, scene: Scene) -> Array:
     return row
 
 
-def _check_plant(plants: Plants, k: int) -> None:
-    """Refuse a scene of which the model with its parameters is not that which is built from the scene itself."""
-    scene, shared = plants.scenes[k], plants.model
-    separate = PlantModel(scene)
-    why = None
+def _check_plant(plants: Plants, k: int, separate: PlantModel) -> None:
+    """Refuse a scene whose plant, built separately with the same parameters, has other equations than the model."""
+    shared, why = plants.model, None
     if separate.x_names != shared.x_names or separate.w_names != shared.w_names:
         why = "its plant has other states or forces"
-    else:
-        prediction = Prediction(scene)
-        if not np.allclose(separate.start, plants.start[k], rtol=_ROUNDING, atol=1e-12):
-            why = "its plant starts elsewhere"
-        else:
-            probes = _probes(plants, k)
-            pair = (
-                _probed(separate, prediction, separate.p, probes),
-                _probed(shared, plants.prediction, plants.p[k], probes),
-            )
-            why = None if _equal(*pair) else "its plant moves otherwise"
+    # 1e-8: greatest relative difference of starts [1]: folded constants round otherwise, by 1e-13
+    elif not np.allclose(separate.start, plants.start[k], rtol=1e-8, atol=1e-12):
+        why = "its plant starts elsewhere"
+    elif (
+        _friction_of(plants.scenes[k]) != _friction_of(plants.scenes[0]) and not _has_one_friction(plants.scenes[0])
+    ) or _equations(separate, Prediction(plants.scenes[k])) != _equations(shared, plants.prediction):
+        why = "its plant moves otherwise"
     if why is not None:
         varied = ", ".join(f"{key} = {value}" for key, value in zip(plants.keys, plants.values[k], strict=True))
         known = ", ".join(sorted(_values(plant_scene(plants.scenes[0]))))
@@ -287,48 +288,11 @@ def _check_plant(plants: Plants, k: int) -> None:
         )
 
 
-def _probes(plants: Plants, k: int) -> tuple[Array, Array, Array, Array]:
-    """States (count, nx), inputs, inputs before, and forces at which two models of a scene are compared.
-
-    Those of bent fingers, and where there is an object some that touch it: what does not act is not compared.
-    """
-    model, scene = plants.model, plants.scenes[k]
-    system, rng = model.system, np.random.default_rng(0)
-    n, reach = system.n, np.array(system.finger_model.structure.coordinate_limits())
-    states = np.tile(plants.start[k], (_SHAPES, 1))
-    states[:, :n] += 0.8 * reach * rng.uniform(-1.0, 1.0, (_SHAPES, n))
-    states[:, n : 2 * n] += reach * rng.uniform(-1.0, 1.0, (_SHAPES, n))
-    others = states[:, 2 * n :]
-    others += 0.1 * (1.0 + np.abs(others)) * rng.uniform(0.0, 1.0, others.shape)
-    low, high = np.array(scene.input_limits)
-    u, held = rng.uniform(low, high, (2, _SHAPES, model.nu))
-    w = model.forces(0.0)[0] + 0.1 * rng.uniform(-1.0, 1.0, (_SHAPES, model.nw))  # [N], [N m]
-    chosen = np.arange(_PROBES)
-    if system.touch_names:
-        symbols = model.symbols
-        read = ca.Function("read", [*symbols], [model.tip, ca.vec(model.touch["gap"])])
-        mapped = [
-            np.array(value).T for value in read.map(_SHAPES)(states.T, u.T, w.T, np.tile(plants.p[k], (_SHAPES, 1)).T)
-        ]
-        pose = system.object_states
-        if pose.stop > pose.start:  # that moves: to where the tip is, but for some of its size
-            states[:, pose.start : pose.start + 2] = mapped[0] + 1e-3 * rng.uniform(-1.0, 1.0, (_SHAPES, 2))
-        else:
-            gaps = mapped[1].min(axis=1)
-            chosen = np.concatenate([chosen, np.argsort(np.where(gaps < 0.0, -gaps, np.inf))[:_PROBES]])
-    return states[chosen], u[chosen], held[chosen], w[chosen]
-
-
-def _probed(model: PlantModel, prediction: Prediction, p: Array, probes: tuple[Array, Array, Array, Array]) -> Array:
-    """Rates, and what is read off the shape (count, size)."""
-    x, u, w, parameters = model.symbols
+def _equations(model: PlantModel, prediction: Prediction) -> str:
+    """Rates, and what is read off the shape, as text: the same for the same operations on the same constants."""
+    x, u, w, p = model.symbols
     held = ca.SX.sym("held", model.nu)
     tracked = tracked_expression(model, prediction, held, model.control.controller.horizon.stage)
-    values = ca.vertcat(model.forward_dynamics(x, u, w, parameters), tracked, model.tip)
-    function = ca.Function("probed", [x, u, held, w, parameters], [values])
-    return np.array([np.array(function(*row, p)).ravel() for row in zip(*probes, strict=True)])
-
-
-def _equal(first: Array, other: Array) -> bool:
-    size = np.maximum(np.abs(first).max(axis=0), 1e-9)
-    return bool(np.all(np.isfinite(first)) and np.all(np.abs(first - other) <= _ROUNDING * size))
+    values = [model.forward_dynamics(x, u, w, p), tracked, model.tip]
+    text: str = ca.Function("equations", [x, u, held, w, p], values).serialize()
+    return text
