@@ -16,9 +16,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.links import OF_FINGER, HingeChain
+from continuum_grasp.closed_loop.links import guided_tendons, lump
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.contacts import Contacts
@@ -26,14 +27,19 @@ from continuum_grasp.model.functions import Functions, dense, named
 from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.system import System, columns
 from continuum_grasp.model.touching import Station
-from continuum_grasp.model.winches import Winch
+from continuum_grasp.model.winches import Winch, winches_of
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside, unknown_to
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Initial, Scene
 
+OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
+"""Numbers of the finger that may be changed without compiling anew."""
 
-class ChainSystem(HingeChain, Functions):
-    """A chain of hinges as ``System`` is a finger: x = [bends, their rates, tensions, drives, object, contacts].
+
+class ChainSystem(Functions):
+    """A chain of N hinges in equal parts of the finger, each with the bend of its part, as ``System`` is a finger.
+
+    x = [bends, their rates, tensions, drives, object, contacts].
 
     Tensions [N] are those of the pieces of each tendon, from that after its first guide on. It has what ``PlantModel``
     reads off a system, and ``around`` for the integration of its motion; there is no ``forward_dynamics``, since what
@@ -51,11 +57,14 @@ class ChainSystem(HingeChain, Functions):
         parameters: Sequence[str] = (),
         object_parameters: Sequence[str] = (),
     ) -> None:
-        self.scene = scene
         _check(scene, parameters)
-        super().__init__(scene.finger, hinges, axial_stiffness)
+        self.scene, finger = scene, scene.finger
+        self.length, self.pitch = finger.rod.length, finger.rod.length / hinges
+        self.links = lump(finger, hinges, even=True)
+        self.tendons = guided_tendons(finger, self.links.at, axial_stiffness)
+        self.winches = winches_of(finger.tendon_list, self.length)
         self.finger_model = FingerModel(
-            scene.replaced(finger=scene.finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
+            scene.replaced(finger=finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
         )
         self.surroundings = scene if scene.object is not None else None
         model = self.finger_model
@@ -68,10 +77,37 @@ class ChainSystem(HingeChain, Functions):
         self.np = len(self.p_nominal)
         self._build()
 
-    def numbers_at(self, p: Array) -> Array:
+    def _place(self, at: float) -> tuple[int, float]:
+        """Return which bar carries a position along the finger [m], counted from that after the first hinge (-1: before
+        it), and how far along it that is [m].
+        """
+        bar = self.links.link_of(at + 1e-9 * self.pitch)
+        return bar, at - (self.links.at[bar] if bar >= 0 else 0.0)
+
+    def numbers(self, p: Array) -> Array:
         """All that the C of the motion needs to know, at run-time arguments."""
-        factors = dict(zip(self._finger_parameters, p.tolist(), strict=False))
-        return self.numbers(self.scene.gravity, self.places, factors)
+        factors = dict.fromkeys(OF_FINGER, 1.0) | dict(zip(self._finger_parameters, p.tolist(), strict=False))
+        links, base, points = self.links, self.scene.finger.base, [self._place(at) for at in self.places]
+        weights, carried = links.turning
+        parts: list[ArrayLike] = [
+            [*base.position, base.angle, links.at[0], *self.scene.gravity],
+            weights.ravel(),
+            factors["bending_stiffness"] * links.stiffness,
+            links.rest,
+            # Material damping follows from the stiffness of the section as it is described.
+            factors["material_damping"] * links.damping,
+            carried,
+            links.bars,
+            [bar for bar, _ in points],
+            [along for _, along in points],
+        ]
+        for tendon in self.tendons:
+            gives = np.zeros(self.n + 2)
+            gives[: len(tendon.gives)] = tendon.gives
+            friction = factors["tendon_friction"] * tendon.friction
+            numbers = [tendon.guides, tendon.wound, tendon.conduit > 0.0, friction, tendon.conduit, *tendon.gear]
+            parts += [numbers, tendon.arms, gives]
+        return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])
 
     # -- what surrounds the chain -------------------------------------------------------------------------------------
 
@@ -184,7 +220,7 @@ class ChainSystem(HingeChain, Functions):
 
     def _at(self, at: float) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Position, velocity, angle and spin of a point of the chain."""
-        n, x, base, (bar, along) = self.n, self._x, self.finger.base, self.place(at)
+        n, x, base, (bar, along) = self.n, self._x, self.scene.finger.base, self._place(at)
         angle, spin = base.angle + ca.cumsum(x[:n]), ca.cumsum(x[n : 2 * n])
         start = float(self.links.at[0]) if bar >= 0 else along
         position = ca.SX(ca.DM(base.position)) + start * ca.DM([-np.sin(base.angle), np.cos(base.angle)])

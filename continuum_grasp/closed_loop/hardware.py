@@ -216,10 +216,11 @@ class _Loop:
         self._start, self._soft, self._watchdog = first, soft, watchdog
         self._last: Array = first
         self._command: Command | None = None
-        self.t, self.u, self.y = list[float](), list[Array](), list[Array]()
+        self._none = np.full(len(controller.measurement_names), np.nan)
+        self.u, self.y = list[Array](), list[Array]()
         self.jitter, self.latency = list[float](), list[float]()
         self.overruns = self.skipped = 0
-        self.status, self.health = [0] * len(Status), [0] * len(Health)
+        self.status, self.health = dict.fromkeys(Status, 0), dict.fromkeys(Health, 0)
         self.ended, self.cause = "finished", "the duration is over"
         self.arm: Callable[[bool], object] = lambda on: None
 
@@ -247,7 +248,7 @@ class _Loop:
             self.jitter.append(began - release)
             self.latency.append(written - began)
             self.status[command.status] += 1
-            self.health[list(Health).index(command.health)] += 1
+            self.health[command.health] += 1
             self._record(measured)
             if command.health is Health.TRIPPED:
                 self.ended, self.cause = "tripped", command.health_text
@@ -286,8 +287,7 @@ class _Loop:
 
     def _record(self, measured: Array | None) -> None:
         self.u.append(self._last.copy())
-        none = np.full(len(self.controller.measurement_names), np.nan)
-        self.y.append(none if measured is None else measured)
+        self.y.append(self._none if measured is None else measured)
 
     def ramp(self) -> None:
         """Go from the last command to the input at rest, period by period, also where the driver fails again."""
@@ -306,9 +306,8 @@ class _Loop:
 
     def found(self, granted: tuple[str, ...]) -> HardwareRun:
         controller, count = self.controller, len(self.u)
-        none = np.full(len(controller.measurement_names), np.nan)
         lacking = max(0, 2 - count)  # a log has two rows at least
-        u, y = np.array([*self.u, *[self._last] * lacking]), np.array([*self.y, *[none] * lacking])
+        u, y = np.array([*self.u, *[self._last] * lacking]), np.array([*self.y, *[self._none] * lacking])
         t = np.asarray(controller.period * np.arange(len(u)), dtype=float)
         return HardwareRun(
             ended=self.ended,
@@ -319,7 +318,7 @@ class _Loop:
             latency=np.array(self.latency),
             overruns=self.overruns,
             skipped=self.skipped,
-            status={kind.name.lower(): self.status[kind] for kind in Status},
-            health={kind.name.lower(): n for kind, n in zip(Health, self.health, strict=True)},
+            status={kind.name.lower(): count for kind, count in self.status.items()},
+            health={kind.name.lower(): count for kind, count in self.health.items()},
             realtime=granted,
         )

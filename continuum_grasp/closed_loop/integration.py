@@ -76,7 +76,7 @@ class ChainIntegration(Integration):
         rows = np.ascontiguousarray(model.forces(start + np.arange(count + 1) * step))
         states = np.full((count + 1, model.nx), np.nan)
         states[0] = x
-        numbers = np.concatenate([plant.chain.numbers_at(plant.p) for plant in model.plants])
+        numbers = np.concatenate([plant.chain.numbers(plant.p) for plant in model.plants])
         p = np.concatenate([plant.p[plant.finger_parameters :] for plant in model.plants])
         pointers = [pointer(each) for each in (numbers, u, rows)]
         begin = ctypes.c_longlong(count), ctypes.c_double(step)

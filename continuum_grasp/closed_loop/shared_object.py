@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -98,11 +98,7 @@ class SharedModel:
     @cached_property
     def internal(self) -> ca.Function:
         """(x, u, p) -> mass matrix of the fingers, their stiffness and their damping, a block for each."""
-        functions = [plant.internal for plant in self.plants]
-        symbols, parts = self._arguments(functions)
-        blocks = [function(*part.values()) for function, part in zip(functions, parts, strict=True)]
-        values = [ca.densify(ca.diagcat(*each)) for each in zip(*blocks, strict=True)]
-        return ca.Function("internal", [*symbols.values()], ca.cse(values), [*symbols], ["M", "K", "D"])
+        return self._separate([plant.internal for plant in self.plants], ca.diagcat)
 
     # -- chains of guides ---------------------------------------------------------------------------------------------
 
@@ -113,10 +109,7 @@ class SharedModel:
     @cached_property
     def drums(self) -> ca.Function:
         """``(others, u) -> drum``: what each tendon has at its drive: a length [m], or a tension [N]."""
-        functions = [plant.drums for plant in self.plants]
-        symbols, parts = self._arguments(functions)
-        values = [function(*part.values()) for function, part in zip(functions, parts, strict=True)]
-        return ca.Function("drums", [*symbols.values()], [ca.vertcat(*values)], [*symbols], ["drum"])
+        return self._separate([plant.drums for plant in self.plants], ca.vertcat)
 
     @cached_property
     def around(self) -> ca.Function:
@@ -157,6 +150,14 @@ class SharedModel:
             for part, value in zip(parts, pieces, strict=True):
                 part[name] = value
         return symbols, parts
+
+    def _separate(self, functions: Sequence[ca.Function], joined: Callable[..., ca.SX]) -> ca.Function:
+        """Functions of the plants that share nothing, as one whose outputs are theirs, joined."""
+        symbols, parts = self._arguments(functions)
+        outputs = [function.call([*part.values()]) for function, part in zip(functions, parts, strict=True)]
+        values = [ca.densify(joined(*each)) for each in zip(*outputs, strict=True)]
+        of = functions[0]
+        return ca.Function(of.name(), [*symbols.values()], ca.cse(values), [*symbols], of.name_out())
 
     def _rates(
         self, functions: Sequence[ca.Function], parts: Sequence[dict[str, ca.SX]], at: list[list[int]], states: str

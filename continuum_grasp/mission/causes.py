@@ -14,7 +14,14 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.budget import Lowered, bodies, certified_contact, lowered_by_pulls, plant_friction
+from continuum_grasp.mission.budget import (
+    CertifiedContact,
+    Lowered,
+    bodies,
+    certified_contact,
+    lowered_by_pulls,
+    plant_friction,
+)
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.simulation.contacts import ContactForces
 
@@ -39,7 +46,7 @@ class Slip:
         From when on, until the object had fallen [s]; of what was absent, when the lift began.
     friction, normal_force, shear : float
         Friction coefficient [1], and forces at that instant [N].
-    certified_friction, certified_normal_force, certified_shear : float or None
+    certified : CertifiedContact or None
         The same of the certified grasp, before anything pulls; None at a contact that the grasp does not have.
     """
 
@@ -49,20 +56,18 @@ class Slip:
     friction: float
     normal_force: float
     shear: float
-    certified_friction: float | None
-    certified_normal_force: float | None
-    certified_shear: float | None
+    certified: CertifiedContact | None
 
     @property
     def text(self) -> str:
         """The contact that gave way, and the certificate's numbers beside those of the plant."""
         way = {"slipped": "slipped at", "parted": "parted from", "absent": "not held at"}[self.how]
         head = f"{way} {self.contact} at {self.time:.2f} s: "
-        if self.certified_friction is None:
+        if (certified := self.certified) is None:
             return f"{head}friction {self.friction:.2f}, pressed by {self.normal_force:.2f} N; not in the certificate"
-        cone = f"friction {self.friction:.2f}, certificate needs {self.certified_friction:.2f}; "
-        pressed = f"pressed by {self.normal_force:.2f} N, certificate {self.certified_normal_force:.2f} N; "
-        return f"{head}{cone}{pressed}bears {self.shear:.2f} N across, certificate {self.certified_shear:.2f} N"
+        cone = f"friction {self.friction:.2f}, certificate needs {certified.friction:.2f}; "
+        pressed = f"pressed by {self.normal_force:.2f} N, certificate {certified.normal_force:.2f} N; "
+        return f"{head}{cone}{pressed}bears {self.shear:.2f} N across, certificate {certified.shear:.2f} N"
 
 
 @dataclass(frozen=True)
@@ -137,9 +142,7 @@ def find_drop(
                 friction=float(friction[at, rows[0]]),
                 normal_force=pressed,
                 shear=float(shear[at].sum()),
-                certified_friction=None if certified is None else certified.friction,
-                certified_normal_force=None if certified is None else certified.normal_force,
-                certified_shear=None if certified is None else certified.shear,
+                certified=certified,
             )
         )
     slips.sort(key=lambda slip: slip.time)

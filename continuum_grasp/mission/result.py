@@ -23,7 +23,7 @@ from continuum_grasp.mission.precheck import Exceeded
 from continuum_grasp.mission.verdict import Verdict, force_estimate
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.motion import MotionResult
-from continuum_grasp.results.plain import plain
+from continuum_grasp.results.plain import plain, yaml_text
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
@@ -274,8 +274,6 @@ class MissionRun(MotionResult):
 
     def yaml(self) -> str:
         """Summary of a mission as YAML, in SI units."""
-        from continuum_grasp.results.plain import yaml_text
-
         head = {"name": self.name, "status": self.status, "outcome": self.outcome, "warnings": list(self.warnings)}
         return _HEAD + yaml_text(plain({**head, **self.findings()}))
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 
@@ -33,20 +33,6 @@ Arrays = list[Any]
 """Arrays of a toolkit, rows first."""
 Check = Callable[[Sequence[Array]], None]
 Pick = Callable[[Arrays], Arrays]
-
-
-class Operator(Protocol):
-    """A differentiable function of arrays; ``origin`` is that of which it is the push."""
-
-    name: str
-    origin: Operator | None
-
-    def __call__(self, arrays: Sequence[Array]) -> list[Array]: ...
-    def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]: ...
-    def residuals(self, inputs: Arrays, outputs: Arrays) -> Arrays: ...
-    def push(self, residuals: Arrays, tangents: Arrays) -> tuple[Operator, Arrays]: ...
-    def pull(self, residuals: Arrays, cotangents: Arrays) -> tuple[Operator, Arrays, Pick]: ...
-    def split(self, arrays: Arrays) -> tuple[Arrays, Arrays]: ...
 
 
 class Point:
@@ -181,6 +167,10 @@ class Rollout:
         """Residuals and tangents."""
         count = self.recursion.function.n_in()
         return arrays[1 : 1 + count], [arrays[0], *arrays[1 + count :]]
+
+
+Operator = Point | Rollout
+"""A differentiable function of arrays; ``origin`` is that of which it is the push."""
 
 
 def derivative(function: ca.Function, *, forward: bool) -> tuple[list[Any], list[Any], list[Any]]:

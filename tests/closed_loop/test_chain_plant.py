@@ -8,7 +8,7 @@ from numpy.polynomial import Polynomial
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.integration import ChainIntegration
-from continuum_grasp.closed_loop.links import HingeChain
+from continuum_grasp.closed_loop.links import lump
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.scene.control import ControlScene
@@ -135,16 +135,15 @@ def test_a_tapered_chain_has_the_integrals_of_its_rod():
     section = {"to": length, "diameter": [wide, narrow]}
     rod = {"length": length, "youngs_modulus": young, "density": density, "sections": [section]}
     finger = cg.Finger(rod=rod, half_thickness=6e-3, tendons={"offset": 5e-3, "max_tension": 60.0})
-    chain = HingeChain(finger, n, axial_stiffness=1e4)
-    stiffness = chain.links.stiffness
+    links = lump(finger, n, even=True)
     slope = (wide - narrow) / length
     compliance = 64.0 / (np.pi * young) * (narrow**-3 - wide**-3) / (3.0 * slope)
-    assert np.sum(1.0 / stiffness) == pytest.approx(compliance, rel=1e-10)
-    diameter, lever = Polynomial([wide, -slope]), Polynomial([-chain.links.at[0], 1.0])
+    assert np.sum(1.0 / links.stiffness) == pytest.approx(compliance, rel=1e-10)
+    diameter, lever = Polynomial([wide, -slope]), Polynomial([-links.at[0], 1.0])
     per_length, rotary = density * np.pi / 4.0 * diameter**2, density * np.pi / 64.0 * diameter**4
     integrals = ((per_length * lever**2 + rotary).integ(), (per_length * lever).integ())
-    turning, weight = (one(length) - one(chain.links.at[0]) for one in integrals)
-    products, moments = chain.links.turning
+    turning, weight = (one(length) - one(links.at[0]) for one in integrals)
+    products, moments = links.turning
     assert np.sum(products) == pytest.approx(turning, rel=1e-10)
     assert np.sum(moments) == pytest.approx(weight, rel=1e-10)
 

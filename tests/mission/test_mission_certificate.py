@@ -183,11 +183,11 @@ def test_the_first_contact_to_give_way_is_named_with_the_certificates_numbers(gr
     assert drop.time == pytest.approx(5.0)
     assert drop.phase == "pull 4"
     first, palm = drop.slips[0], grasp.contact("palm")
-    assert (first.friction, first.certified_friction) == (pytest.approx(0.3), 0.45)
-    assert (first.normal_force, first.certified_normal_force) == (4.0, palm.normal_force)
-    assert first.certified_shear == pytest.approx(np.hypot(palm.friction_force, palm.lift))
+    assert (first.friction, first.certified.friction) == (pytest.approx(0.3), 0.45)
+    assert (first.normal_force, first.certified.normal_force) == (4.0, palm.normal_force)
+    assert first.certified.shear == pytest.approx(np.hypot(palm.friction_force, palm.lift))
     assert "slipped at palm at 4.80 s: friction 0.30, certificate needs 0.45" in drop.text
-    assert drop.slips[1].certified_normal_force == grasp.contact("finger.tip").normal_force
+    assert drop.slips[1].certified.normal_force == grasp.contact("finger.tip").normal_force
 
 
 def test_a_contact_that_did_not_hold_at_the_lift_is_absent(grasp):
@@ -214,7 +214,7 @@ def test_a_slippery_mug_is_announced_dropped_and_explained(grasp, tmp_path):
     first, *_ = run.verdict.drop.slips
     assert run.verdict.drop.phase.startswith("pull")
     assert first.shear == pytest.approx(0.3 * first.normal_force, rel=0.02)
-    assert (first.friction, first.certified_friction) == (pytest.approx(0.3), 0.45)
+    assert (first.friction, first.certified.friction) == (pytest.approx(0.3), 0.45)
     run.save(tmp_path)
     meta = json.loads((tmp_path / "meta.json").read_text())
     assert meta["verdict"]["drop"]["slips"][0]["contact"] == first.contact
