@@ -168,6 +168,16 @@ def test_what_acts_in_contact_alone_is_compared():
 
 
 @pytest.mark.parametrize(
+    ("scene", "values"), [(TOUCHING["scene"], [0.0, 0.6]), ("configs/mpc/turn_bar.yaml", [0.3, 0.6])]
+)
+def test_a_factor_of_all_friction_sets_no_coefficient_alone(scene, values):
+    """One that is zero stays so, and that of the table would change too."""
+    sweep = {"scene": scene, "vary": {"contact_law.friction": {"values": values}}}
+    with pytest.raises(InputError, match="moves otherwise"):
+        FingerVectorEnv(sweep, 2, substeps=24)
+
+
+@pytest.mark.parametrize(
     ("scene", "message"),
     [
         ("configs/simulate/hanging.yaml", "expected a closed loop .* or a sweep"),
