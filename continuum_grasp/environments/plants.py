@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -147,8 +148,8 @@ def plants_of(
         _check_fixed(first, scene, keys)
     around = [plant_scene(scene) for scene in scenes]
     of_finger, (object_names, of_object) = _finger_parameters(around), _object_parameters(scenes)
-    varied = {"parameters": [*of_finger], "object_parameters": object_names}
-    model = PlantModel(first, **varied)
+    plant_of = partial(PlantModel, parameters=[*of_finger], object_parameters=object_names)
+    model = plant_of(first)
     # Run-time parameters are in this order: the finger's, the object's, the lag of the drive.
     lag = [name for name in of_finger if name not in model.parameters]
     p = np.hstack([*(of_finger[name] for name in model.parameters), of_object, *(of_finger[name] for name in lag)])
@@ -176,7 +177,7 @@ def plants_of(
         first.controller.step,
     )
     for k in _that_differ(values):
-        _check_plant(plants, k, PlantModel(_with_friction(scenes[k], first), **varied))
+        _check_plant(plants, k, plant_of(_with_friction(scenes[k], first)))
     return plants
 
 
@@ -250,7 +251,7 @@ def _with_friction(scene: ControlScene, of: ControlScene) -> ControlScene:
 
 def _has_one_friction(scene: ControlScene) -> bool:
     """Whether a factor of all friction coefficients sets that of the contact law, and no other one."""
-    others = [surface.friction for surface in (scene.table, *scene.supports) if surface is not None]
+    others = [surface.friction for surface in (scene.table, *scene.supports.values()) if surface is not None]
     return _friction_of(scene) > 0.0 and not any(others)
 
 

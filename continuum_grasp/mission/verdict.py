@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
@@ -150,7 +151,9 @@ def judge(
     )
 
 
-def _force_errors(assignments: Sequence[Assignment], runs: Sequence[ControlRun], still: Array) -> dict[str, float]:
+def _force_errors(
+    assignments: Sequence[Assignment], runs: Sequence[ControlRun], still: NDArray[np.bool_]
+) -> dict[str, float]:
     """Errors of held forces and of their estimates over some instants (K + 1,), per setpoint: the worst of all."""
     # 0.1: time over which forces are averaged before their greatest error is taken [s]
     window = max(1, round(0.1 / runs[0].period))
