@@ -248,7 +248,7 @@ class _Loop:
             self.jitter.append(began - release)
             self.latency.append(written - began)
             self.status[command.status] += 1
-            self.health[command.health] += 1
+            self.health[Health(command.health)] += 1
             self._record(measured)
             if command.health is Health.TRIPPED:
                 self.ended, self.cause = "tripped", command.health_text

@@ -15,7 +15,7 @@ from continuum_grasp.control.compiled import Compiled, mission_source
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import Settings
-from continuum_grasp.control.status import Anomaly
+from continuum_grasp.control.status import Anomaly, Health
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plant import Timetable, firmer, reserve
@@ -56,7 +56,9 @@ def blindness(command: Any) -> str:
     """Why the forces that a controller estimates count for none, in words; empty where they count."""
     if Anomaly.BLIND in command.anomaly:
         return "nothing was measured"
-    return f"the controller is tripped ({command.trip.name.lower()})" if command.trip else ""
+    if command.trip:
+        return f"the controller is tripped ({command.trip.name.lower()})"
+    return "a reading is frozen" if command.health is Health.FROZEN else ""
 
 
 def mission_settings(

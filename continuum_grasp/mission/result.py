@@ -55,7 +55,7 @@ class MissionRun(MotionResult):
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         TIME,
-        Dimension("period", "instants at which commands were given", "t", "s"),
+        Dimension("period", "instants at which commands were given", "command_times", "s"),
         POSE,
         XY,
         CONTACT,
@@ -143,6 +143,11 @@ class MissionRun(MotionResult):
     def t(self) -> Array:
         """Instants (K + 1,) [s]."""
         return self.runs[0].t
+
+    @property
+    def command_times(self) -> Array:
+        """Instants (K,) at which commands were given [s]."""
+        return self.runs[0].command_times
 
     @property
     def held_forces(self) -> dict[str, tuple[Array, Array, Array]]:

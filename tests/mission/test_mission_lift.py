@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.control.status import Anomaly, Trip
+from continuum_grasp.control.status import Anomaly, Health, Trip
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import check_mission, on_pads
@@ -24,7 +24,7 @@ STAGES = SimpleNamespace(r_names=(), weights=np.zeros(0), u_min=np.zeros(2), u_m
 NOTHING = Anomaly(0)
 
 
-def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NONE, anomaly=NOTHING):
+def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NONE, anomaly=NOTHING, health=Health.OK):
     """Schedules that are run with estimates ``forces(t)`` of all tips: timetable, phases by instant, the check."""
     of = fingers(*names)
     tables = [Timetable(one) for one in of]
@@ -38,7 +38,7 @@ def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NON
         t, going = k * STEP, []
         for plan, force in zip(plans, forces(k * STEP), strict=True):
             estimated = SimpleNamespace(force=np.array([force]), std=np.array([0.02]))
-            seen = {"trip": trip, "anomaly": anomaly}
+            seen = {"trip": trip, "anomaly": anomaly, "health": health}
             command = SimpleNamespace(contact_forces=estimated, u=np.array([tension, 1.0]), **seen)
             going.append(plan.advance(t, controller, SimpleNamespace(t=t, command=command.u), command))
         assert len(set(going)) == 1
@@ -81,6 +81,7 @@ def test_one_that_bears_too_little_is_waited_for_then_all_let_go(low):
     [
         ({"anomaly": Anomaly.BLIND}, "nothing was measured"),
         ({"trip": Trip.UNSEEN}, "the controller is tripped (unseen)"),
+        ({"health": Health.FROZEN}, "a reading is frozen"),
         ({"anomaly": Anomaly.OUTLIER}, ""),
     ],
 )
@@ -109,7 +110,7 @@ def test_an_object_is_let_go_when_asked_without_a_jump(k, at_once, phase):
     stages = SimpleNamespace(r_names=names, weights=np.ones(1), u_min=limits[0], u_max=limits[1])
     plan, plant = Plan(Timetable(of), stages, np.zeros(1)), SimpleNamespace(command=np.zeros(2))
     forces = SimpleNamespace(force=np.full(1, CERTIFIED))
-    command = SimpleNamespace(contact_forces=forces, trip=Trip.NONE, anomaly=NOTHING)
+    command = SimpleNamespace(contact_forces=forces, trip=Trip.NONE, anomaly=NOTHING, health=Health.OK)
     controller, rows = SimpleNamespace(change=lambda **_: None), []
     plan.enter(0.0, controller, plant)
     for step in range(1, 800):

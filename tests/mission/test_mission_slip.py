@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.status import Anomaly, Trip
+from continuum_grasp.control.status import Anomaly, Health, Trip
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.lift import LiftCheck
@@ -44,7 +44,10 @@ def watched(height, *, slip, force=lambda t: CERTIFIED, names=("finger",), **mor
             felt = SimpleNamespace(force=np.array([force(t) if j == 0 else CERTIFIED]), std=np.array([0.1]))
             going.append(
                 plan.advance(
-                    t, controller, plant, SimpleNamespace(contact_forces=felt, trip=Trip.NONE, anomaly=NOTHING)
+                    t,
+                    controller,
+                    plant,
+                    SimpleNamespace(contact_forces=felt, trip=Trip.NONE, anomaly=NOTHING, health=Health.OK),
                 )
             )
         if not all(going):

@@ -64,7 +64,8 @@ typedef struct {
 typedef struct {
   int phase, changed;           /* changed: whether weights or limits did in the last call */
   int decision, bears;
-  int blind;                    /* whether nothing is seen or the controller is tripped: estimated forces count for none */
+  int blind;                    /* whether nothing is seen, a reading is frozen or the controller is tripped: estimated forces
+                                   count for none */
   int follows;                  /* row of weights */
   real start;                   /* of the phase [s] */
   real u_min[MISSION_NU], u_max[MISSION_NU];

@@ -65,7 +65,8 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
     const <<p>>_real *before = mission->controller.memory.state.u;
     <<p>>_phases_advance(&next, &phase_settings, now, 0, before, 0);
     if (<<p>>_phases_asks(&next, &phase_settings)) {
-      next.blind = mission->controller.memory.last.supervisor.reason || (mission->controller.memory.last.anomalies & <<P>>_ANOMALY_BLIND);
+      next.blind = mission->controller.memory.last.supervisor.reason || mission->controller.memory.last.supervisor.entry >= 0
+                   || (mission->controller.memory.last.anomalies & <<P>>_ANOMALY_BLIND);
       estimated_forces(&mission->controller, forces);
       <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if alone>><<P>>_PHASES_BEARS<<else>>mission->memory.reported<<end>>);
     }
