@@ -109,7 +109,7 @@ def chain_of_hinges(scene: Scene) -> Iterator[object]:
 def chain_of_guides(scene: Scene) -> Iterator[object]:
     """What a plant with guides makes of a finger and its surroundings."""
     chain = ChainSystem(scene, 3, 1e4)
-    yield chain.numbers_at(np.array(chain.p_nominal)).tolist()
+    yield chain.numbers(np.array(chain.p_nominal)).tolist()
     states = sum(one.states for one in chain.winches)
     start = chain.start(*np.zeros((2, 3)), np.zeros(states), np.zeros(chain.nu), Initial(pose="straight"))
     yield from (repr(chain.tendons), repr(chain.winches), start.tolist())
