@@ -117,16 +117,26 @@ class Block:
     """Shapes and steps of the last prediction, from which the next one is followed. Where these are set anew, it goes
     on from there, wherever searches have been meanwhile."""
 
-    def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> None:
+    def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown], by: Sequence[int] | None = None) -> None:
         self.name, self.data, self.scene, self.finger = data.name, data, scene, scene.finger
 
-    def again(self, unknowns: Sequence[Unknown], *, data: Data | None = None, scene: Scene | None = None) -> Self:
-        """The set with other unknowns, measured otherwise, or in another scene; errors as of a new one."""
-        return type(self)(scene or self.scene, data or self.data, unknowns)
+    def again(
+        self,
+        unknowns: Sequence[Unknown],
+        *,
+        data: Data | None = None,
+        scene: Scene | None = None,
+        by: Sequence[int] | None = None,
+    ) -> Self:
+        """The set with other unknowns, measured otherwise, or in another scene; errors as of a new one.
+
+        Derivatives are ``by`` those unknowns alone that have these numbers, where given.
+        """
+        return type(self)(scene or self.scene, data or self.data, unknowns, by)
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
-        """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last; of a motion those up
-        to an instant are right.
+        """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last, or by some of them;
+        of a motion those up to an instant are right.
 
         Raises
         ------
@@ -161,9 +171,9 @@ class Block:
 class PosesBlock(Block):
     """Shapes at rest, each row about an equilibrium of its own, and vibrations about them."""
 
-    def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
-        super().__init__(scene, data, unknowns)
-        self.ordered = data.sequence
+    def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown], by: Sequence[int] | None = None) -> None:
+        super().__init__(scene, data, unknowns, by)
+        self.ordered, self._by = data.sequence, slice(None) if by is None else list(by)
         rows = data.conditions, data.rows
         self._shapes = Shapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
@@ -193,7 +203,7 @@ class PosesBlock(Block):
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         predictions = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
-        return np.concatenate([y for y, _ in predictions]), np.concatenate([d for _, d in predictions])
+        return np.concatenate([y for y, _ in predictions]), np.concatenate([d for _, d in predictions])[:, self._by]
 
     def possible(self, tried: Sequence[Array]) -> tuple[NDArray[np.intp], Array]:
         """Rows (K,) that have a stable shape within the bending range at all of some values, and derivatives there.

@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
-from continuum_grasp.identification.data import KIND_OF
+from continuum_grasp.identification.data import KIND_OF, Data
 from continuum_grasp.identification.inference import FALSE_ALARMS, infer, surely
+from continuum_grasp.identification.path_block import of_one_code
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
+from continuum_grasp.scene.simulate import Scene
 
 Further = tuple[Unknown, Array]
 
@@ -276,15 +278,20 @@ def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:
         if problem.blocks[k].moves or name == "softening_ratio":
             per = problem.blocks[k].scene.finger.rod.length if problem.entries[rows[0]].unit == "m" else 1.0
             ranges.setdefault(k, []).append(float(np.ptp(problem.measured[rows])) / per)
+    pairs, starts = list[tuple[Scene, Data]](), list[float]()
     for k, sizes in ranges.items():
-        block, part, columns = problem.parts[k]
-        scene = block.scene
+        scene = problem.blocks[k].scene
         added = name == "softening_ratio" and scene.finger.softening is None
         if added:
             # From half of the greatest curvature on, as the range of the readings says; the derivative at a ratio of 1.
             bent = {"curvature": 0.5 * max(sizes) / scene.finger.rod.length, "stiffness_ratio": 0.5}
             scene = scene.changed({"finger.softening": bent})
         unknown = read_unknowns(scene, [name])
-        at = np.insert(solution.values[columns], count, 1.0 if added else unknown[0].start)
-        slope[part] = block.again([*problem.sought, *unknown], scene=scene).predict(at)[1][:, count]
+        pairs.append((scene, problem.blocks[k].data))
+        starts.append(1.0 if added else unknown[0].start)
+    sought = [*problem.sought, *unknown]
+    for k, start, scene in zip(ranges, starts, of_one_code(pairs, sought) if pairs else (), strict=True):
+        block, part, columns = problem.parts[k]
+        at = np.insert(solution.values[columns], count, start)
+        slope[part] = block.again(sought, scene=scene, by=[count]).predict(at)[1][:, 0]
     return [(candidate, slope) for candidate in unknown]

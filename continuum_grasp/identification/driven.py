@@ -34,11 +34,17 @@ class Driven:
     """The model of a scene with the unknowns as run-time arguments; its state is x.
 
     Inputs are the commands, and behind them their derivatives by a delay where that is unknown. ``passed`` (K, n) are
-    shapes that it goes through before the start, as friction remembers them.
+    shapes that it goes through before the start, as friction remembers them. Derivatives are by all unknowns, or ``by``
+    those of some numbers alone, which takes less code.
     """
 
     def __init__(
-        self, scene: Scene, unknowns: Sequence[Unknown], readings: Sequence[Reading], passed: Sequence[Array] = ()
+        self,
+        scene: Scene,
+        unknowns: Sequence[Unknown],
+        readings: Sequence[Reading],
+        passed: Sequence[Array] = (),
+        by: Sequence[int] | None = None,
     ) -> None:
         targets = [unknown.target for unknown in unknowns]
         if LAG in targets and not scene.finger.winches:
@@ -49,7 +55,7 @@ class Driven:
         self.signals = Signals(scene, model)
         self.size = model.nx
         self._late = targets.index(DELAY) if DELAY in targets else None
-        self._count = len(unknowns)
+        self.by = list(range(len(unknowns))) if by is None else list(by)
         self._own, self.turned = set_by(unknowns, [split_unit(label)[0] for label in model.p_names])
         x, u, w, p = symbols(model, "x")
         self.variational = self._with_slopes("variational", model.forward_dynamics(x, u, w, p), x, u, w, p)
@@ -72,14 +78,15 @@ class Driven:
         self._passed = tuple(passed)
 
     def _with_slopes(self, name: str, y: ca.SX, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> ca.Function:
-        """[y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by the unknowns."""
-        moved = ca.SX.sym("X", x.numel(), self._count)
-        turned = ca.SX.sym("B", p.numel(), self._count)
-        commands, by_delay, late = u, ca.SX(u.numel(), self._count), self._late
-        if late is not None:
-            by_delay[:, late] = ca.SX.sym("late", u.numel())
-            commands = ca.vertcat(u, by_delay[:, late])
-        slope = ca.jtimes(y, ca.vertcat(x, u, p), ca.vertcat(moved, by_delay, turned))
+        """[y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by unknowns."""
+        moved, turned = (ca.SX.sym(name, size.numel(), len(self.by)) for name, size in (("X", x), ("B", p)))
+        commands, by_delay = u, ca.SX(u.numel(), len(self.by))
+        if self._late is not None:
+            late = ca.SX.sym("late", u.numel())
+            commands = ca.vertcat(u, late)
+            if self._late in self.by:
+                by_delay[:, self.by.index(self._late)] = late
+        slope = ca.jtimes(y, ca.vertcat(x, u, p), ca.vertcat(moved, by_delay, turned)) if self.by else ca.SX()
         outputs = ca.cse([ca.densify(ca.vertcat(y, ca.vec(slope)))])
         inputs = [ca.vertcat(x, ca.vec(moved)), commands, w, ca.vertcat(p, ca.vec(turned))]
         return ca.Function(name, inputs, outputs, ["x", "u", "w", "p"], ["xd"])

@@ -23,7 +23,7 @@ from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
-from continuum_grasp.identification.path_block import block_of
+from continuum_grasp.identification.path_block import block_of, of_one_code
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, questionable, too_far
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
@@ -224,8 +224,9 @@ def posed(
     scene, note = resolved(scene)
     unknowns = [] if sought is None else read_unknowns(scene, sought)
     pairs, blocks = _measurements(scene, data, beside), list[Block]()
-    for pair in pairs:
-        blocks.append(block_of(resolved(pair.scene or scene)[0], pair, unknowns))
+    scenes = of_one_code([(resolved(pair.scene or scene)[0], pair) for pair in pairs], unknowns)
+    for own, pair in zip(scenes, pairs, strict=True):
+        blocks.append(block_of(own, pair, unknowns))
         if progress is not None:
             progress(len(blocks) / len(pairs))
     return Task(scene, note, Problem(blocks, unknowns))
@@ -240,7 +241,7 @@ def _finer(problem: Problem, values: Array) -> Array | None:
         if len(model.lengths) > _MOST or block.own:
             return None
         try:
-            finer = block.again(problem.sought, scene=refined(block.scene, model))
+            finer = block.again(problem.sought, scene=refined(block.scene, model), by=())
             predictions.append(finer.predict(values[columns])[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,13 +17,15 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
-from continuum_grasp.errors import NumericalError
+from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, entries_of
 from continuum_grasp.identification.data import Data, Poses, TipPath, column
 from continuum_grasp.identification.driven import Driven, MeasuredStart
 from continuum_grasp.identification.observation import check_tensions
-from continuum_grasp.identification.rows import Shapes
+from continuum_grasp.identification.rows import Shapes, runtime_names
 from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.model import FingerModel
+from continuum_grasp.model.parameters import nominal_values
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
 from continuum_grasp.simulation.trajectory import acting_input
@@ -31,6 +34,30 @@ from continuum_grasp.simulation.trajectory import acting_input
 def block_of(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
     """The set of measurements of a kind, predicted by the model of a scene."""
     return (PosesBlock if isinstance(data, Poses) else PathBlock)(scene, data, unknowns)  # type: ignore[arg-type]
+
+
+def of_one_code(pairs: Sequence[tuple[Scene, Data]], unknowns: Sequence[Unknown]) -> list[Scene]:
+    """The scene of each set; of motions, it has numbers in which scenes differ, such as a mass, as run-time arguments.
+
+    Models that differ in nothing else have the same code, which is compiled once. What would change the family or the
+    states of a model stays as it is.
+    """
+    moving = [isinstance(data, TipPath) for _, data in pairs]
+    values = [nominal_values(scene.finger, scene.gravity, ()) for scene, _ in pairs]
+    there = [own for own, moves in zip(values, moving, strict=True) if moves]
+    differ = [name for name, value in values[0].items() if any(own.get(name) != value for own in there)]
+    scenes = []
+    for (scene, _), own, moves in zip(pairs, values, moving, strict=True):
+        if moves and differ:
+            plain = FingerModel(scene, parameters=runtime_names(scene, unknowns))
+            names = dict.fromkeys((*scene.parameters, *(name for name in differ if name in own)))
+            changed = scene.model_copy(update={"parameters": tuple(names)})
+            with suppress(InputError):
+                model = FingerModel(changed, parameters=runtime_names(changed, unknowns))
+                if (model.family, model.x_names) == (plain.family, plain.x_names):
+                    scene = changed
+        scenes.append(scene)
+    return scenes
 
 
 _MOST_STEPS = 200_000
@@ -44,11 +71,13 @@ class PathBlock(Block):
 
     moves = ordered = True
 
-    def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
-        super().__init__(scene, data, unknowns)
+    def __init__(
+        self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown], by: Sequence[int] | None = None
+    ) -> None:
+        super().__init__(scene, data, unknowns, by)
         readings = data.measured
         self._t = t = column(f"{data.name}.t", data.t)
-        driven = Driven(scene, unknowns, readings)
+        driven = Driven(scene, unknowns, readings, by=by)
         check_tensions(driven.model, readings, data.name)
         self._count, self._shape, self._initial, self._begins = len(unknowns), None, scene.initial, float(t[0])
         if data.start == "estimated":
@@ -57,7 +86,7 @@ class PathBlock(Block):
             measured = MeasuredStart(driven.model, readings, t, acting, data.name)
             self.own = measured.unknowns(data.start_sigma)
             passed = measured.before(data.before) if driven.model.friction_names else []
-            driven = Driven(scene, [*unknowns, *self.own], readings, passed)
+            driven = Driven(scene, [*unknowns, *self.own], readings, passed, by)
         else:
             self._begins, self._shape = 0.0, _start_rows(driven.scene, unknowns, data.name)
         driven.check(unknowns, data.name)
@@ -81,7 +110,8 @@ class PathBlock(Block):
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         states, p, delay = self._moved(values, until)
-        count, size = len(values), self._driven.readings.size1_out(0) // (1 + len(values))
+        count = len(self._driven.by)
+        size = self._driven.readings.size1_out(0) // (1 + count)
         inputs = self._driven.commands(self._t, delay), self._driven.signals.w(self._t), np.tile(p, (self._t.size, 1))
         both = np.array(self._read(states.T, *(rows.T for rows in inputs)))
         slopes = both[size:].reshape(count, size, self._t.size)
@@ -103,9 +133,9 @@ class PathBlock(Block):
         driven = self._driven
         p, delay = driven.parameters(values), driven.delay(values)
         start, slope = self._begin(values, delay, p)
-        grid, acting = self._settle(start, p), np.concatenate([p, driven.turned.ravel(order="F")])
+        grid, acting = self._settle(start, p), np.concatenate([p, driven.turned[:, driven.by].ravel(order="F")])
         steps = grid.steps_to(until - self._begins)
-        whole = np.concatenate([start, slope.ravel(order="F")])[None]
+        whole = np.concatenate([start, slope[:, driven.by].ravel(order="F")])[None]
         # a Runge-Kutta step takes inputs and forces at its start, middle and end
         halves: Array = np.linspace(0.0, steps * grid.spacing, 2 * steps * grid.substeps + 1) + self._begins
         at = halves[:1] if driven.signals.constant else halves

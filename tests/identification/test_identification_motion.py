@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification import Estimate, Reading, TipPath
-from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.path_block import PathBlock, of_one_code
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Fidelity, Scene, Timing
 from tests.identification_cases import ROD, at_tip, coverage, path_of, release, slope_error
@@ -52,6 +53,21 @@ def test_derivatives_of_paths(instants):
     block = PathBlock(scene, TipPath(t, at_tip(0 * t, 0 * t)), unknowns)
     values = np.array([55e9, 1.3e-4, 0.01, 0.018, 0.1, 0.021])
     assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-7
+
+
+def test_sets_that_differ_in_a_mass_share_their_code():
+    t = np.linspace(0.01, 0.1, 10)
+    path, masses = TipPath(t, at_tip(0 * t, 0 * t)), (0, 10, 50)
+    unknowns = read_unknowns(scene_of(0), NAMES)
+    pairs = [(scene_of(grams), path) for grams in masses]
+    blocks = [PathBlock(scene, path, unknowns, by=[1]) for scene in of_one_code(pairs, unknowns)]
+    assert len({rollout_source(block._run._step) for block in blocks}) == 1
+    values = np.array([55e9, 1.3e-4, 0.01])
+    for (scene, _), block in zip(pairs, blocks, strict=True):
+        predictions, slopes = PathBlock(scene, path, unknowns).predict(values)
+        own, by_damping = block.predict(values)
+        np.testing.assert_allclose(own, predictions, rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(by_damping[:, 0], slopes[:, 1], rtol=1e-7, atol=1e-9 * abs(slopes[:, 1]).max())
 
 
 @pytest.mark.parametrize(
