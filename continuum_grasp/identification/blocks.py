@@ -16,7 +16,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import UNIT_OF, Data, Poses, TipPath
-from continuum_grasp.identification.observation import at_rest, check_tensions
+from continuum_grasp.identification.observation import check_tensions, observed
 from continuum_grasp.identification.rows import Resting, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.identification.vibrations import Vibrations
@@ -176,6 +176,7 @@ class PosesBlock(Block):
         self.ordered, self._by = data.sequence, slice(None) if by is None else list(by)
         rows = data.conditions, data.rows
         self._shapes = Shapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
+        self.followed = self._shapes.start
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
         model, still = self._shapes.model, [reading for reading in data.measured if not reading.of_mode]
         check_tensions(model, still, data.name)
@@ -183,7 +184,11 @@ class PosesBlock(Block):
         history = ca.SX.sym("history", len(model.friction_names) + bool(model.friction_names))
         past = (history,) if model.friction_names else ()
         beside = ca.SX.sym("offsets", len(still))
-        y = at_rest(model, still, q, u, p, *past, offsets=beside)
+
+        def drives() -> list[ca.SX]:
+            return [at_rest()(q, u, p, *past) for at_rest in (model.tensions_at_rest, model.drives_at_rest)]
+
+        y = observed(model, still, q, u, p, drives, beside)
         self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
         offsets = [np.broadcast_to(reading.offset, data.rows) for reading in still]
         self._offsets = np.array(offsets).T.reshape(data.rows, -1)
@@ -193,16 +198,9 @@ class PosesBlock(Block):
         numbers = np.arange(1.0, data.rows + 1.0)
         self.entries = entries_of(data, numbers, self._fitted, scene.finger.rod.length)
 
-    @property
-    def followed(self) -> Any:
-        return list(self._shapes.last)
-
-    @followed.setter
-    def followed(self, followed: Any) -> None:
-        self._shapes.last = list(followed)
-
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
-        predictions = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
+        self.followed = self._shapes.all(values, self.followed)
+        predictions = [self._row(row, resting) for row, resting in enumerate(self.followed)]
         return np.concatenate([y for y, _ in predictions]), np.concatenate([d for _, d in predictions])[:, self._by]
 
     def possible(self, tried: Sequence[Array]) -> tuple[NDArray[np.intp], Array]:
@@ -211,10 +209,11 @@ class PosesBlock(Block):
         These are (values, K, readings, unknowns).
         """
         derivatives: dict[int, list[Array]] = {row: [] for row in range(len(self._fitted))}
+        last = list(self.followed)
         for values in tried:
             for row in list(derivatives):
                 with suppress(SolverError):
-                    resting = self._shapes.row(row, values)
+                    last[row] = resting = self._shapes.row(row, values, last[row])
                     if self._shapes.use(resting).max() <= 1.0 and self._shapes.stable(resting):
                         derivatives[row].append(self._row(row, resting)[1])
                         continue
@@ -223,7 +222,8 @@ class PosesBlock(Block):
         return np.array(list(derivatives), dtype=np.intp), slopes.swapaxes(0, 1) if derivatives else slopes
 
     def bent(self, values: Array) -> Bent:
-        rows, model = list(self._shapes.all(values)), self._shapes.model
+        self.followed = rows = self._shapes.all(values, self.followed)
+        model = self._shapes.model
         u, _, p = np.split(np.array([row.z for row in rows]), np.cumsum([model.nu, model.nw]), axis=1)
         return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([row.q for row in rows]), u, p, False)
 

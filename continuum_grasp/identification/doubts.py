@@ -170,49 +170,49 @@ def _judged(
     return share, float(step[-1]), float(inference.deviations[-1])
 
 
+_LAWS = {
+    "softening_ratio": (
+        "stiffness",
+        ("softening", "stops"),
+        "it stiffens where it is bent far",
+        "it softens where it is bent far, which dry friction does, too, that sticks before it slips",
+    ),
+    "quadratic_damping": (
+        "damping",
+        ("dry friction", "tendon friction", "drag"),
+        "large swings lose more of it, as the drag of the air makes them",
+        "small swings lose more of it, as dry friction makes them, of the bending or in the tendons",
+    ),
+}
+"""Laws that are tried, by the number of each: what they are of, laws beside the linear one that the model may have, and
+what is wrong where the number comes out greater, and less."""
+
+
 def _words(problem: Problem, further: Unknown, step: float, deviation: float) -> str:
-    if further.target == _WIDTH:
-        there = _has(problem)
-        friction = there["dry friction"] or there["tendon friction"]
-        memory = "of another law than the model's" if friction else "which the model does not have"
-        width = f"by {2.0 * abs(step):.2g} {further.unit}"
-        return f"rows depend on the direction of loading, {width}: friction with memory, {memory} ({further.name})"
     if further.target in _SLIPS:
         cause = "their times or conditions are not those of the scene"
         if further.target == _ORIGIN:
             cause = "their origin is not that of the scene, or finger.base.position is elsewhere"
         return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}: {cause}"
-    if further.target == "softening_ratio":
-        law = "it stiffens where it is bent far"
-        if step < 0.0:
-            law = "it softens where it is bent far, which dry friction does, too, that sticks before it slips"
-        what = _law("stiffness", problem)
-    else:
-        law = "large swings lose more of it, as the drag of the air makes them"
-        if step < 0.0:
-            law = "small swings lose more of it, as dry friction makes them, of the bending or in the tendons"
-        what = _law("damping", problem)
-    return f"{what} does not fit: {law} ({further.name} is off by {step:.2g} +/- {deviation:.2g} {further.unit})"
-
-
-def _has(problem: Problem) -> dict[str, bool]:
-    """Laws beside the linear ones that the model has, or is to find."""
-    estimated, fingers = {unknown.target for unknown in problem.unknowns}, problem.fingers
-    return {
+    estimated = {unknown.target for unknown in problem.unknowns}
+    fingers = [block.finger for block in problem.blocks if block.finger is not None]
+    there = {
         "softening": any(finger.softening is not None for finger in fingers),
         "stops": any(finger.stops is not None for finger in fingers),
         "dry friction": any(finger.damping.dry_friction for finger in fingers),
         "tendon friction": "tendon_friction" in estimated or any(finger.has_tendon_friction for finger in fingers),
         "drag": "quadratic_damping" in estimated or any(finger.damping.quadratic > 0.0 for finger in fingers),
     }
-
-
-def _law(what: str, problem: Problem) -> str:
-    """The law in use, for messages."""
-    beside = {"stiffness": ("softening", "stops"), "damping": ("dry friction", "tendon friction", "drag")}[what]
-    there = _has(problem)
+    if further.target == _WIDTH:
+        friction = there["dry friction"] or there["tendon friction"]
+        memory = "of another law than the model's" if friction else "which the model does not have"
+        width = f"by {2.0 * abs(step):.2g} {further.unit}"
+        return f"rows depend on the direction of loading, {width}: friction with memory, {memory} ({further.name})"
+    what, beside, greater, less = _LAWS[further.target]
     has = [name for name in beside if there[name]]
-    return f"the law of {what} with {' and '.join(has)}" if has else f"a linear law of {what}"
+    law = f"the law of {what} with {' and '.join(has)}" if has else f"a linear law of {what}"
+    off = f"{further.name} is off by {step:.2g} +/- {deviation:.2g} {further.unit}"
+    return f"{law} does not fit: {less if step < 0.0 else greater} ({off})"
 
 
 def _readings(problem: Problem) -> list[tuple[int, str, NDArray[np.intp]]]:

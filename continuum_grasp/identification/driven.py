@@ -12,10 +12,10 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import START_SAMPLES, Reading, column
 from continuum_grasp.identification.least_squares import least_squares
-from continuum_grasp.identification.observation import at_rest, moving
+from continuum_grasp.identification.observation import observed
 from continuum_grasp.identification.rows import runtime_names, set_by, symbols, with_slopes
 from continuum_grasp.identification.unknowns import DELAY, LAG, START, Unknown
 from continuum_grasp.labels import split_unit
@@ -25,6 +25,7 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import friction_history
 from continuum_grasp.simulation.statics import friction_of
+from continuum_grasp.simulation.trajectory import acting_input
 
 _INSTANT = 1e-6
 """Half the distance of the instants between which a late command is differentiated by its delay [s]."""
@@ -59,7 +60,12 @@ class Driven:
         self._own, self.turned = set_by(unknowns, [split_unit(label)[0] for label in model.p_names])
         x, u, w, p = symbols(model, "x")
         self.variational = self._with_slopes("variational", model.forward_dynamics(x, u, w, p), x, u, w, p)
-        self.readings = self._with_slopes("readings", moving(model, readings, x, u, p), x, u, w, p)
+
+        def drives() -> list[ca.SX]:
+            return [model.tensions()(x, u, p)[0], x[2 * model.n : model.nx - len(model.friction_names)]]
+
+        y = observed(model, readings, x[: model.n], acting_input(model, x, u, p), p, drives)
+        self.readings = self._with_slopes("readings", y, x, u, w, p)
         q = ca.SX.sym("q", model.n)
         history = ca.SX.sym("history", model.structure.friction_states + bool(model.friction_names))
         past = (history,) if model.friction_names else ()
@@ -123,11 +129,6 @@ class Driven:
             slope[:, self._late] += by_u @ row[self.model.nu :]
         return state.ravel(), slope
 
-    def check(self, unknowns: Sequence[Unknown], name: str) -> None:
-        """Raise an InputError for a delay of inputs that do not vary."""
-        if self.signals.constant and any(unknown.target == DELAY for unknown in unknowns):
-            raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=name)
-
 
 class MeasuredStart:
     """Coordinates q and rates qd (n,) that minimize, with J the derivative of the readings with respect to q,
@@ -151,16 +152,12 @@ class MeasuredStart:
         self._scale = np.array([1.0 / length if reading.quantity in ("x", "y") else 1.0 for reading in readings])
         self._value, self._slope = self._scale * parabola[0], self._scale * parabola[1] / after[-1]
         q, u, w, p = symbols(model)
-        y = self._scale * at_rest(model, readings, q, u, p)
+        y = self._scale * observed(model, readings, q, u, p)
         inputs = [q, ca.vertcat(u, w, p), ca.SX.sym("target", self._value.size)]
         # 1e-4: weight of the squared coordinates per range beside that of the squared readings per length: what moves a
         # reading by less than a hundredth of the length stays small, and what is seen is off by a thousandth
-        smooth = np.sqrt(1e-4) / self._reach
-        near = ca.vertcat(y - inputs[2], smooth * q)
-        self._missed = ca.Function("missed", inputs, [near, ca.jacobian(near, q)])
-        self._slopes = ca.Function(
-            "slopes", inputs[:2], [ca.vertcat(ca.jacobian(y, q), smooth * self._slow * np.eye(model.n))]
-        )
+        near = ca.vertcat(y - inputs[2], np.sqrt(1e-4) / self._reach * q)
+        self._missed = ca.Function("missed", inputs, [near, ca.densify(ca.jacobian(near, q))])
         # least squares end near the minimum, from where Newton's method takes it to rounding: starts that repeat
         still = {"x": q, "p": ca.vertcat(*inputs[1:]), "g": ca.gradient(0.5 * ca.sumsqr(near), q)}
         self._still = ca.rootfinder("still", "newton", still, {"abstol": 1e-13})
@@ -173,8 +170,9 @@ class MeasuredStart:
             q = np.array(self._still(q, np.append(self._z, self._value))).ravel()
         except RuntimeError as error:  # of the root finder
             raise self._lost() from error
-        moved = np.append(self._slope, np.zeros(q.size))
-        return q, np.linalg.lstsq(np.array(self._slopes(q, self._z)), moved, rcond=None)[0]
+        slope = np.array(self._missed(q, self._z, self._value)[1])
+        slope[self._slope.size :] *= self._slow
+        return q, np.linalg.lstsq(slope, np.append(self._slope, np.zeros(q.size)), rcond=None)[0]
 
     def unknowns(self, bends: tuple[float, float] | None) -> list[Unknown]:
         """Coordinates and rates at the first sample, to be estimated from those that are read there.

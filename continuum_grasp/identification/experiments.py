@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
@@ -17,12 +18,12 @@ from continuum_grasp.identification.data import Reading, TipPath
 from continuum_grasp.identification.fit import applied, estimate_texts, table_of
 from continuum_grasp.identification.fitting import Measurements, posed, resolved, sources_of
 from continuum_grasp.identification.inference import infer
-from continuum_grasp.identification.information import Choice
+from continuum_grasp.identification.information import allotted, information
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Progress, with_sets
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
 from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
-from continuum_grasp.identification.unknowns import prior, read_unknowns
+from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.results.result import Result
@@ -211,25 +212,37 @@ def design_experiments(
             raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
     plain, names = plain_scene(scene), [data_set.name or f"data[{k}]" for k, data_set in designed]
     known, offered = _Known(scene, data, names, progress or (lambda share: None)), list[dict[str, str]]()
+    each, cautious, budgets = list[Array](), list[Array](), list[tuple[NDArray[np.intp], int]]()
     for number, (k, data_set) in enumerate(proposed):
         cells, jacobians = _possible(number, data_set, plain, known, f"data[{k}]")
-        known.offer(jacobians, data_set.propose or 1)
+        budgets.append((len(each) + np.arange(len(cells)), data_set.propose or 1))
         offered += [{SET: names[number], **row} for row in cells]
+        each += list(jacobians[0])
+        # by the values at which it shows least: a shape that is about to buckle is most sensitive, to what is assumed
+        # as well
+        least = np.argmin(np.linalg.norm(jacobians * known.sizes, axis=(2, 3)), axis=0)
+        cautious += list(jacobians[least, np.arange(least.size)])
     motion = None
     if logged:
         targets = [(unknown.target, unknown.factor, unknown.added) for unknown in known.unknowns[: known.shared]]
         at_known = applied(plain, targets, known.values[: known.shared]) if known.scales else plain
         design = Design(at_known, patterns_of(plain), scene.excitation)
         motion = design.excited(lambda of: _read_along(of, *logged[0], known))
-    known.choose([*motion.by_segment.values()] if motion else ())
-    rows = [offered[k] for k in known.made]
+    there = information(np.vstack([known.rows, *(motion.by_segment.values() if motion else ())]), known.sizes)
+    counts = allotted(np.array([information(rows, known.sizes) for rows in cautious]), there, known.shared, budgets)
+    made = np.repeat(np.arange(counts.size), counts).tolist()
+    rows = [offered[k] for k in made]
     headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
     filled = [_read_back(data_set, name) for name, (_, data_set) in zip(names, proposed, strict=False)]
     reading = (*known.sets, *filled, *(data_set for _, data_set in logged))
     return plan_of(
-        known,
+        known.unknowns,
         motion,
         plain,
+        known.shared,
+        known.rows,
+        each,
+        made,
         pose_headings=headings,
         pose_rows=tuple(tuple(row.get(heading, "") for heading in headings) for row in rows),
         configuration=scene.model_copy(update={"data": reading}),
@@ -258,13 +271,27 @@ def _possible(
     return proposals, known.whitened(number, slopes, block, key)
 
 
-def plan_of(choice: Choice, motion: Excited | None, scene: Scene, **further: Any) -> ExperimentPlan:
-    """Plan of the experiments that were chosen, and of a motion; ``further`` fields are added, or replace the same."""
-    offered, along = list(choice.offered), motion.by_segment if motion else {}
-    chosen = {f"pose {k}": offered[index] for k, index in enumerate(choice.made, 1)} | along
-    free, shared = [unknown._replace(lower=-np.inf, upper=np.inf) for unknown in choice.unknowns], choice.shared
+def plan_of(
+    unknowns: Sequence[Unknown],
+    motion: Excited | None,
+    scene: Scene,
+    shared: int | None = None,
+    known: Array | None = None,
+    offered: Sequence[Array] = (),
+    made: Iterable[int] = (),
+    **further: Any,
+) -> ExperimentPlan:
+    """Plan of a motion, and of the experiments that are ``made`` of those that are ``offered``.
+
+    What is offered, and ``known`` already, are derivatives (readings, n) by all unknowns, per standard deviation; the
+    first ``shared`` unknowns, or all, count. ``further`` fields are added, or replace the same.
+    """
+    along = motion.by_segment if motion else {}
+    chosen = {f"pose {k}": offered[index] for k, index in enumerate(made, 1)} | along
+    free = [unknown._replace(lower=-np.inf, upper=np.inf) for unknown in unknowns]
+    values, known = np.array([unknown.start for unknown in free]), np.zeros((0, len(free))) if known is None else known
     before, after, every = (
-        infer(free, choice.values, np.vstack([choice.rows, *rows]), None, shared=shared)
+        infer(free, values, np.vstack([known, *rows]), None, shared=shared)
         for rows in ([], chosen.values(), [*offered, *along.values()])
     )
     warnings = [warning.replace("the data", "these experiments") for warning in after.warnings]
@@ -288,7 +315,7 @@ def plan_of(choice: Choice, motion: Excited | None, scene: Scene, **further: Any
     return ExperimentPlan(
         names=tuple(unknown.name for unknown in free[:shared]),
         units=tuple(unknown.unit for unknown in free[:shared]),
-        values=choice.values[:shared],
+        values=values[:shared],
         before=before.deviations[:shared],
         deviations=after.deviations[:shared],
         shares=each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300),
@@ -300,11 +327,13 @@ def plan_of(choice: Choice, motion: Excited | None, scene: Scene, **further: Any
     )
 
 
-class _Known(Choice):
-    """Knowledge before the design of sets with some names, and the choice of experiments that begins with it.
+class _Known:
+    """Knowledge before the design of sets with some names.
 
-    ``sought`` are the unknowns of each set, ``columns`` those of each set that is designed, among all; ``sets`` are the
-    data that are measured already, ``scales`` the standard deviations of their readings, by group.
+    ``values`` (n,) are those of all unknowns, ``sizes`` typical ones, ``rows`` (rows, n) the derivatives of what is
+    known already, per standard deviation. ``sought`` are the unknowns of each set, ``columns`` those of each set that
+    is designed, among all, of which all sets have the first ``shared``; ``sets`` are the data that are measured
+    already, ``scales`` the standard deviations of their readings, by group.
     """
 
     def __init__(self, scene: IdentifyScene, data: Measurements, names: Sequence[str], report: Progress) -> None:
@@ -322,13 +351,15 @@ class _Known(Choice):
             rows = problem.weighted(solution)[0][: problem.fitted.sum()]
             groups = (entry.group for entry in problem.entries)
             self.scales = dict(zip(groups, solution.sigma.tolist(), strict=True))
-        shared = sum(not unknown.per_set for unknown in unknowns)
-        fresh = iter(unknowns[:shared])
+        self.shared = sum(not unknown.per_set for unknown in unknowns)
+        fresh = iter(unknowns[: self.shared])
         self.sought = [unknown if unknown.per_set else next(fresh) for unknown in sought]
-        unknowns, self.columns = with_sets(unknowns, self.sought, [(name, ()) for name in names])
+        self.unknowns, self.columns = with_sets(unknowns, self.sought, [(name, ()) for name in names])
+        self.values = np.array([unknown.start for unknown in self.unknowns])
+        self.sizes = np.array([unknown.typical for unknown in self.unknowns])
         self.sets: tuple[DataSet, ...] = scene.data if paths else ()
-        whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
-        super().__init__(unknowns, shared, np.vstack([whole, prior(unknowns, np.zeros(len(unknowns)))[1]]))
+        whole = np.pad(rows, ((0, 0), (0, self.values.size - rows.shape[1])))
+        self.rows = np.vstack([whole, prior(self.unknowns, self.values)[1]])
 
     def whitened(self, number: int, slopes: Array, block: Block, key: str) -> Array:
         """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""

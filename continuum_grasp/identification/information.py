@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.identification.unknowns import Unknown
 
 
 def information(jacobian: Array, sizes: Array) -> Array:
@@ -62,37 +61,3 @@ def allotted(
                     counts[other] += 1
                     total, reached, exchanged = total - each[pick] + each[other], variance_sum, True
     return counts
-
-
-class Choice:
-    """Experiments on unknowns, of which those are chosen that show most of the first ``shared``, those of all sets.
-
-    ``values`` are those at which experiments are judged, ``rows`` (rows, n) the derivatives of what is known already,
-    per standard deviation. ``made`` are numbers of those that are made, of what is ``offered``, as often as they are.
-    """
-
-    def __init__(self, unknowns: Sequence[Unknown], shared: int, rows: Array) -> None:
-        self.unknowns, self.shared, self.rows = list(unknowns), shared, rows
-        self.values, self._sizes = (
-            np.array(column) for column in zip(*((v.start, v.typical) for v in unknowns), strict=True)
-        )
-        self.offered, self._cautious, self.made = list[Array](), list[Array](), list[int]()
-        self._budgets = list[tuple[NDArray[np.intp], int]]()
-
-    def offer(self, jacobians: Array, most: int) -> None:
-        """Offer K experiments, of which so many are made, by their derivatives (values, K, readings, n).
-
-        The first of the values are those that are assumed. An experiment is chosen by the values at which it shows
-        least: a shape that is about to buckle is most sensitive, to what is assumed as well.
-        """
-        self._budgets.append((len(self.offered) + np.arange(jacobians.shape[1]), most))
-        self.offered += list(jacobians[0])
-        least = np.argmin(np.linalg.norm(jacobians * self._sizes, axis=(2, 3)), axis=0)
-        self._cautious += list(jacobians[least, np.arange(least.size)])
-
-    def choose(self, along: Sequence[Array]) -> None:
-        """Choose among what is offered, beside what is read along a motion (readings, n)."""
-        offered = np.array([information(jacobian, self._sizes) for jacobian in self._cautious])
-        known = information(np.vstack([self.rows, *along]), self._sizes)
-        counts = allotted(offered, known, self.shared, self._budgets)
-        self.made = np.repeat(np.arange(counts.size), counts).tolist()

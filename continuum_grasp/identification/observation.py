@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import casadi as ca
@@ -13,49 +13,25 @@ from continuum_grasp.identification.data import Reading
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import Motor
 from continuum_grasp.scene.consumer import needs
-from continuum_grasp.simulation.trajectory import acting_input
 
 
-def at_rest(
+def observed(
     model: FingerModel,
     readings: Sequence[Reading],
     q: ca.SX,
     u: ca.SX,
     p: ca.SX,
-    *history: ca.SX,
+    drives: Callable[[], Sequence[ca.SX]] = tuple,
     offsets: ca.SX | None = None,
 ) -> ca.SX:
-    """Readings of a finger at rest; ``history`` is that of tendon friction, where there is any.
+    """Readings of a finger, where ``drives`` gives tensions of its tendons and states of its drives.
 
     ``offsets`` (readings) [m] replace those of the readings, which may differ from row to row. InputError if a position
     is not on the finger, or a drive is not one of it.
     """
-    drives = []
-    if any(reading.of_drive for reading in readings):
-        drives = [give()(q, u, p, *history) for give in (model.tensions_at_rest, model.drives_at_rest)]
-    return _observed(model, readings, q, u, p, drives, offsets)
-
-
-def moving(model: FingerModel, readings: Sequence[Reading], x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
-    """Readings of a finger that moves; errors as of ``at_rest``."""
-    drives = []
-    if any(reading.of_drive for reading in readings):
-        drives = [model.tensions()(x, u, p)[0], x[2 * model.n : model.nx - len(model.friction_names)]]
-    return _observed(model, readings, x[: model.n], acting_input(model, x, u, p), p, drives)
-
-
-def _observed(
-    model: FingerModel,
-    readings: Sequence[Reading],
-    q: ca.SX,
-    u: ca.SX,
-    p: ca.SX,
-    drives: Sequence[ca.SX],
-    offsets: ca.SX | None = None,
-) -> ca.SX:
-    """Readings, where ``drives`` are tensions of tendons and states of drives, for those of drives."""
+    at_drives = drives() if any(reading.of_drive for reading in readings) else ()
     values = [
-        _at_drive(model, reading, u, *drives)
+        _at_drive(model, reading, u, *at_drives)
         if reading.of_drive
         else _along(model, reading, q, u, p, reading.offset if offsets is None else offsets[k])
         for k, reading in enumerate(readings)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from types import SimpleNamespace
-from typing import Any
+from typing import cast
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from continuum_grasp.identification.data import Data, Poses, TipPath, column
 from continuum_grasp.identification.driven import Driven, MeasuredStart
 from continuum_grasp.identification.observation import check_tensions
 from continuum_grasp.identification.rows import Shapes, runtime_names
-from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.identification.unknowns import DELAY, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.parameters import nominal_values
 from continuum_grasp.scene.simulate import Scene
@@ -89,24 +89,16 @@ class PathBlock(Block):
             driven = Driven(scene, [*unknowns, *self.own], readings, passed, by)
         else:
             self._begins, self._shape = 0.0, _start_rows(driven.scene, unknowns, data.name)
-        driven.check(unknowns, data.name)
+        if driven.signals.constant and any(unknown.target == DELAY for unknown in unknowns):
+            raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=data.name)
         self._driven, self._model = driven, driven.model
         self.kinked, self.free = bool(driven.model.friction_names), driven.signals.constant
         self._core = Core(driven.model, compiled=False)
         self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=driven.variational), "rk4"))
-        self._settled: tuple[Array, float, _Grid] | None = None  # parameters, steps per second, and these steps
+        # shapes at the start; and parameters, steps per second, and these steps
+        self.followed = None if self._shape is None else self._shape.start, None
         self._read = driven.readings.map(t.size)
         self.entries = entries_of(data, t, np.full(t.size, data.fitted), scene.finger.rod.length)
-
-    @property
-    def followed(self) -> Any:
-        return None if self._shape is None else list(self._shape.last), self._settled
-
-    @followed.setter
-    def followed(self, followed: Any) -> None:
-        shapes, self._settled = followed
-        if self._shape is not None:
-            self._shape.last = list(shapes)
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         states, p, delay = self._moved(values, until)
@@ -155,7 +147,9 @@ class PathBlock(Block):
         if self.own:
             x[: 2 * n], slope[: 2 * n, count:] = values[count:], np.eye(2 * n)
         elif self._shape is not None:
-            resting = next(self._shape.all(values))
+            last, settled = self.followed
+            (resting,) = shapes = self._shape.all(values, last)
+            self.followed = shapes, settled
             x[:n], slope[:n] = resting.q, resting.by_q
         elif self._initial.q is not None:
             model.structure.check_initial(self._initial)
@@ -171,18 +165,19 @@ class PathBlock(Block):
         Other steps have another error, which a search would take for a change of the parameters.
         """
         # 0.1: relative change of parameters from which the steps are chosen anew; smaller ones are within their margin
-        if self._settled is not None and np.allclose(p, self._settled[0], rtol=0.1, atol=0.0):
-            return self._settled[2]
+        shapes, settled = self.followed
+        if settled is not None and np.allclose(p, settled[0], rtol=0.1, atol=0.0):
+            return cast(_Grid, settled[2])
         signals, model = self._driven.signals, self._model
-        shapes = sample_shapes(model, start[: model.n])[:_SHAPES]
-        radius = spectral_radius(self._core, shapes, signals.u(0.0)[0], signals.w(0.0)[0], p)
+        sampled = sample_shapes(model, start[: model.n])[:_SHAPES]
+        radius = spectral_radius(self._core, sampled, signals.u(0.0)[0], signals.w(0.0)[0], p)
         # 2.0: steps per step of a simulation: a sixteenth of its error, so that the steps do not pass for parameters
         rate = 2.0 * radius / TARGET_RADIUS
         if not np.isfinite(rate):
             raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
-        if self._settled is not None and 0.5 * self._settled[1] < rate <= self._settled[1]:
-            self._settled = (p, *self._settled[1:])
-            return self._settled[2]
+        if settled is not None and 0.5 * settled[1] < rate <= settled[1]:
+            self.followed = shapes, (p, *settled[1:])
+            return cast(_Grid, settled[2])
         grid = _Grid(self._t - self._begins, rate)
         count = grid.steps * grid.substeps
         if count > _MOST_STEPS:
@@ -192,7 +187,7 @@ class PathBlock(Block):
                 "bounds on stiffness and damping, or instants that count from the start of the motion (zero of t)",
                 time=0.0,
             )
-        self._settled = (p, rate, grid)
+        self.followed = shapes, (p, rate, grid)
         return grid
 
 

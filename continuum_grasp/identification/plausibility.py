@@ -7,10 +7,10 @@ of another frame, unit or finger than the scene says: the fit is refused, and th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from copy import copy
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -191,7 +191,7 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     There are no misfits ``left`` where no parameters were found.
     """
     before = _total(left) if left else math.inf
-    tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
+    tried: dict[str, tuple[float, Problem]] = {}
     everywhere = {block.name for block in problem.blocks}
     missed = {misfit.set for misfit in left if misfit.is_unexplained}
     measured = [(block.data, block.scene) for block in problem.blocks]
@@ -210,24 +210,28 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
             total = _total(misfits(trial, trial.predict(np.array([unknown.start for unknown in trial.unknowns]))[0]))
         except ContinuumGraspError:
             continue
-        tried[words] = total, partial(Problem, blocks, problem.sought)
+        tried[words] = total, trial
     # 4: slips with the least misfits at the start values whose parameters are sought anew: a search takes up to a
     # minute
     ranked = sorted(tried.items(), key=lambda attempt: np.nan_to_num(attempt[1][0], nan=math.inf))[:4]
     explained: list[tuple[float, str]] = []
-    for words, (total, undo) in ranked:
+    for words, (total, trial) in ranked:
         if total <= max(_BETTER * ranked[0][1][0], _NOTHING):
-            explained += _refitted(words, undo, before)
+            explained += _refitted(words, trial, before)
     if not explained and any(entry.quantity in ("x", "y") for entry in problem.entries):
-        explained = _refitted("the base is elsewhere", partial(_elsewhere, problem), before)
+        known = {unknown.name for unknown in problem.sought}
+        with suppress(ContinuumGraspError):
+            more = read_unknowns(problem.blocks[0].scene, [name for name in ADDED if name not in known])
+            sought = [*problem.sought, *more]
+            elsewhere = Problem([block.again(sought) for block in problem.blocks], sought)
+            explained = _refitted("the base is elsewhere", elsewhere, before)
     least = min((total for total, _ in explained), default=0.0)
     return tuple(text for total, text in explained if total <= max(_BETTER * least, _NOTHING))
 
 
-def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tuple[float, str]]:
+def _refitted(words: str, trial: Problem, before: float) -> list[tuple[float, str]]:
     """Misfit without a slip, and what to say of it; nothing where it does not explain the measurements."""
     try:
-        trial = undo()
         solution = trial.solve(lambda share: None)
     except ContinuumGraspError:
         return []
@@ -241,14 +245,6 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
     by = f" ({shifts} off)" if shifts else ""
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
-
-
-def _elsewhere(problem: Problem) -> Problem:
-    """The problem with the place of the base, and its angle, sought as well."""
-    known = {unknown.name for unknown in problem.sought}
-    more = read_unknowns(problem.blocks[0].scene, [name for name in ADDED if name not in known])
-    sought = [*problem.sought, *more]
-    return Problem([block.again(sought) for block in problem.blocks], sought)
 
 
 def _undone(block: Block, slip: Slip, data: Data, scene: Scene, sought: Sequence[Unknown]) -> Block:

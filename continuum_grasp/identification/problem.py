@@ -14,7 +14,6 @@ from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.unknowns import Unknown, prior
-from continuum_grasp.scene.finger import Finger
 
 Progress = Callable[[float], None]
 
@@ -96,11 +95,6 @@ class Problem:
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
         self._iterations = self._evaluations = 0
-
-    @property
-    def fingers(self) -> list[Finger]:
-        """Fingers of all sets whose laws predict them."""
-        return [block.finger for block in self.blocks if block.finger is not None]
 
     @property
     def series(self) -> list[NDArray[np.intp]]:

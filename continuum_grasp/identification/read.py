@@ -176,7 +176,11 @@ def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) ->
     fitted = data_set.use == "fit"
     if isinstance(data_set, StaticPoses):
         points = _Points(data_set, table, scene, key, table.groups(data_set.pose), data_set.pose)
-        chosen = _chosen(len(points.groups), fitted, data_set.holdout_rows, key)
+        chosen = np.full(len(points.groups), fitted)
+        for row in data_set.holdout_rows:
+            if row > chosen.size:
+                raise InputError(f"row {row} of {chosen.size}", key=f"{key}.holdout_rows")
+            chosen[row - 1] = False
         conditions = {
             which: points.same(v, which) for which, v in _conditions(table, data_set.conditions, scene, key).items()
         }
@@ -388,15 +392,6 @@ def _ring_downs(
             raise InputError(f"{heading}: {error.message}", file=table.file) from None
     vibrations = [Reading(which, [getattr(sine, which) for sine in sines], of=ring_down.mode) for which in OF_MODES]
     return Poses(vibrations, {}, np.full(len(sines), ring_down.use == "fit"), scene, name)
-
-
-def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:
-    chosen = np.full(rows, fitted)
-    for row in holdout:
-        if row > rows:
-            raise InputError(f"row {row} of {rows}", key=f"{key}.holdout_rows")
-        chosen[row - 1] = False
-    return chosen
 
 
 def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key: str) -> dict[str, Array]:

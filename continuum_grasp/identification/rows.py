@@ -5,7 +5,7 @@ Equilibria are followed while loads and parameters change.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -60,9 +60,9 @@ class Shapes:
     """Equilibria of rows of measurements, and their derivatives by the unknowns.
 
     Conditions (rows,) are values by row of the argument z = [u, w, p] of the model, by its names; all others are the
-    scene's, at time zero. Each equilibrium is followed from the last one that was found for its row, in shorter steps
-    of z where Newton's method fails: a finger that can buckle keeps to its branch. Rows in ``sequence`` are followed
-    from one to the next instead, and the friction states with them. ``name`` is that of the data, for errors.
+    scene's, at time zero. Each equilibrium is followed from another one of its row, ``start`` at first, in shorter
+    steps of z where Newton's method fails: a finger that can buckle keeps to its branch. Rows in ``sequence`` are
+    followed from one to the next instead, and the friction states with them. ``name`` is that of the data, for errors.
     InputError if a condition is unknown, or is to be estimated; SolverError if the scene has no equilibrium.
     """
 
@@ -104,7 +104,7 @@ class Shapes:
         # Measured shapes were pulled, unless the scene says otherwise.
         start = equilibrium_under(model, *acting, **friction_of(scene.initial, model, needed=False))
         flat = [np.zeros((size, len(unknowns))) for size in (nominal.size, model.n, start.history.size)]
-        self.last = [Resting(nominal, start.q, start.history, *flat)] * rows
+        self.start = [Resting(nominal, start.q, start.history, *flat)] * rows
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         q, u, w, p = symbols(model)
         z, history = ca.vertcat(u, w, p), ca.SX.sym("history", start.history.size)
@@ -119,21 +119,19 @@ class Shapes:
             carried = ca.vertcat(clipped(history[:-1] + history[-1] * slid) - slid, 1.0)
         self._carried = with_slopes("carried", carried, q, z, history)
 
-    def all(self, values: Array) -> Iterator[Resting]:
-        """The rows, one by one; SolverError if one cannot be followed there."""
-        before = None
-        for row in range(len(self.last)):
+    def all(self, values: Array, last: Sequence[Resting]) -> list[Resting]:
+        """The rows, followed from where they were ``last``; SolverError if one cannot be followed there."""
+        rows = list[Resting]()
+        for row, own in enumerate(last):
             # Of a sequence the first row has the scene's own history, each of the others that of the one before.
-            before = self.row(row, values, before if self._sequence else None)
-            yield before
+            carried = self._sequence and row > 0
+            rows.append(self.row(row, values, rows[-1] if carried else own, carried=carried))
+        return rows
 
-    def row(self, row: int, values: Array, before: Resting | None = None) -> Resting:
-        """One row, by itself or with the friction of the row before; errors as of ``all``."""
-        z, by_values = self._own * self._table[row] + self._derivative @ values, self._derivative
-        if before is not None:
-            return self._follow(before, z, by_values, carried=True)
-        self.last[row] = self._follow(self.last[row], z, by_values, carried=False)
-        return self.last[row]
+    def row(self, row: int, values: Array, before: Resting, *, carried: bool = False) -> Resting:
+        """One row from another equilibrium, by itself or with its friction ``carried`` on; errors as of ``all``."""
+        z = self._own * self._table[row] + self._derivative @ values
+        return self._follow(before, z, self._derivative, carried)
 
     def _follow(self, before: Resting, z: Array, by_values: Array, carried: bool) -> Resting:
         """The equilibrium at z from another one, in steps; under its history, or with its friction carried on."""

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -128,38 +128,34 @@ def choose_law(
 
     InputError if there is nothing to hold out, SolverError if no law can be fitted.
     """
-    names, problems = list(candidates), list(candidates.values())
-    if problems[0].fitted.all():
+    any_of = next(iter(candidates.values()))
+    if any_of.fitted.all():
         raise InputError("laws are chosen by what they predict: hold rows or a set out", key="laws")
-    fits, failed, fitted = list[Solution | None](), list[str](), problems[0].fitted
-    for k, problem in enumerate(problems):
-        solution, why = None, ""
+    fits, verdicts = dict[str, Solution](), dict[str, str]()
+    for k, (name, problem) in enumerate(candidates.items()):
         try:
-            solution = problem.solve(lambda share: None)
+            fits[name] = problem.solve(lambda share: None)
         except (SolverError, NumericalError) as error:
-            why = f"not fitted: {error}"
-        fits.append(solution)
-        failed.append(why)
-        report((k + 1) / len(problems))
-    sigma = np.min([fit.sigma for fit in fits if fit is not None], axis=0, initial=math.inf)
-    missed = [None if fit is None else (fit.predictions - problems[0].measured) / sigma for fit in fits]
-    squares = [np.full(len(fitted), math.inf) if off is None else off**2 for off in missed]
-    within, errors = ([float(np.sqrt(np.mean(of[rows]))) for of in squares] for rows in (fitted, ~fitted))
-    best = int(np.argmin(errors))
-    if not math.isfinite(errors[best]):
+            verdicts[name] = f"not fitted: {error}"
+        report((k + 1) / len(candidates))
+    if not fits:
+        failed = [*verdicts.values()]
         raise SolverError("no law could be fitted", status="no fit", violated=failed, advice="fit them one by one")
-    numbers = [problem.shared for problem in problems]
-    alike = [
-        k
-        for k, squared in enumerate(squares)
-        if k == best or (fits[k] is not None and not _differ(problems[best], squared - squares[best]))
-    ]
-    chosen = min(alike, key=lambda k: (numbers[k], errors[k]))
-    verdicts = [
-        failed[k] or ("chosen" if k == chosen else "alike" if k in alike else "worse") for k in range(len(fits))
-    ]
-    trials = tuple(map(LawTrial._make, zip(names, numbers, within, errors, verdicts, strict=True)))
-    return names[chosen], cast(Solution, fits[chosen]), trials
+    sigma = np.min([fit.sigma for fit in fits.values()], axis=0)
+    squares = {name: ((fit.predictions - any_of.measured) / sigma) ** 2 for name, fit in fits.items()}
+    within, errors = (
+        dict.fromkeys(candidates, math.inf) | {name: float(np.sqrt(np.mean(of[rows]))) for name, of in squares.items()}
+        for rows in (any_of.fitted, ~any_of.fitted)
+    )
+    best = min(fits, key=lambda name: errors[name])
+    alike = [name for name in fits if name == best or not _differ(any_of, squares[name] - squares[best])]
+    chosen = min(alike, key=lambda name: (candidates[name].shared, errors[name]))
+    verdicts |= {name: "alike" if name in alike else "worse" for name in fits} | {chosen: "chosen"}
+    trials = tuple(
+        LawTrial(name, problem.shared, within[name], errors[name], verdicts[name])
+        for name, problem in candidates.items()
+    )
+    return chosen, fits[chosen], trials
 
 
 def _differ(problem: Problem, more: Array) -> bool:

@@ -115,7 +115,7 @@ class Fixed(Missed):
 def test_a_slip_explains_what_it_leaves_a_third_of(share, named):
     problem = Problem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE])
     before = 3.0 * 1e-3 / (0.05 * LENGTH)  # per what is plausible
-    assert bool(_refitted("a slip", lambda: problem, share * before)) == named
+    assert bool(_refitted("a slip", problem, share * before)) == named
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_a_slip_that_leaves_too_much_explains_nothing(limit, scatter, share, nam
     problem = Problem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE])
     left = Misfit("set", "positions", "m", share * 1e-3, limit, scatter)
     monkeypatch.setattr(plausibility, "misfits", lambda *_: [left])
-    assert bool(_refitted("a slip", lambda: problem, np.inf)) == named
+    assert bool(_refitted("a slip", problem, np.inf)) == named
 
 
 @pytest.mark.parametrize(("share", "warned"), [(0.999, False), (1.001, True)])

@@ -22,7 +22,6 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification.commissioning.bench import Bench, BenchBlock, Connected, Log
 from continuum_grasp.identification.experiments import ExperimentPlan, plan_of
-from continuum_grasp.identification.information import Choice
 from continuum_grasp.identification.segments import Design, patterns_of
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.control import ControlScene
@@ -100,7 +99,7 @@ def design_commissioning(
         return _limited(known, motion.u[:, : bench.model.nu])
 
     def rows(motion: Trajectory) -> Array:
-        _, slopes = block(motion.t, commands(motion)).predict(choice.values)
+        _, slopes = block(motion.t, commands(motion)).predict(np.array([unknown.start for unknown in unknowns]))
         return np.asarray(slopes.reshape(len(motion.t) - 1, len(names), -1) / sigma[:, None])
 
     def allowed(motion: Trajectory) -> bool:
@@ -109,14 +108,13 @@ def design_commissioning(
         return not exceeded
 
     unknowns = block(np.zeros(1), np.zeros((1, 1))).unknowns
-    choice = Choice(unknowns, len(unknowns), np.zeros((0, len(unknowns))))
     motion = design.excited(rows, allowed)
     if exceeded:
         raise InputError(f"no excitation is possible: it goes beyond the limit of {exceeded}", key="controller.bounds")
     to_bench = wiring_of(known.mounting, (), bench.model.u_names, "mounting").commands
     sent = np.array([to_bench(row) for row in commands(motion.rehearsal)])
     sent_names = tuple(COMMANDED + name for name in bench.model.u_names)
-    return plan_of(choice, motion, around, commands=sent, command_names=sent_names)
+    return plan_of(unknowns, motion, around, commands=sent, command_names=sent_names)
 
 
 def checked(scene: ControlScene | str | PathLike[str]) -> ControlScene:
