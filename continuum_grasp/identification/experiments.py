@@ -17,8 +17,7 @@ from continuum_grasp.identification.blocks import Block, PosesBlock
 from continuum_grasp.identification.data import Reading, TipPath
 from continuum_grasp.identification.fit import applied, estimate_texts, table_of
 from continuum_grasp.identification.fitting import Measurements, posed, resolved, sources_of
-from continuum_grasp.identification.inference import infer
-from continuum_grasp.identification.information import allotted, information
+from continuum_grasp.identification.inference import allotted, infer, information
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Progress, with_sets
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of

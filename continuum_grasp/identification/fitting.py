@@ -223,7 +223,11 @@ def posed(
     """
     scene, note = resolved(scene)
     unknowns = [] if sought is None else read_unknowns(scene, sought)
-    pairs, blocks = _measurements(scene, data, beside), list[Block]()
+    (paths, arrays), blocks = sources_of(data), list[Block]()
+    # those in files come first; the files that the scene names where nothing is given
+    pairs = arrays if arrays and not paths else [*read_data(scene, paths, beside=beside), *arrays]
+    if not pairs:
+        raise InputError("expected measurements, got none", key="data")
     scenes = of_one_code([(resolved(pair.scene or scene)[0], pair) for pair in pairs], unknowns)
     for own, pair in zip(scenes, pairs, strict=True):
         blocks.append(block_of(own, pair, unknowns))
@@ -252,17 +256,6 @@ def resolved(scene: Scene) -> tuple[Scene, str]:
     """The scene with a model in place of a tolerance, and what was chosen and why."""
     chosen, note = resolve_fidelity(plain_scene(scene))
     return scene.model_copy(update={"fidelity": chosen.fidelity}), note
-
-
-def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list[Data]:
-    """Given measurements, and those in given files, which come first; those that the scene names where none is given,
-    in the folder of its own file, ``beside``.
-    """
-    paths, arrays = sources_of(data)
-    measurements = arrays if arrays and not paths else [*read_data(scene, paths, beside=beside), *arrays]
-    if not measurements:
-        raise InputError("expected measurements, got none", key="data")
-    return measurements
 
 
 def sources_of(data: Measurements) -> tuple[list[Path], list[Data]]:

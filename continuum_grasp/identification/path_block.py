@@ -42,21 +42,19 @@ def of_one_code(pairs: Sequence[tuple[Scene, Data]], unknowns: Sequence[Unknown]
     Models that differ in nothing else have the same code, which is compiled once. What would change the family or the
     states of a model stays as it is.
     """
-    moving = [isinstance(data, TipPath) for _, data in pairs]
-    values = [nominal_values(scene.finger, scene.gravity, ()) for scene, _ in pairs]
-    there = [own for own, moves in zip(values, moving, strict=True) if moves]
-    differ = [name for name, value in values[0].items() if any(own.get(name) != value for own in there)]
-    scenes = []
-    for (scene, _), own, moves in zip(pairs, values, moving, strict=True):
-        if moves and differ:
-            plain = FingerModel(scene, parameters=runtime_names(scene, unknowns))
-            names = dict.fromkeys((*scene.parameters, *(name for name in differ if name in own)))
-            changed = scene.model_copy(update={"parameters": tuple(names)})
-            with suppress(InputError):
-                model = FingerModel(changed, parameters=runtime_names(changed, unknowns))
-                if (model.family, model.x_names) == (plain.family, plain.x_names):
-                    scene = changed
-        scenes.append(scene)
+    scenes = [scene for scene, _ in pairs]
+    moving = [k for k, (_, data) in enumerate(pairs) if isinstance(data, TipPath)]
+    values = {k: nominal_values(scenes[k].finger, scenes[k].gravity, ()) for k in moving}
+    known = dict.fromkeys(name for own in values.values() for name in own)
+    differ = [name for name in known if any(own.get(name) != values[moving[0]].get(name) for own in values.values())]
+    for k in moving if differ else ():
+        scene = scenes[k]
+        names = dict.fromkeys((*scene.parameters, *(name for name in differ if name in values[k])))
+        changed = scene.model_copy(update={"parameters": tuple(names)})
+        with suppress(InputError):
+            plain, model = (FingerModel(of, parameters=runtime_names(of, unknowns)) for of in (scene, changed))
+            if (model.family, model.x_names) == (plain.family, plain.x_names):
+                scenes[k] = changed
     return scenes
 
 

@@ -12,7 +12,7 @@ import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, design_experiments
-from continuum_grasp.identification.information import allotted, information
+from continuum_grasp.identification.inference import allotted, information
 from continuum_grasp.results.plain import yaml_text
 
 LENGTH, STIFFNESS, SIGMA = 0.2, 0.005, 0.01
