@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import shlex
+import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import named_path, option, verb
+from continuum_grasp.cli.options import named_path, option, out_option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.examples import Example
-
-
-import os
-import shutil
-from typing import Any
-
-from continuum_grasp.cli.options import out_option
 
 _FIRST = "grasp/mug"
 """The example of those who name none."""

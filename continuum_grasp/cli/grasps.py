@@ -7,22 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from continuum_grasp.cli.options import option, verb
+from continuum_grasp.cli.options import one_of, option, out_option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import SolverError
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.values import Reason
-
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from continuum_grasp.cli.options import out_option
-from continuum_grasp.errors import InputError
-
-if TYPE_CHECKING:
-    from continuum_grasp.sweeps import SweepTable
-
 
 _PICTURES = typer.Option("--pictures/--no-pictures", help="Draw a picture and write the HTML report.")
 
@@ -77,11 +67,12 @@ def design(output: Output) -> None:
     """Choose numbers of a finger or scene by gradient. The grasps of one or many objects become best."""
     from continuum_grasp.design import optimize_design
 
-    with output.computing("designing") as report:
-        optimum = optimize_design(
+    optimum, files = output.run(
+        "designing",
+        lambda report: optimize_design(
             output.config, progress=report, raise_on_failure=False, overrides=output.changes or ()
-        )
-    files = output.save(optimum)
+        ),
+    )
     output.report(
         optimum,
         files,
@@ -104,12 +95,15 @@ def sweep(
     output: Output,
     workers: int | None = option("Processes on this machine (default: all cores).", metavar="N", min=1, max=4096),
     scheduler: str | None = option("Work on a Dask cluster (extra: cluster).", metavar="tcp://HOST:PORT"),
-    keep: str = option("Of which runs to keep the files.", default="all", metavar="all|failed|none"),
+    keep: str = option(
+        "Of which runs to keep the files.",
+        default="all",
+        metavar="all|failed|none",
+        parser=one_of("all", "failed", "none"),
+    ),
     plot_only: bool = option("Compute nothing: draw what the table holds by now.", default=False),
 ) -> None:
     """Find the grasps of many scenes. Keys vary on a grid or at random; a sweep resumes after an interruption."""
-    if keep not in ("all", "failed", "none"):
-        raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
     folder = output.folder
     output.check_folder(alone=False)  # a sweep locks its table, which may be drawn while it grows
     if plot_only:
@@ -135,13 +129,8 @@ def sweep(
                 progress=lambda now: report(now.done / max(now.total, 1), now.text),
                 overrides=output.changes or [],
             )
-    _report(table, output, drawn=output.pictures or plot_only)
-
-
-def _report(table: SweepTable, output: Output, *, drawn: bool) -> None:
-    """Draw a table where that is wanted, and print what it holds."""
-    files: list[Path] = []
-    if drawn:
+    files = []
+    if output.pictures or plot_only:
         with output.drawing():
             files = output.drawn(table, table.folder)
     statistics = dict(table.statistics)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,15 +15,10 @@ from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.cli.progress import Progress
+    from continuum_grasp.identification.comparison import Predicted
     from continuum_grasp.identification.experiments import ExperimentPlan
     from continuum_grasp.identification.fit import Fit
-    from continuum_grasp.scene.simulate import FingerScene
-
-from typing import TYPE_CHECKING, Annotated
-
-if TYPE_CHECKING:
-    from continuum_grasp.identification.comparison import Predicted
-    from continuum_grasp.scene.simulate import Scene
+    from continuum_grasp.scene.simulate import FingerScene, Scene
 
 
 @verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
@@ -42,15 +37,11 @@ def compare(
 
 def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
     """Compare a scene with measurements, and save that."""
-    output.check_folder()
-
     from continuum_grasp.identification import compare as run
     from continuum_grasp.identification.read import located
 
     paths = list(data or located(scene, output.config.parent))
-    with output.busy("comparing") as report:
-        prediction = run(scene, paths, progress=report)
-    files = output.save(prediction)
+    prediction, files = output.run("comparing", lambda report: run(scene, paths, progress=report))
     show_channels(prediction, output)
     output.warn(prediction.warnings)
     output.pairs(output.saved_in(files))
@@ -113,17 +104,15 @@ def identify(
         if plan.status != "designed":
             raise typer.Exit(FAILED)
         return
-    output.check_folder()
 
     from continuum_grasp.identification import identify as run
     from continuum_grasp.identification.read import located
 
-    with output.busy("identifying") as report:
-        paths = data or located(scene, output.config.parent)
-        fit = run(scene, paths, accept_implausible=accept_implausible, progress=report)
-    applied = [(path, fit.apply(target)) for path, target in targets if fit.usable]
-    files = output.save(fit)
-    files += [_written(changed, output.folder, path) for path, changed in applied]
+    paths = data or located(scene, output.config.parent)
+    fit, files = output.run(
+        "identifying", lambda report: run(scene, paths, accept_implausible=accept_implausible, progress=report)
+    )
+    files += [_written(fit.apply(target), output.folder, path) for path, target in targets if fit.usable]
     show_parameters(fit, files, output)
     if fit.reason:
         output.warn([fit.verdict])
@@ -154,15 +143,12 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
             (law.name, str(law.numbers), f"{law.fitted:.3g}", f"{law.held_out:.3g}", law.verdict) for law in fit.laws
         )
         output.table(("law", "numbers", "fitted [deviations]", "held out [deviations]", ""), *rows)
-    output.table(
-        ("parameter", "value", "deviation", "95 % interval", "unit"),
-        *(
-            (name, f"{value:.6g}", f"{deviation:.2g}", f"{low:.6g} to {high:.6g}", unit)
-            for name, value, deviation, (low, high), unit in zip(
-                fit.names, fit.values, fit.deviations, fit.intervals, fit.units, strict=True
-            )
-        ),
+    columns = fit.names, fit.values, fit.deviations, fit.intervals, fit.units
+    parameters = (
+        (name, f"{value:.6g}", f"{deviation:.2g}", f"{low:.6g} to {high:.6g}", unit)
+        for name, value, deviation, (low, high), unit in zip(*columns, strict=True)
     )
+    output.table(("parameter", "value", "deviation", "95 % interval", "unit"), *parameters)
     of_sets = zip(fit.set_names, fit.set_values, fit.set_deviations, strict=True)
     shown = [(name, f"{value:.6g}", f"{deviation:.2g}") for name, value, deviation in of_sets][:_SHOWN]
     if shown:
@@ -185,23 +171,15 @@ def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
 
 def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> ExperimentPlan:
     """Design experiments that show unknowns, save and print them."""
-    output.check_folder()
-    with output.busy("designing") as report:
-        plan = design(report)
-    files = output.save(plan)
+    plan, files = output.run("designing", design)
     output.warn(plan.warnings)
     if plan.pose_rows:
         output.table(
             ("measure", *plan.pose_headings), *((f"pose {k}", *row) for k, row in enumerate(plan.pose_rows, 1))
         )
     if plan.segments:
-        output.table(
-            ("segment", "from", "to", "shows"),
-            *(
-                (segment.name, f"{segment.start:.3g} s", f"{segment.end:.3g} s", segment.shows)
-                for segment in plan.segments
-            ),
-        )
+        segments = ((each.name, f"{each.start:.3g} s", f"{each.end:.3g} s", each.shows) for each in plan.segments)
+        output.table(("segment", "from", "to", "shows"), *segments)
     columns = plan.names, plan.values, plan.before, plan.deviations, plan.units, plan.shown_by
     output.table(
         ("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"),
@@ -222,11 +200,9 @@ def commission(
         Path | None,
         typer.Argument(metavar="[LOG]", help="Table of commands and readings (CSV); none: plan the commands."),
     ] = None,
-    plant: Annotated[
-        bool, typer.Option("--plant", help="Play the plan on the configuration's simulated plant, and read its log.")
-    ] = False,
-    duration: Annotated[float, typer.Option("--duration", help="Duration of the plan [s].")] = 10.0,
-    reach: Annotated[float, typer.Option("--reach", help="Share of bending range and tensions that is used.")] = 0.6,
+    plant: bool = option("Play the plan on the configuration's simulated plant, and read its log.", default=False),
+    duration: float = option("Duration of the plan [s].", default=10.0),
+    reach: float = option("Share of bending range and tensions that is used.", default=0.6),
 ) -> None:
     """Find how a bench is mounted and connected.
 
@@ -248,16 +224,11 @@ def commission(
         design = replace(output, verb="experiments")
         show_plan(lambda _: design_commissioning(scene, duration=duration, reach=reach), design)
         return
-    output.check_folder()
-    with output.busy("commissioning") as report:
-        commissioning = run(scene, log, duration=duration, reach=reach, progress=report)
-    files = output.save(commissioning)
-    output.pairs(
-        {
-            "status": commissioning.status,
-            **{f"way {k}": alternative.what for k, alternative in enumerate(commissioning.alternatives, 1)},
-        }
+    commissioning, files = output.run(
+        "commissioning", lambda report: run(scene, log, duration=duration, reach=reach, progress=report)
     )
+    ways = {f"way {k}": alternative.what for k, alternative in enumerate(commissioning.alternatives, 1)}
+    output.pairs({"status": commissioning.status, **ways})
     show_parameters(commissioning, files, output)
     output.warn(commissioning.undetermined)
     if not commissioning.usable:
@@ -276,13 +247,10 @@ def replay(
     from continuum_grasp.scene.control import ControlScene
 
     scene = output.scene(ControlScene)
-    output.check_folder()
 
     from continuum_grasp.identification.replayed import replay as run
 
-    with output.busy("replaying") as report:
-        prediction = run(scene, log, progress=report)
-    files = output.save(prediction)
+    prediction, files = output.run("replaying", lambda report: run(scene, log, progress=report))
     show_channels(prediction, output)
     output.say("")
     output.report(prediction, files, **prediction.details())

@@ -23,11 +23,9 @@ def simulate(output: Output) -> None:
 
     from continuum_grasp.verbs import simulate as run
 
-    with output.computing("simulating") as report:
-        trajectory = run(scene, progress=report)
+    trajectory, files = output.run("simulating", lambda report: run(scene, progress=report))
     if note := trajectory.statistics.get("fidelity"):
         output.say(f"fidelity: {note}")
-    files = output.save(trajectory)
     energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
     values = {
         "duration": trajectory.t[-1],
@@ -53,9 +51,7 @@ def plan(
 
     from continuum_grasp.planning import plan as run
 
-    with output.computing("planning"):
-        motion = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
-    files = output.save(motion, speed)
+    motion, files = output.run("planning", lambda _: run(scene, warm=warm, grasp=grasp, raise_on_failure=False), speed)
     output.report(
         motion,
         files,
@@ -128,15 +124,15 @@ def accuracy(
     """Compare speed and error of every choice of model. A tolerance is answered with its choice."""
     from continuum_grasp.scene.simulate import Scene
 
-    scene, folder = output.scene(Scene), output.folder
-    output.check_folder()
+    scene = output.scene(Scene)
 
     from continuum_grasp.accuracy.report import COUNTS, accuracy_report
 
-    with output.busy("measuring") as report:
-        comparison = accuracy_report(scene, counts=[count for count in COUNTS if count <= most], progress=report)
-    pictures = output.save(comparison)
-    files = [*(folder / text.name for text in comparison.texts), *pictures]
+    counts = [count for count in COUNTS if count <= most]
+    comparison, pictures = output.run(
+        "measuring", lambda report: accuracy_report(scene, counts=counts, progress=report)
+    )
+    files = [*(output.folder / text.name for text in comparison.texts), *pictures]
     output.say(comparison.markdown())
-    output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
-    output.result(choices=comparison.choices.as_dict(), folder=folder, files=files)
+    output.say(f"saved in {output.folder}: {', '.join(file.name for file in files)}")
+    output.result(choices=comparison.choices.as_dict(), folder=output.folder, files=files)

@@ -61,9 +61,7 @@ def _control(scene: ControlScene, output: Output) -> None:
     """Run a closed loop: saves it, prints how well it went, draws it; exit status 1 if it ended badly."""
     from continuum_grasp.closed_loop.run import run_closed_loop
 
-    with output.computing("controlling") as report:
-        run = run_closed_loop(scene, progress=report)
-    files = output.save(run)
+    run, files = output.run("controlling", lambda report: run_closed_loop(scene, progress=report))
     performance = run.metrics()
     output.warn(run.warnings)
     output.pairs({"status": run.outcome, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
@@ -94,9 +92,7 @@ def _carry_out(scene: MissionScene, output: Output) -> None:
     from continuum_grasp.mission.run import run_mission
 
     grasp = _grasp(scene, output)
-    with output.computing("carrying it out") as report:
-        run = run_mission(scene, grasp=grasp, progress=report)
-    files = output.save(run)
+    run, files = output.run("carrying it out", lambda report: run_mission(scene, grasp=grasp, progress=report))
     said = {limit.text for limit in run.exceeded}  # before the run
     output.warn(text for text in run.warnings if text not in said)
     output.pairs(run.verdict.pairs())

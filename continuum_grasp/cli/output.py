@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import shutil
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import typer
 
@@ -20,6 +20,7 @@ from continuum_grasp.interrupt import held
 if TYPE_CHECKING:
     from continuum_grasp.results import MotionResult, Result
 
+R = TypeVar("R", bound="Result")
 
 FAILED = 1
 """Exit status of what ended without a usable result: a solver that failed, a supervisor that tripped, an object that
@@ -117,19 +118,23 @@ class Output:
         if pressed():
             raise KeyboardInterrupt(f"interrupted; the result is saved in {self.folder}")
 
-    @contextmanager
-    def computing(self, what: str) -> Iterator[Progress]:
-        """Be `busy`; where the work stops early, save what was computed and say where."""
+    def run(self, what: str, work: Callable[[Progress], R], speed: float = 1.0) -> tuple[R, list[Path]]:
+        """Compute a result and `save` it; returns it and what was drawn.
+
+        ``work`` is given what it may report its share to. Where it stops early, what it has computed is saved.
+        """
         self.check_folder()
         try:
             with self.busy(what) as report:
-                yield report
+                result = work(report)
         except (NumericalError, Interrupted) as error:
-            if error.result is not None:
+            # The result of an error may be that of a step on the way, as a simulation of a fit is.
+            if getattr(error.result, "kind", None) == self.verb:
                 with self.saving():
                     error.result.save(self.folder)
                 typer.echo(f"what was computed until then is in {self.folder}", err=True)
             raise
+        return result, self.save(result, speed)
 
     def save(self, result: Result, speed: float = 1.0) -> list[Path]:
         """Save a result, draw its pictures where wanted, and its animation where a format is given; returns these."""

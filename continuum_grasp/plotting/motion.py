@@ -45,7 +45,9 @@ def plot_snapshots(trajectory: Trajectory, *, times: Sequence[float] | int = 12,
     indices = _nearest(t, times)
     shapes = np.asarray(trajectory.backbone(indices, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(trajectory, indices)
-    forces, scale, box = _forces_and_box(trajectory, indices, [shapes, *_thickness(scene.finger, shapes)], outlines)
+    forces = list(chain(*_forces_at(trajectory, indices)))
+    points = [shapes, *_thickness(scene.finger, shapes), *chain(*outlines)]
+    scale, box = _scale_and_box(forces, points, trajectory.length)
     ax = axes.plane_axes(ax, box)
     bodies.draw_supports(ax, scene.supports)
     for k, some in enumerate(outlines):
@@ -60,9 +62,8 @@ def plot_snapshots(trajectory: Trajectory, *, times: Sequence[float] | int = 12,
         spots = np.concatenate([bodies.mass_positions(shape, scene.finger) for shape in shapes])
         shade = lines.to_rgba(np.repeat(t[indices], len(masses)))
         ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
-    everything = list(chain(*forces))
-    draw_forces(ax, everything, scale)
-    explain(ax, masses, everything, trajectory.name)
+    draw_forces(ax, forces, scale)
+    explain(ax, masses, forces, trajectory.name)
     return ax
 
 
@@ -89,14 +90,16 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
     bounds = getattr(scene, "bounds", None)  # plans alone have them; simulations do not load their class
     zones = bounds.keep_out if bounds is not None else {}
     points = [shapes, *_thickness(scene.finger, shapes), np.asarray(trajectory.tip), *bodies.zone_points(zones)]
-    forces, scale, box = _forces_and_box(trajectory, unique, points, outlines)
+    forces = _forces_at(trajectory, unique)
+    everything = list(chain(*forces))
+    scale, box = _scale_and_box(everything, [*points, *chain(*outlines)], trajectory.length)
     film = Film(box, width)
     ax = film.ax
     bodies.draw_zones(ax, zones)
     bodies.draw_supports(ax, scene.supports)
     bodies.draw_clamp(ax, shapes[0], scene.finger)
     finger = film.finger(trajectory, unique, shapes, dot=7)
-    explain(ax, bodies.masses_of(scene.finger), list(chain(*forces)), trajectory.name)
+    explain(ax, bodies.masses_of(scene.finger), everything, trajectory.name)
 
     def moving(k: int) -> tuple[list[Any], list[Any]]:
         passing: list[Any] = [*draw_forces(ax, forces[k], scale)]
@@ -114,30 +117,25 @@ def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
     return [bodies.finger_outline(shape, finger) for shape in shapes] if bodies.shows_thickness(finger) else []
 
 
-def _forces_and_box(
-    motion: Trajectory | Plan, indices: NDArray[Any], points: list[NDArray[Any]], outlines: list[list[NDArray[Any]]]
-) -> tuple[list[list[Force]], float, axes.Box]:
-    """Forces at each of some instants, their drawn length per force, and limits that hold all arrows and shapes."""
-    forces = [[force for force in motion.loads_at(int(k)) if np.hypot(*force[1]) > 0] for k in indices]
-    everything = list(chain(*forces))
-    scale = force_scale(everything, _FORCE * motion.length)
-    ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in everything]
-    box = axes.bend_box([*points, *ends, *chain(*outlines)], 0.09 * motion.length)
-    return forces, scale, box
+def _forces_at(motion: Trajectory | Plan, indices: NDArray[Any]) -> list[list[Force]]:
+    """Forces at each of some instants, without those that are zero."""
+    return [[force for force in motion.loads_at(int(k)) if np.hypot(*force[1]) > 0] for k in indices]
+
+
+def _scale_and_box(forces: Sequence[Force], points: Sequence[NDArray[Any]], length: float) -> tuple[float, axes.Box]:
+    """Drawn length per force, and limits that hold all arrows and points, of a finger of some length."""
+    scale = force_scale(forces, _FORCE * length)
+    ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in forces]
+    return scale, axes.bend_box([*points, *ends], 0.09 * length)
 
 
 def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Draw a finger at rest, with clamp, point masses and forces to scale."""
-    finger = equilibrium.model.finger
-    shape, masses, forces = (
-        equilibrium.backbone(bodies.backbone_points(finger)),
-        bodies.masses_of(finger),
-        equilibrium.forces,
-    )
-    scale = force_scale(forces, _FORCE * finger.rod.length)
-    ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in forces]
-    outlines = _thickness(finger, np.asarray(shape)[None])
-    ax = axes.plane_axes(ax, axes.bend_box([shape, *outlines, *ends], 0.09 * finger.rod.length), colorbar=False)
+    finger, forces = equilibrium.model.finger, equilibrium.forces
+    shape, masses = np.asarray(equilibrium.backbone(bodies.backbone_points(finger))), bodies.masses_of(finger)
+    outlines = _thickness(finger, shape[None])
+    scale, box = _scale_and_box(forces, [shape, *outlines], finger.rod.length)
+    ax = axes.plane_axes(ax, box, colorbar=False)
     if outlines:
         bodies.draw_thickness(ax, shape, finger)
     ax.plot(*shape.T, color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
@@ -185,10 +183,8 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> str:
 @axes.over_time()
 def plot_contact_forces(ax: Axes, trajectory: Trajectory | Plan) -> str:
     """Draw the normal force of every contact that ever touches over time, and dashed the size of its friction force."""
-    contacts = trajectory.contacts
-    if contacts is None:
-        raise InputError("there are no contacts to draw: the scene has no object", key="object")
-    touching = [k for k in range(len(contacts.names)) if np.any(contacts.normal_force[:, k] > 0.0)]
+    contacts: Any = trajectory.contacts
+    touching = np.flatnonzero(np.any(contacts.normal_force > 0.0, axis=0))
     axes.curves(ax, trajectory.t, contacts.normal_force[:, touching].T, [contacts.names[k] for k in touching])
     axes.curves(ax, trajectory.t, contacts.shear[:, touching].T, [None] * len(touching), linewidth=1.0, linestyle="--")
     return "normal force, dashed: friction [N]"
@@ -254,14 +250,16 @@ def _new_axes(count: int, box: axes.Box, stable: bool) -> list[Axes]:
 @axes.over_time()
 def plot_tensions(ax: Axes, trajectory: Trajectory) -> str:
     """Draw the tension of every tendon at its drive over time."""
-    tensions = [along[:, 0] for _, along in _along(trajectory)]
+    along: Any = trajectory.tensions_along
+    tensions = [tension[:, 0] for _, tension in along]
     axes.curves(ax, trajectory.t, tensions, [f"tendon {k + 1}" for k in range(len(tensions))])
     return "tension at the drive [N]"
 
 
 def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     """Draw the tension of every tendon along the finger at some instants, colored by time."""
-    along, t = _along(trajectory), np.asarray(trajectory.t)
+    along: Any = trajectory.tensions_along
+    t = np.asarray(trajectory.t)
     chosen = np.unique(np.linspace(0, len(t) - 1, _INSTANTS).round().astype(int))
     ax = axes.new_axes(ax)
     lines = [np.column_stack([at, tensions[k]]) for at, tensions in along for k in chosen]
@@ -280,18 +278,10 @@ def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Ax
 
 def plot_tension_loop(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     """Draw the angle of the tip over the tension at the drive, per tendon: friction opens loops."""
-    along = _along(trajectory)
+    along: Any = trajectory.tensions_along
     ax = axes.new_axes(ax)
     for k, ((_, tensions), color) in enumerate(zip(along, axes.colors(len(along)), strict=True)):
         ax.plot(tensions[:, 0], trajectory.tip_angle, color=color, linewidth=1.5, label=f"tendon {k + 1}")
     axes.label(ax, "tension at the drive [N]", "angle of the tip [rad]")
     axes.head(ax, trajectory.name)
     return ax
-
-
-def _along(trajectory: Trajectory) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Places and tensions of every tendon."""
-    tensions = trajectory.tensions_along
-    if tensions is None:
-        raise InputError("the tensions of this finger are those that are commanded: there is nothing more to draw")
-    return tensions

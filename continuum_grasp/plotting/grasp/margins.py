@@ -5,38 +5,21 @@ for which it holds, beside the best grasp without errors.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.plotting.drawing.axes import label, new_axes, show_box
-from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-from typing import TYPE_CHECKING
-
-from continuum_grasp.plotting.drawing.style import GRAY, SLATE
+from continuum_grasp.errors import InputError
+from continuum_grasp.plotting.drawing.axes import head, label, new_axes, new_figure, quiet, show_box
+from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
+from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, SLATE
 from continuum_grasp.plotting.grasp.view import GraspView
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from continuum_grasp.grasp.result import GraspResult
-
-from typing import TYPE_CHECKING
-
-from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import head, new_figure, quiet
-from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
-from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from matplotlib.axes import Axes
 
     from continuum_grasp.grasp.result import GraspResult

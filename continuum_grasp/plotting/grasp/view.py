@@ -10,24 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.plotting.drawing.bodies import CIRCLE, finger_outline, object_outlines
-from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE, SLATE
-from continuum_grasp.scene.grasp_options import GraspFinger
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.grasp.values import Contact
-
-from typing import TYPE_CHECKING
-
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing import axes, bodies
-from continuum_grasp.plotting.drawing.style import INK
+from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, SLATE
+from continuum_grasp.scene.grasp_options import GraspFinger
 from continuum_grasp.scene.objects.shapes import ObjectBody
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp.values import Contact
 
 
 MM = 1e3
@@ -82,7 +76,7 @@ class GraspView:
     @cached_property
     def outlines(self) -> tuple[Array, ...]:
         """Outlines of the object's parts in the world, (points, 2) each [mm]."""
-        return tuple(MM * outline for outline in object_outlines(self.result.scene.object, self.pose))
+        return tuple(MM * outline for outline in bodies.object_outlines(self.result.scene.object, self.pose))
 
     @cached_property
     def backbones(self) -> dict[str, Array]:
@@ -94,7 +88,7 @@ class GraspView:
 
     def body(self, name: str) -> Array:
         """Outline of a finger with its rounded end, (points, 2) [mm]."""
-        return finger_outline(finger=self.fingers[name], **self.path(name))
+        return bodies.finger_outline(finger=self.fingers[name], **self.path(name))
 
     def path(self, name: str) -> dict[str, Any]:
         """The backbone of a finger, as what is drawn along it takes it."""
@@ -109,7 +103,7 @@ class GraspView:
             if math.isfinite(wall.half_length):  # the others are everywhere
                 along = turned(np.array(wall.normal), 0.5 * math.pi)
                 points.append(MM * (np.array(wall.point) + np.outer([-wall.half_length, wall.half_length], along)))
-        points += [MM * np.array([peg.position]) + MM * peg.radius * CIRCLE for peg in self.result.scene.pegs]
+        points += [MM * np.array([peg.position]) + MM * peg.radius * bodies.CIRCLE for peg in self.result.scene.pegs]
         points.append(self.center_of_mass[None, :] + self.force_scale * self.weight[None, :])
         low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
         margin = max(_LEAST_MARGIN_MM, _MARGIN * float((high - low).max()))
