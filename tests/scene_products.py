@@ -257,8 +257,8 @@ def measured_choices(scene: Scene) -> Iterator[object]:
     known = scene.replaced(**{name: getattr(Surroundings(), name) for name in _AROUND})
     EXACT_ROD.check(known)
     known = known.replaced(fidelity=Fidelity(bending_range=known.fidelity.bending_range, elements=3))
-    for case in load_cases(known):
-        yield from (case.name, read_problem(case.scene), case.scene.loads)
+    for name, case in load_cases(known):
+        yield from (name, read_problem(case), case.loads)
     one = FingerModel(known)
     signals = Signals(known, one)
     yield from (one, [signals.u(at) for at in _INSTANTS], [signals.w(at) for at in _INSTANTS])

@@ -228,9 +228,9 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
 
 def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     """The model's equilibrium, sought from the exact shape."""
-    signals = Signals(true.case.scene, model, true.case.scene.loads)
+    signals = Signals(true.scene, model, true.scene.loads)
     u, w, guess = signals.u(0.0)[0], signals.w(0.0)[0], coordinates_near(model, true.rod.angle, true.rod.curvature)
-    return equilibrium_under(model, u, w, guess=guess, reached_by=true.case.scene.initial.reached_by or "pulling")
+    return equilibrium_under(model, u, w, guess=guess, reached_by=true.scene.initial.reached_by or "pulling")
 
 
 def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve, inset: Array | None = None) -> Array:
@@ -249,7 +249,7 @@ def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve, inset: 
 
 def _frequency_errors(true: TrueCase, truth: Array, at_rest: Equilibrium) -> Array:
     """Relative errors of the first two frequencies; of one that is unstable in truth, per the second."""
-    frequencies = np.append(modes(true.case.scene, about=at_rest).frequencies_hz, [np.nan, np.nan])[:2]
+    frequencies = np.append(modes(true.scene, about=at_rest).frequencies_hz, [np.nan, np.nan])[:2]
     return relative_errors(frequencies, truth)
 
 

@@ -8,33 +8,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from continuum_grasp import interrupt
 from continuum_grasp.accuracy.choice import Choice, assess, choices, open_families
-from continuum_grasp.accuracy.motion import (
-    Motion,
-    evaluation_ns,
-    pace,
-    reference_motion,
-    rms,
-)
+from continuum_grasp.accuracy.motion import Motion, evaluation_ns, pace, reference_motion, rms
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.errors import ContinuumGraspError, InputError
 from continuum_grasp.labels import unit_of
-from continuum_grasp.results.declared import File, Picture
+from continuum_grasp.results.declared import File, Picture, Stored
 from continuum_grasp.results.record import begin_run
 from continuum_grasp.results.result import Result
-from continuum_grasp.results.tables import package, pareto
+from continuum_grasp.results.tables import pareto
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Scene
-
-if TYPE_CHECKING:
-    import pandas
-    import xarray
 
 FRONTS = (
     ("evaluation [ns]", "tip / L"),
@@ -46,14 +36,24 @@ COUNTS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 """Numbers of elements: each about 4/3 or 3/2 of the one before, which is even on the logarithmic axis of cost."""
 
 
-@dataclass(frozen=True)
-class Table:
-    """Rows of figures under named columns."""
+COLUMNS = (
+    *("model", "elements", "unknowns", "instructions", "evaluation [ns]", "real-time factor"),
+    *("tip / L", "shape / L", "frequency 1", "frequency 2", "motion / L"),
+)
+_EQUAL = 1e-4
+"""Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
+NOTE = (
+    "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
+    f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length."
+)
 
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]  # texts and numbers; None and NaN where something does not apply
-    note: str = ""
+
+@dataclass(frozen=True)
+class Choices:
+    """A row of figures for each choice."""
+
+    rows: tuple[tuple[Any, ...], ...]  # texts and numbers; NaN where something does not apply
+    columns: ClassVar[tuple[str, ...]] = COLUMNS
 
     def column(self, name: str) -> list[Any]:
         """All entries under one name."""
@@ -64,14 +64,14 @@ class Table:
         """The table as Markdown, numbers to the right."""
         texts = [[_text(value) for value in row] for row in self.rows]
         number = [all(not isinstance(row[k], str) for row in self.rows) for k in range(len(self.columns))]
-        lines = [f"## {self.title}", "", _line(self.columns), _line(["---:" if right else "---" for right in number])]
+        lines = ["## choices", "", _line(self.columns), _line(["---:" if right else "---" for right in number])]
         lines += [_line(row) for row in texts]
-        return "\n".join([*lines, "", *([self.note, ""] if self.note else [])])
+        return "\n".join([*lines, "", NOTE, ""])
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON; what is not finite is None."""
         rows = [[None if isinstance(v, float) and not math.isfinite(v) else v for v in row] for row in self.rows]
-        return {"title": self.title, "columns": list(self.columns), "rows": rows, "note": self.note}
+        return {"title": "choices", "columns": list(self.columns), "rows": rows, "note": NOTE}
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -79,13 +79,10 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def _text(value: Any) -> str:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return "-"
-    if isinstance(value, int) and not isinstance(value, bool):
-        return f"{value:,}"
     if isinstance(value, float):
-        return f"{value:,.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.3g}"
-    return str(value)
+        written = f"{value:,.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.3g}"
+        return "-" if math.isnan(value) else written
+    return f"{value:,}" if isinstance(value, int) else str(value)
 
 
 @dataclass(frozen=True)
@@ -102,7 +99,7 @@ class AccuracyReport(Result):
     scene: Scene
     truth: Truth
     reference: Motion | None  # the motion that others are compared with; None where the scene has no time
-    choices: Table  # families and numbers of elements
+    choices: Choices  # families and numbers of elements
     status: str = "finished"
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
@@ -118,29 +115,19 @@ class AccuracyReport(Result):
                 rows[what] = text
         return rows
 
-    def to_pandas(self, dimension: str | None = None) -> pandas.DataFrame:
-        """The table of the choices; the numbers are rounded nowhere."""
-        table = self.choices
-        if dimension not in (None, table.title):
-            raise InputError(f"expected {table.title}, got {dimension!r}", key="dimension")
-        frame: pandas.DataFrame = package("pandas").DataFrame(list(table.rows), columns=list(table.columns))
-        units = {
-            name: "" if isinstance(value, str) else unit_of(name) or "1"
-            for name, value in zip(table.columns, table.rows[0], strict=True)
-        }
-        frame.attrs = {"units": units, "descriptions": dict.fromkeys(table.columns, table.note)}
-        return frame
+    def declared(self) -> list[Stored]:
+        """The columns of the table of the choices."""
+        units = {name: unit_of(name) or "1" for name in COLUMNS} | {"model": "text"}
+        return [Stored(name, "(choices,)", unit, NOTE) for name, unit in units.items()]
 
-    def to_xarray(self) -> xarray.Dataset:
-        """The table of the choices."""
-        package("xarray")
-        dataset: xarray.Dataset = self.to_pandas().to_xarray()
-        return dataset
+    def stored_arrays(self) -> dict[str, Any]:
+        """The columns by name."""
+        return {name: np.array(self.choices.column(name)) for name in COLUMNS}
 
     def front(self, cost: str = "evaluation [ns]", error: str = "tip / L") -> list[tuple[Any, ...]]:
         """Rows of ``choices`` that no other dominates in both cost and error (the Pareto front), cheapest first."""
         i, j = self.choices.columns.index(cost), self.choices.columns.index(error)
-        known = [row for row in self.choices.rows if all(row[k] is not None and math.isfinite(row[k]) for k in (i, j))]
+        known = [row for row in self.choices.rows if math.isfinite(row[i]) and math.isfinite(row[j])]
         x, y = (np.array([row[k] for row in known], dtype=float) for k in (i, j))
         fast = cost == "real-time factor"
         best = pareto(x, y, x_greatest=fast)
@@ -183,19 +170,6 @@ class AccuracyReport(Result):
         target = begin_run(folder, self.kind)
         self._write(self.texts, target)
         return target
-
-
-_EQUAL = 1e-4
-"""Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
-
-COLUMNS = (
-    *("model", "elements", "unknowns", "instructions", "evaluation [ns]", "real-time factor"),
-    *("tip / L", "shape / L", "frequency 1", "frequency 2", "motion / L"),
-)
-NOTE = (
-    "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
-    f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length."
-)
 
 
 def row_of(choice: Choice, truth: Truth, reference: Motion | None) -> tuple[Any, ...] | None:
@@ -284,5 +258,4 @@ def accuracy_report(
         rows.append(row_of(choice, truth, reference))
         if progress is not None:
             progress(k / len(listed))
-    table = Table("choices", COLUMNS, tuple(row for row in rows if row is not None), NOTE)
-    return AccuracyReport(bare_scene, truth, reference, table)
+    return AccuracyReport(bare_scene, truth, reference, Choices(tuple(row for row in rows if row is not None)))

@@ -18,6 +18,8 @@ from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, Vec
 from continuum_grasp.scene.simulate import SEVERAL_MODELS, Scene
 from continuum_grasp.simulation.signals import interpolate, value_of
 
+_HELD = "held"
+"""Name of the load case that holds the initial pose."""
 STATIONS = 101
 """Places along the finger, base and tip among them, at which shapes are compared: 1 % of the length apart."""
 _LARGEST_BEND = 3.0 * np.pi
@@ -28,7 +30,7 @@ _LARGEST_BEND = 3.0 * np.pi
 class TrueCase:
     """A load case of the exact rod."""
 
-    case: LoadCase
+    scene: Scene  # with loads and inputs that are constant
     rod: Elastica
     backbone: Array  # (STATIONS, 2) world positions at equally spaced places [m]
     frequencies_hz: Array | None  # (2,) first natural frequencies about it; None where what holds it is released
@@ -44,7 +46,7 @@ class Truth:
     @property
     def loads(self) -> tuple[Load, ...]:
         """Loads of every load case, in order: the scene's, then those that hold the initial pose."""
-        return self.cases[0].case.scene.loads
+        return self.cases[0].scene.loads
 
     def curvature_reach(self, start: float, end: float, moving: bool) -> float:
         """Greatest curvature [1/m] of a segment of the finger at rest, or swinging about one load case from another.
@@ -65,7 +67,7 @@ class Truth:
 
     def start_curvature(self, s: Array) -> Array:
         """Curvature [1/m] of the initial pose at places (n,) [m]."""
-        scene = self.cases[0].case.scene
+        scene = self.cases[0].scene
         if scene.initial.pose == "equilibrium":
             return np.asarray(self.cases[-1 if scene.initial.held_by else 0].rod.curvature(s))
         if scene.initial.pose == "rest":
@@ -79,41 +81,31 @@ def find_truth(scene: Scene) -> Truth:
     s = np.linspace(0.0, scene.finger.rod.length, STATIONS)
     cases: list[TrueCase] = []
     omitted: list[str] = []
-    for case in load_cases(scene):
+    for name, case in load_cases(scene):
+        rests = name != _HELD  # small motions about it are motions of the scene: nothing but its own loads acts
         try:
             # Far below the errors of models: two matched clothoids have 6e-6 under P L^2 / EI = 1.
-            rod = solve_elastica(case.scene, tolerance=1e-9)
+            rod = solve_elastica(case, tolerance=1e-9)
         except SolverError as error:
-            if not cases and case.rests:
+            if not cases and rests:
                 raise
-            omitted.append(f"{case.name}: {str(error).splitlines()[0]}")
+            omitted.append(f"{name}: {str(error).splitlines()[0]}")
             continue
         turn = float(abs(rod.angle(s) - scene.finger.base.angle).max())
         if cases and turn > _LARGEST_BEND:
-            omitted.append(f"{case.name}: bends the finger by {turn:.3g} rad")
+            omitted.append(f"{name}: bends the finger by {turn:.3g} rad")
             continue
-        frequencies = natural_frequencies(scene.finger, rod) if case.rests else None
+        frequencies = natural_frequencies(scene.finger, rod) if rests else None
         cases.append(TrueCase(case, rod, rod.position(s), frequencies))
     return Truth(tuple(cases), tuple(omitted))
 
 
-@dataclass(frozen=True)
-class LoadCase:
-    """A scene whose loads and inputs are constant.
-
-    Its loads are the given scene's, then those that hold the initial pose (zero where they do not act), so that one
-    model serves all cases.
-    """
-
-    name: str
-    scene: Scene
-    rests: bool = True  # whether small motions about it are motions of the scene: nothing but its own loads acts
-
-
-def load_cases(scene: Scene) -> list[LoadCase]:
+def load_cases(scene: Scene) -> list[tuple[str, Scene]]:
     """List the load case at time zero, those of greatest and least loads and inputs, some between, and the held one.
 
-    All are without the object of the scene, which the exact rod does not touch.
+    Each is a name and a scene whose loads and inputs are constant. Its loads are the given scene's, then those that
+    hold the initial pose (zero where they do not act), so that one model serves all cases. All are without the object
+    of the scene, which the exact rod does not touch.
     """
     values: list[object] = [value_of(load) for load in scene.loads]
     if scene.actuation is not None:
@@ -128,9 +120,9 @@ def load_cases(scene: Scene) -> list[LoadCase]:
         chosen |= {t for t in _extremes(value) if 0.0 < t <= end}
     if any(value.times[-1] > end for value in sampled):
         chosen.add(end)  # between two samples
-    cases = [LoadCase(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
+    cases = [(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
     if scene.initial.held_by:
-        cases.append(LoadCase("held", _frozen(scene, 0.0, held=True), rests=False))
+        cases.append((_HELD, _frozen(scene, 0.0, held=True)))
     return cases
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -275,19 +275,11 @@ class DesignProblem:
     def _directions(self, case: str, at: Array, signs: Signs) -> list[Along]:
         """Scenes along each coordinate, and along each tolerated error."""
 
-        def along(k: int, in_errors: bool) -> Along:
-            def scene(t: float) -> GraspScene:
-                moved, errors = at.copy(), list(signs)
-                if in_errors:
-                    errors[k] += t
-                else:
-                    moved[k] += t
-                return self.scene(case, moved.tolist(), errors)
+        def moved(step: Array, t: float) -> GraspScene:
+            coordinates, errors = np.split(np.append(at, signs) + t * step, [at.size])
+            return self.scene(case, coordinates.tolist(), errors.tolist())
 
-            return scene
-
-        count = len(self.space.coordinates)
-        return [along(k, False) for k in range(count)] + [along(k, True) for k in range(len(signs))]
+        return [partial(moved, step) for step in np.eye(at.size + len(signs))]
 
     def _guesses(self, grasps: CaseGrasps, key: tuple[Signs, str], at: Array) -> dict[str, Array]:
         """Unknowns at another design, to first order."""

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
 from itertools import product
 from typing import Any
 
@@ -38,71 +37,8 @@ HOLDS = 1e-6
 """Violation up to which a limit holds, as a part of it."""
 
 
-def worst_cases(problem: DesignProblem, best: Evaluation) -> tuple[WorstCase, ...]:
-    """Cost and limits at the worst combinations of errors: to first order, and as they are at the corners; none without
-    tolerances. The grasps of the problem are those of the last corner then.
-    """
-    space = problem.space
-    if not space.tolerated:
-        return ()
-    n = len(space.coordinates)
-    nominal = [row for row in best.costs if not any(row.signs)]
-    bound = max(row.value + float(np.abs(row.slope[n:]).sum()) for row in nominal)
-    scenarios = problem.scenarios
-    cases: list[WorstCase] = []
-    for signs in _corners(problem, best):
-        problem.scenarios = [signs]
-        try:
-            there = problem.evaluate(best.coordinates)
-        except LostGrasp as error:
-            cases.append(WorstCase(signs, np.inf, np.inf, bound, str(error)))
-            continue
-        cases.append(WorstCase(signs, there.cost, there.violation, bound, ""))
-    problem.scenarios = scenarios
-    return tuple(sorted(cases, key=lambda case: (-case.violation if case.violation > HOLDS else 0.0, -case.cost)))
-
-
-def _corners(problem: DesignProblem, best: Evaluation) -> list[Signs]:
-    """Combinations of greatest errors: all of them where these are few, else those that first order calls worst."""
-    m, n = len(problem.space.tolerated), len(problem.space.coordinates)
-    # 6: tolerated numbers up to which all combinations of their greatest errors are tried: 64
-    if m <= 6:
-        return [tuple(signs) for signs in product((-1.0, 1.0), repeat=m)]
-    rows = [*(row.slope[n:] for row in best.costs), *(-row.slope[n:] for row in best.limits)]
-    return list(dict.fromkeys(tuple(np.where(slope >= 0.0, 1.0, -1.0).tolist()) for slope in rows))
-
-
-def worse_than_known(worst: Sequence[WorstCase], known: Sequence[Signs], best: Evaluation, same: float) -> list[Signs]:
-    """The combination of errors with the greatest cost and that with the greatest violation, each where it is worse
-    than the best design with those that are ``known``; costs closer than ``same`` are equal.
-    """
-    bad = [case for case in worst if case.signs not in known and np.isfinite(case.cost)]
-    if not bad:
-        return []
-    costly, broken = max(bad, key=lambda case: case.cost), max(bad, key=lambda case: case.violation)
-    change = max(abs(case.cost - best.cost) for case in bad)
-    # 0.02: cost by which a combination of errors must exceed those at hand to count, as a part of what errors change
-    add = [costly.signs] if costly.cost > best.cost + max(0.02 * change, same) else []
-    return [*add, broken.signs] if broken.violation > max(best.violation, 0.0) + HOLDS else add
-
-
-Acting = tuple[tuple[float, ...], ...]
-
 _LOST = 1e2
 """Cost of a design without a grasp, in units of the first one: any other is better."""
-
-
-@dataclass
-class _Trace:
-    """Trials, in order."""
-
-    coordinates: list[Array] = field(default_factory=list)
-    costs: list[float] = field(default_factory=list)
-    violations: list[float] = field(default_factory=list)
-    rounds: list[int] = field(default_factory=list)
-    switches: list[str] = field(default_factory=list)
-    acting: dict[str, set[Acting]] = field(default_factory=dict)
-    """Per case, the sets of errors that decided it at one design or another."""
 
 
 @interrupt.computing()
@@ -168,6 +104,67 @@ def optimize_design(
     return result
 
 
+class _Box:
+    """A box around a design as SLSQP sees it; where there are several costs, a bound of all is one more unknown."""
+
+    def __init__(
+        self, start: Evaluation, half: float, scale: float, evaluate: Callable[[Array], Evaluation | None]
+    ) -> None:
+        self.start, self.scale, self.evaluate, self.n = start, scale, evaluate, start.coordinates.size
+        self.low = np.maximum(start.coordinates - half, 0.0)
+        self.high = np.minimum(start.coordinates + half, 1.0)
+        self.bounded = len(start.costs) > 1
+        self.known: dict[bytes, Evaluation | None] = {start.coordinates.tobytes(): start}
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """Start, bounds and constraints, as `scipy.optimize.minimize` takes them."""
+        more = [np.inf] * self.bounded
+        first = [self.start.cost / self.scale] * self.bounded
+        limited = self.bounded or self.start.limits
+        limits = {"type": "ineq", "fun": lambda z: self._rows(z)[2], "jac": lambda z: self._rows(z)[3]}
+        return {
+            "x0": np.append(self.start.coordinates, first),
+            "bounds": Bounds(np.append(self.low, np.negative(more)), np.append(self.high, more)),
+            "constraints": [limits] if limited else [],
+        }
+
+    @property
+    def lost(self) -> int:
+        """Number of designs without a grasp."""
+        return sum(evaluation is None for evaluation in self.known.values())
+
+    def cost(self, z: Array) -> float:
+        return float(z[self.n] if self.bounded else self._rows(z)[0][0])
+
+    def cost_slope(self, z: Array) -> Array:
+        return np.append(np.zeros(self.n), 1.0) if self.bounded else self._rows(z)[1][0]
+
+    def _rows(self, z: Array) -> tuple[Array, Array, Array, Array]:
+        """Costs and limits, each with its slopes."""
+        n, start = self.n, self.start
+        u = np.clip(z[:n], self.low, self.high)
+        key = u.tobytes()
+        if key not in self.known:
+            self.known[key] = self.evaluate(u)
+            # 5: designs without a grasp after which a run of the optimizer ends: each takes a full search
+            if self.known[key] is None and self.lost >= 5:
+                raise LostGrasp("too many designs in the box lose a grasp")
+        evaluation = self.known[key]
+        if evaluation is None:
+            count = len(start.limits) + self.bounded * len(start.costs)
+            return np.array([_LOST]), np.zeros((1, n)), np.full(count, -_LOST), np.zeros((count, z.size))
+        costs = np.array([row.value for row in evaluation.costs]) / self.scale
+        by_cost = np.array([row.slope[:n] for row in evaluation.costs]) / self.scale
+        limits = np.array([row.value for row in evaluation.limits])
+        by_limits = np.array([row.slope[:n] for row in evaluation.limits]).reshape(-1, n)
+        if not self.bounded:
+            return costs, by_cost, limits, by_limits
+        by_bound = np.append(np.ones(len(costs)), np.zeros(len(limits)))
+        both = np.column_stack([np.vstack([-by_cost, by_limits]), by_bound])
+        return costs, by_cost, np.append(z[n] - costs, limits), both
+
+
 class _DesignSearch:
     """A search: trial designs, then rounds of improvement and full search."""
 
@@ -175,7 +172,11 @@ class _DesignSearch:
         self.space, self.options = space, space.design.solver
         self.problem = DesignProblem(space)
         self.progress = progress
-        self.trace = _Trace()
+        self.tried: list[tuple[Array, float, float, int]] = []
+        """Coordinates, cost, violation and round of every design, in order."""
+        self.switches: list[str] = []
+        self.acting: dict[str, set[tuple[tuple[float, ...], ...]]] = {}
+        """Per case, the sets of errors that decided it at one design or another."""
         self.began = time.monotonic()
         self.best: Evaluation | None = None
         self._first: Evaluation | None = None
@@ -253,20 +254,15 @@ class _DesignSearch:
         return list(Halton(len(self.space.coordinates), scramble=False).fast_forward(1).random(count))
 
     def _evaluate(self, at: Array, search: bool = False) -> Evaluation:
-        trace = self.trace
-        trace.coordinates.append(np.array(at))
-        trace.rounds.append(self._round)
         try:
             evaluation = self.problem.evaluate(at, search=search)
         except LostGrasp:
-            trace.costs.append(np.nan)
-            trace.violations.append(np.nan)
+            self.tried.append((np.array(at), np.nan, np.nan, self._round))
             raise
+        self.tried.append((np.array(at), evaluation.cost, evaluation.violation, self._round))
         for case in evaluation.cases:
             if case.acting and not any(case.signs):
-                trace.acting.setdefault(case.case, set()).add(case.acting)
-        trace.costs.append(evaluation.cost)
-        trace.violations.append(evaluation.violation)
+                self.acting.setdefault(case.case, set()).add(case.acting)
         return evaluation
 
     def _better(self, candidate: Evaluation, than: Evaluation) -> bool:
@@ -293,70 +289,30 @@ class _DesignSearch:
 
     def _descend(self, half: float) -> bool:
         """Run SLSQP once within a box around the best design; whether a grasp was lost."""
-        start = self._best
-        n = start.coordinates.size
-        low, high = np.maximum(start.coordinates - half, 0.0), np.minimum(start.coordinates + half, 1.0)
-        epigraph = len(start.costs) > 1
-        memo: dict[bytes, Evaluation | None] = {start.coordinates.tobytes(): start}
-        lost = False
-
-        def at(z: Array) -> Evaluation | None:
-            nonlocal lost
-            u = np.clip(z[:n], low, high)
-            key = u.tobytes()
-            if key not in memo:
-                try:
-                    memo[key] = evaluation = self._evaluate(u)
-                    self.progress(
-                        min(0.4 + 0.01 * len(self.trace.costs), 0.95),
-                        f"design {len(self.trace.costs)}, cost {evaluation.cost:.6g}",
-                    )
-                    if self._better(evaluation, self._best):
-                        self._take(evaluation)
-                except LostGrasp:
-                    memo[key], lost = None, True
-                    self.problem.restore(self._grasps)
-                    # 5: designs without a grasp after which a run of the optimizer ends: each takes a full search
-                    if sum(known is None for known in memo.values()) >= 5:
-                        raise
-            return memo[key]
-
-        def rows(z: Array) -> tuple[Array, Array, Array, Array]:
-            """Cost and limits with their slopes; where there are several costs, z has a bound of them behind it."""
-            evaluation, count = at(z), len(start.limits) + epigraph * len(start.costs)
-            if evaluation is None:
-                return np.array([_LOST]), np.zeros((1, n)), np.full(count, -_LOST), np.zeros((count, z.size))
-            costs = np.array([row.value for row in evaluation.costs]) / self._scale
-            by_cost = np.array([row.slope[:n] for row in evaluation.costs]) / self._scale
-            limits = np.array([row.value for row in evaluation.limits])
-            by_limits = np.array([row.slope[:n] for row in evaluation.limits]).reshape(-1, n)
-            if not epigraph:
-                return costs, by_cost, limits, by_limits
-            by_bound = np.append(np.ones(len(costs)), np.zeros(len(limits)))
-            both = np.column_stack([np.vstack([-by_cost, by_limits]), by_bound])
-            return costs, by_cost, np.append(z[n] - costs, limits), both
-
-        def cost(z: Array) -> float:
-            return float(z[n] if epigraph else rows(z)[0][0])
-
-        def cost_slope(z: Array) -> Array:
-            return np.append(np.zeros(n), 1.0) if epigraph else rows(z)[1][0]
-
-        z0 = np.append(start.coordinates, start.cost / self._scale) if epigraph else start.coordinates
-        ends = Bounds(np.append(low, [-np.inf] * epigraph), np.append(high, [np.inf] * epigraph))
-        keywords: dict[str, Any] = {}
-        if epigraph or start.limits:
-            keywords["constraints"] = [{"type": "ineq", "fun": lambda z: rows(z)[2], "jac": lambda z: rows(z)[3]}]
+        box = _Box(self._best, half, self._scale, self._followed)
         options = {"maxiter": self.options.max_iterations, "ftol": self.options.tolerance}
         try:
-            optimum = minimize(cost, z0, jac=cost_slope, bounds=ends, method="SLSQP", options=options, **keywords)
+            optimum = minimize(box.cost, jac=box.cost_slope, method="SLSQP", options=options, **box.keywords)
         except LostGrasp:
             return True
         # 8: no descent along the step any more, which ends a search at a kink or at rounding.
         self._converged = optimum.status in (0, 8)
         self._ended = str(optimum.message)
         self.problem.restore(self._grasps)
-        return lost
+        return box.lost > 0
+
+    def _followed(self, at: Array) -> Evaluation | None:
+        """A design whose grasps are followed from the one before, taken where it is better; None without a grasp."""
+        try:
+            evaluation = self._evaluate(at)
+        except LostGrasp:
+            self.problem.restore(self._grasps)
+            return None
+        count = len(self.tried)
+        self.progress(min(0.4 + 0.01 * count, 0.95), f"design {count}, cost {evaluation.cost:.6g}")
+        if self._better(evaluation, self._best):
+            self._take(evaluation)
+        return evaluation
 
     # -- what a full search says
 
@@ -369,26 +325,60 @@ class _DesignSearch:
         gain = before.cost - after.cost
         if gain > SAME * self._scale or after.violation < before.violation - HOLDS:
             name = f"round {self._round}: a full search found other grasps, cost {before.cost:.6g} to {after.cost:.6g}"
-            self.trace.switches.append(name)
+            self.switches.append(name)
             return True
         return False
 
     # -- errors of manufacture
 
     def _worst_cases(self) -> tuple[WorstCase, ...]:
-        """Cost and limits of the best design at the greatest errors."""
-        cases = worst_cases(self.problem, self._best)
-        self.problem.restore(self._grasps)
-        return cases
+        """Cost and limits of the best design at the worst combinations of errors: to first order, and as they are at
+        the corners; none without tolerances.
+        """
+        best, problem, n = self._best, self.problem, len(self.space.coordinates)
+        if not self.space.tolerated:
+            return ()
+        nominal = [row for row in best.costs if not any(row.signs)]
+        bound = max(row.value + float(np.abs(row.slope[n:]).sum()) for row in nominal)
+        scenarios, cases = problem.scenarios, list[WorstCase]()
+        for signs in self._corners():
+            problem.scenarios = [signs]
+            try:
+                there = problem.evaluate(best.coordinates)
+            except LostGrasp as error:
+                cases.append(WorstCase(signs, np.inf, np.inf, bound, str(error)))
+            else:
+                cases.append(WorstCase(signs, there.cost, there.violation, bound, ""))
+        problem.scenarios = scenarios
+        problem.restore(self._grasps)
+        return tuple(sorted(cases, key=lambda case: (-case.violation if case.violation > HOLDS else 0.0, -case.cost)))
+
+    def _corners(self) -> list[Signs]:
+        """Combinations of greatest errors: all of them where these are few, else those that first order calls worst."""
+        m, n = len(self.space.tolerated), len(self.space.coordinates)
+        # 6: tolerated numbers up to which all combinations of their greatest errors are tried: 64
+        if m <= 6:
+            return list(product((-1.0, 1.0), repeat=m))
+        rows = [*(row.slope[n:] for row in self._best.costs), *(-row.slope[n:] for row in self._best.limits)]
+        return list(dict.fromkeys(tuple(np.where(slope >= 0.0, 1.0, -1.0).tolist()) for slope in rows))
 
     def _missed(self, worst: tuple[WorstCase, ...]) -> bool:
-        """Take the worst combination of errors into the search, unless it is there; whether there is one to add."""
-        add = worse_than_known(worst, self.problem.scenarios, self._best, SAME * self._scale)
-        if not add:
+        """Take the combinations of errors with the greatest cost and the greatest violation into the search, where they
+        are worse than the best design with those that are in it; whether there is one to add.
+        """
+        best, known = self._best, self.problem.scenarios
+        bad = [case for case in worst if case.signs not in known and np.isfinite(case.cost)]
+        if not bad:
             return False
-        self.problem.scenarios = list(dict.fromkeys([*self.problem.scenarios, *add]))
-        self._take(self._evaluate(self._best.coordinates))
-        return True
+        costly, broken = max(bad, key=lambda case: case.cost), max(bad, key=lambda case: case.violation)
+        change = max(abs(case.cost - best.cost) for case in bad)
+        # 0.02: cost by which a combination of errors must exceed those at hand, as a part of what errors change
+        add = [costly.signs] if costly.cost > best.cost + max(0.02 * change, SAME * self._scale) else []
+        add += [broken.signs] if broken.violation > max(best.violation, 0.0) + HOLDS else []
+        if add:
+            self.problem.scenarios = list(dict.fromkeys([*known, *add]))
+            self._take(self._evaluate(best.coordinates))
+        return bool(add)
 
     # -- the result
 
@@ -397,6 +387,7 @@ class _DesignSearch:
     ) -> DesignResult:
         effort = self.problem.effort
         self.problem.restore(self._grasps)
+        coordinates, costs, violations, rounds = (np.array(column) for column in zip(*self.tried, strict=True))
         return DesignResult(
             scene=self.space.design,
             status=status,
@@ -404,17 +395,17 @@ class _DesignSearch:
             space=self.space,
             best=best,
             first=self._first,
-            coordinates=np.array(self.trace.coordinates),
-            costs=np.array(self.trace.costs),
-            violations=np.array(self.trace.violations),
-            rounds=np.array(self.trace.rounds),
+            coordinates=coordinates,
+            costs=costs,
+            violations=violations,
+            rounds=rounds,
             worst_cases=worst,
-            switches=tuple(self.trace.switches),
-            acting={case: len(sets) for case, sets in self.trace.acting.items()},
+            switches=tuple(self.switches),
+            acting={case: len(sets) for case, sets in self.acting.items()},
             grasps={} if best is None else self.problem.results,
             before=self._before,
             statistics={
-                "designs": len(self.trace.costs),
+                "designs": len(self.tried),
                 "full_searches": effort.searches,
                 "solver_runs": effort.solves,
                 "solver_iterations": effort.iterations,

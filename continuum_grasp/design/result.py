@@ -22,8 +22,6 @@ _HEAD = """\
 # The best design found: values of the variables, cost, quantities of every case, sensitivities. SI units. `set` are the
 # values as changes of the scene; result.npz holds every design tried, grasp_CASE/ the grasps.
 """
-_MOST_WARNINGS = 3
-"""Warnings of grasps that are listed: cases of one finger have the same as a rule."""
 
 
 class Status(StrEnum):
@@ -212,11 +210,8 @@ class DesignResult(Result):
     @property
     def gradient(self) -> Array | None:
         """Change of the cost per SI unit of each variable (n,)."""
-        return (
-            None
-            if self.best is None
-            else np.array([influence.slope for influence in self.influences[: len(self.keys)]])
-        )
+        slopes = [influence.slope for influence in self.influences[: len(self.keys)]]
+        return None if self.best is None else np.array(slopes)
 
     @property
     def influences(self) -> tuple[Influence, ...]:
@@ -227,8 +222,9 @@ class DesignResult(Result):
         if self.best is None:
             return ()
         total, influences = self.best.slope, []
-        for k, (coordinate, value) in enumerate(zip(self.space.coordinates, _numbers(self.optimum), strict=True)):
-            slope, u = float(total[k]) / coordinate.slope(value), float(self.best.coordinates[k])
+        for k, (coordinate, u) in enumerate(zip(self.space.coordinates, self.best.coordinates.tolist(), strict=True)):
+            value = coordinate.value(u)
+            slope = float(total[k]) / coordinate.slope(value)
             at = "least" if u < 1e-6 else "greatest" if u > 1.0 - 1e-6 else ""
             influences.append(Influence(coordinate.key, coordinate.unit, value, slope, 0.01 * float(total[k]), at))
         count = len(self.space.coordinates)
@@ -282,11 +278,8 @@ class DesignResult(Result):
     def warnings(self) -> tuple[str, ...]:
         """Warnings before the design is built."""
         warnings = [f"{name}: {text}" for name, grasp in self.grasps.items() for text in grasp.warnings]
-        if len(warnings) > _MOST_WARNINGS:
-            warnings = [
-                *warnings[:_MOST_WARNINGS],
-                f"and {len(warnings) - _MOST_WARNINGS} more of this kind, see grasp_CASE/",
-            ]
+        if len(warnings) > 3:  # cases of one finger have the same as a rule
+            warnings = [*warnings[:3], f"and {len(warnings) - 3} more of this kind, see grasp_CASE/"]
         lost = [case for case in self.worst_cases if case.message]
         if lost:
             warnings.append(
@@ -337,18 +330,11 @@ class DesignResult(Result):
                 {
                     **vars(case),
                     "signs": list(case.signs),
-                    **{k: _finite(getattr(case, k)) for k in ("cost", "violation")},
+                    "cost": case.cost if np.isfinite(case.cost) else None,
+                    "violation": case.violation if np.isfinite(case.violation) else None,
                 }
                 for case in self.worst_cases
             ],
             "switches": list(self.switches),
             "kinks": list(self.kinks),
         }
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
-
-
-def _numbers(values: Array | None) -> list[float]:
-    return [] if values is None else values.tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,8 +30,7 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     tip, wanted = np.asarray(run.tip), run.tip_reference
     shapes = run.backbone(_evenly(len(tip), _SHAPES), points=60)
     ax = axes.plane_axes(ax, axes.bend_box(_shown_points(run, shapes), 0.07 * run.length), colorbar=False)
-    _draw_surroundings(ax, run)
-    bodies.draw_clamp(ax, shapes[0], run.scene.finger)
+    bodies.draw_surroundings(ax, run, shapes[0], bodies.outlines_at(run, [0, -1]))
     for shape in shapes:
         ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
     if bodies.shows_thickness(run.scene.finger):
@@ -52,19 +52,15 @@ def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
 
     The backbones are the first collection of the axes.
     """
-    scene, tip, zones = plan.scene, np.asarray(plan.tip), plan.scene.bounds.keep_out
+    scene, tip = plan.scene, np.asarray(plan.tip)
     shown = _evenly(len(tip), _NODES)
     shapes = plan.backbone(shown, points=60)
     outlines = bodies.outlines_at(plan, [0, -1])
-    points = [shapes, tip, *bodies.zone_points(zones), *(outlines[-1] if outlines else ())]
+    points = [shapes, tip, *bodies.zone_points(scene), *(outlines[-1] if outlines else ())]
     ax = axes.plane_axes(ax, axes.bend_box(points, 0.07 * plan.length))
-    bodies.draw_zones(ax, zones)
-    bodies.draw_supports(ax, scene.supports)
-    for k, outline in enumerate(outlines):
-        bodies.draw_object(ax, outline, faint=k == 0)
+    bodies.draw_surroundings(ax, plan, shapes[0], outlines)
     lines = axes.draw_timed(ax, shapes, plan.t[shown], plan.t)
     bodies.draw_earlier(ax, shapes, lines.to_rgba(plan.t[shown]), plan.scene.finger)
-    bodies.draw_clamp(ax, shapes[0], plan.scene.finger)
     ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
     goal = scene.goal
     goals = [] if goal.tip is None else [goal.tip.value]
@@ -82,27 +78,9 @@ def _evenly(count: int, limit: int) -> NDArray[np.intp]:
 
 def _shown_points(run: ControlRun, shapes: Any) -> list[Any]:
     """World points that a picture of a run should show, beside the finger's shapes (n, points, 2)."""
-    wanted = run.tip_reference
-    zones = bodies.zone_points(run.scene.controller.bounds.keep_out)
-    moved = [part for outline in bodies.outlines_at(run, [0, -1]) for part in outline]
-    return [shapes, np.asarray(run.tip), *([] if wanted is None else [wanted]), *zones, *moved]
-
-
-def _draw_surroundings(ax: Axes, run: ControlRun, *, moving: bool = False) -> None:
-    """Draw zones, supports, and the object, into axes whose limits are set.
-
-    One that moves is drawn faintly where it is at the start, and in the end unless it is drawn ``moving``.
-    """
-    scene = run.scene
-    bodies.draw_zones(ax, scene.controller.bounds.keep_out)
-    bodies.draw_supports(ax, scene.supports)
-    outlines = bodies.outlines_at(run, [0, -1])
-    if outlines:
-        bodies.draw_object(ax, outlines[0], faint=True)
-    if outlines and not moving:
-        bodies.draw_object(ax, outlines[-1])
-    if scene.object is not None and not outlines:  # a run has no poses of an object that is fixed
-        bodies.draw_object(ax, bodies.object_outlines(scene.object, np.asarray(scene.object.pose)))
+    wanted = [] if run.tip_reference is None else [run.tip_reference]
+    outlines = chain(*bodies.outlines_at(run, [0, -1]))
+    return [shapes, np.asarray(run.tip), *wanted, *bodies.zone_points(run.scene), *outlines]
 
 
 @axes.over_time()
@@ -211,8 +189,7 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
     shapes = np.asarray(run.backbone(unique, points=60))
     film = Film(axes.bend_box(_shown_points(run, shapes), 0.09 * run.length), width)
     ax, outlines = film.ax, bodies.outlines_at(run, unique)
-    _draw_surroundings(ax, run, moving=True)
-    bodies.draw_clamp(ax, shapes[0], run.scene.finger)
+    bodies.draw_surroundings(ax, run, shapes[0], bodies.outlines_at(run, [0]), moving=True)
     cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
     if wanted is not None:
         ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)

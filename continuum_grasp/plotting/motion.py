@@ -49,14 +49,11 @@ def plot_snapshots(trajectory: Trajectory, *, times: Sequence[float] | int = 12,
     points = [shapes, *_thickness(scene.finger, shapes), *chain(*outlines)]
     scale, box = _scale_and_box(forces, points, trajectory.length)
     ax = axes.plane_axes(ax, box)
-    bodies.draw_supports(ax, scene.supports)
-    for k, some in enumerate(outlines):
-        bodies.draw_object(ax, some, faint=k < len(outlines) - 1)
+    bodies.draw_surroundings(ax, trajectory, shapes[0], outlines)
     lines = axes.draw_timed(ax, shapes, t[indices], t)
     bodies.draw_earlier(ax, shapes[:-1], lines.to_rgba(t[indices[:-1]]), scene.finger)
     if outlines or bodies.shows_thickness(scene.finger):
         bodies.draw_thickness(ax, shapes[-1], scene.finger)
-    bodies.draw_clamp(ax, shapes[0], scene.finger)
     masses = bodies.masses_of(scene.finger)
     if masses:
         spots = np.concatenate([bodies.mass_positions(shape, scene.finger) for shape in shapes])
@@ -87,17 +84,13 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
     unique, back = np.unique(indices, return_inverse=True)
     shapes = np.asarray(trajectory.backbone(unique, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(trajectory, unique)
-    bounds = getattr(scene, "bounds", None)  # plans alone have them; simulations do not load their class
-    zones = bounds.keep_out if bounds is not None else {}
-    points = [shapes, *_thickness(scene.finger, shapes), np.asarray(trajectory.tip), *bodies.zone_points(zones)]
+    points = [shapes, *_thickness(scene.finger, shapes), np.asarray(trajectory.tip), *bodies.zone_points(scene)]
     forces = _forces_at(trajectory, unique)
     everything = list(chain(*forces))
     scale, box = _scale_and_box(everything, [*points, *chain(*outlines)], trajectory.length)
     film = Film(box, width)
     ax = film.ax
-    bodies.draw_zones(ax, zones)
-    bodies.draw_supports(ax, scene.supports)
-    bodies.draw_clamp(ax, shapes[0], scene.finger)
+    bodies.draw_surroundings(ax, trajectory, shapes[0], moving=True)
     finger = film.finger(trajectory, unique, shapes, dot=7)
     explain(ax, bodies.masses_of(scene.finger), everything, trajectory.name)
 

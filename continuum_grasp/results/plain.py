@@ -7,7 +7,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import date
 from enum import Enum
 from typing import Any
@@ -18,38 +18,38 @@ import yaml
 from continuum_grasp.errors import InputError
 
 
-def plain(value: Any, key: str = "") -> Any:
+def _json_number(value: float) -> float | str:
+    if math.isfinite(value):
+        return value
+    return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+
+
+def plain(value: Any, key: str = "", number: Callable[[float], Any] = _json_number) -> Any:
     """A value in the types that JSON has.
 
     Numpy numbers and arrays become numbers and lists, validated models and mappings become objects, paths,
     dates and enumerations become strings. JSON has no NaN and no infinity: they become the strings ``"NaN"``,
-    ``"Infinity"`` and ``"-Infinity"``, which ``float`` reads back. Errors name ``key``, the dotted path of the value.
+    ``"Infinity"`` and ``"-Infinity"``, which ``float`` reads back, unless ``number`` turns floats into something else.
+    Errors name ``key``, the dotted path of the value.
     """
     kind = type(value)
     if value is None or kind is str or kind is bool or kind is int:  # nearly all, and quickly
         return value
     if kind is float:
-        return _number(value)
-    if kind is dict:
-        return {_name(k, key): plain(v, f"{key}.{k}" if key else k) for k, v in value.items()}
-    if isinstance(value, Enum):
-        return plain(value.value, key)
-    if isinstance(value, str):
-        return str(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, np.bool_):
-        return bool(value)
-    if isinstance(value, (float, np.floating)):
-        return _number(float(value))
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist(), key)
-    if hasattr(value, "model_dump"):
-        return plain(value.model_dump(mode="python"), key)
-    if isinstance(value, Mapping):
-        return {_name(k, key): plain(v, f"{key}.{k}" if key else str(k)) for k, v in value.items()}
+        return number(value)
+    if kind is dict or isinstance(value, Mapping):
+        return {_name(k, key): plain(v, f"{key}.{k}" if key else str(k), number) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [plain(v, f"{key}[{i}]") for i, v in enumerate(value)]
+        return [plain(v, f"{key}[{i}]", number) for i, v in enumerate(value)]
+    if isinstance(value, Enum):
+        return plain(value.value, key, number)
+    if isinstance(value, (np.ndarray, np.generic)):
+        return plain(value.tolist(), key, number)
+    for base in (str, int, float):
+        if isinstance(value, base):
+            return plain(base(value), key, number)
+    if hasattr(value, "model_dump"):
+        return plain(value.model_dump(mode="python"), key, number)
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if isinstance(value, date):
@@ -61,14 +61,6 @@ def digest(value: Any) -> str:
     """SHA-256 (64 hexadecimal digits) of a value's plain form, equal whatever the order of its keys."""
     text = json.dumps(plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
     return hashlib.sha256(text.encode("ascii")).hexdigest()
-
-
-def _number(value: float) -> float | str:
-    if math.isnan(value):
-        return "NaN"
-    if math.isinf(value):
-        return "Infinity" if value > 0 else "-Infinity"
-    return value
 
 
 def _name(name: Any, key: str) -> str:
@@ -107,20 +99,14 @@ _Dumper.add_representer(str, _text_node)
 _Dumper.add_representer(list, _list_node)
 
 
+def _nine_digits(value: float) -> float:
+    return float(f"{value:.9g}")
+
+
 def yaml_text(value: Any, *, exact: bool = False) -> str:
     """Mappings, lists, arrays, texts, numbers and None as block-style YAML 1.1, which 1.2 reads alike.
 
     ``exact`` keeps all digits of numbers, so that the same ones are read back; otherwise nine.
     """
-    plain, width = _plain(value, exact), float("inf")
-    return yaml.dump(plain, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=width)
-
-
-def _plain(value: Any, exact: bool) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(inner, exact) for key, inner in value.items()}
-    if hasattr(value, "tolist"):  # of numpy
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [_plain(inner, exact) for inner in value]
-    return float(f"{value:.9g}") if isinstance(value, float) and not exact else value
+    written = plain(value, number=float if exact else _nine_digits)
+    return yaml.dump(written, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=float("inf"))

@@ -94,7 +94,7 @@ def test_other_pictures_of_the_same_table(swept, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--keep", "some"), "--keep: expected all, failed or none"),
+        (("--keep", "some"), "'--keep': expected all, failed or none"),
         (("--quiet", "--json"), "--quiet cannot be combined"),
         (("--set", "vary={object.mas: {values: [1]}}"), "unknown key; did you mean 'mass'?"),
         (("--set", "set={solver.effort: thorough}"), "another plan: scene.solver.effort: quick there, thorough here"),

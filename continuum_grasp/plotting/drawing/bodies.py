@@ -281,14 +281,37 @@ def _direction(angle: float) -> Array:
     return np.array([math.cos(angle), math.sin(angle)])
 
 
-def zone_points(zones: Mapping[str, Any]) -> list[Array]:
+def zones_of(scene: Any) -> Mapping[str, Any]:
+    """Zones that a plan's or a controller's bounds keep the finger out of, by name; a simulation has none."""
+    bounds = getattr(getattr(scene, "controller", scene), "bounds", None)
+    return {} if bounds is None else bounds.keep_out
+
+
+def zone_points(scene: Any) -> list[Array]:
     """World points (n, 2) that a picture should show: the edges of round zones, one point of straight ones."""
+    edges = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
     return [
-        np.array(zone.center) + zone.radius * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
-        if zone.type == "disc"
-        else np.array([zone.point])
-        for zone in zones.values()
+        np.array(zone.center) + zone.radius * edges if zone.type == "disc" else np.array([zone.point])
+        for zone in zones_of(scene).values()
     ]
+
+
+def draw_surroundings(
+    ax: Axes, motion: Any, backbone: Array, outlines: Sequence[Sequence[Array]] = (), *, moving: bool = False
+) -> None:
+    """Draw what is around a finger into axes whose limits are set: zones, supports, the object, and the clamp.
+
+    The object is drawn at some instants, by its outlines: faintly at all but the last, and there too if it is drawn
+    ``moving``. One that is fixed, of which a controlled run has no poses, is drawn where the scene has it.
+    """
+    scene = motion.scene
+    draw_zones(ax, zones_of(scene))
+    draw_supports(ax, scene.supports)
+    for k, some in enumerate(outlines):
+        draw_object(ax, some, faint=moving or k < len(outlines) - 1)
+    if motion.object_pose is None and scene.object is not None:
+        draw_object(ax, object_outlines(scene.object, np.asarray(scene.object.pose)))
+    draw_clamp(ax, backbone, scene.finger)
 
 
 def draw_zones(ax: Axes, zones: Mapping[str, Any]) -> None:
