@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import named_path, option, out_option, verb
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli.options import option, verb
+from continuum_grasp.cli.output import Output, named_path, out_option
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:

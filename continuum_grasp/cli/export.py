@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from continuum_grasp.cli.options import one_of, option, out_option, resolved_scene, verb
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli.options import option, resolved_scene, verb
+from continuum_grasp.cli.output import Output, one_of, out_option
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:

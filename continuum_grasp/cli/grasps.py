@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from continuum_grasp.cli.options import one_of, option, out_option, verb
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli.options import option, verb
+from continuum_grasp.cli.output import Output, one_of, out_option
 from continuum_grasp.errors import SolverError
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
-from continuum_grasp.cli.options import named_path, option, out_option, resolved_scene, verb
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli.options import option, resolved_scene, verb
+from continuum_grasp.cli.output import Output, named_path, out_option
 from continuum_grasp.errors import InputError, SolverError
 
 

@@ -6,8 +6,7 @@ import inspect
 import sys
 from collections.abc import Callable
 from functools import wraps
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import typer
 from typer.models import OptionInfo
@@ -15,94 +14,13 @@ from typer.models import OptionInfo
 from continuum_grasp.cli.output import Output
 
 
-def named_path(text: str | Path) -> Path:
-    """A path that is given by its name; an empty one would be the working directory."""
-    if not str(text):
-        raise typer.BadParameter("expected a path, got an empty text")
-    return Path(text)
-
-
-def one_of(*words: str) -> Callable[[str], str]:
-    """The reader of an option that takes one of some words."""
-
-    def read(text: str) -> str:
-        if text not in words:
-            raise typer.BadParameter(f"expected {', '.join(words[:-1])} or {words[-1]}, got {text!r:.60}")
-        return text
-
-    return read
-
-
 def option(explained: str, *names: str, default: Any = None, **more: Any) -> Any:
     """An option of one verb, of the name of its parameter where it has no other ``names``; ``more`` as of typer."""
     return typer.Option(default, *names, help=explained, **more)
 
 
-def out_option(explained: str, metavar: str = "DIR") -> Any:
-    """``--out`` with its own explanation."""
-    return typer.Option("--out", metavar=metavar, parser=named_path, help=explained)
-
-
-_SHARED: dict[str, tuple[Any, Any, Any]] = {
-    "config": (
-        Path,
-        typer.Argument(
-            metavar="CONFIG",
-            parser=named_path,
-            help="YAML configuration.",
-            show_default=False,
-        ),
-        inspect.Parameter.empty,
-    ),
-    "out": (
-        Path | None,
-        out_option(
-            "Folder of the run (default: runs/COMMAND/NAME-OF-CONFIG); an earlier run of the command is replaced."
-        ),
-        None,
-    ),
-    "changes": (
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY.PATH=VALUE",
-            help="Change one entry of the configuration; repeatable. Paths are relative to the configuration.",
-        ),
-        None,
-    ),
-    "animation": (
-        str | None,
-        typer.Option(
-            "--animate",
-            metavar="gif|mp4",
-            parser=one_of("gif", "mp4"),
-            help="Write an animation too; mp4 needs ffmpeg.",
-        ),
-        None,
-    ),
-    "pictures": (bool, typer.Option("--pictures/--no-pictures", help="Draw pictures."), True),
-    "format": (
-        str,
-        typer.Option("--format", metavar="png|pdf|svg", parser=one_of("png", "pdf", "svg"), help="Of the pictures."),
-        "png",
-    ),
-    "style": (
-        str,
-        typer.Option(
-            "--style",
-            metavar="screen|paper",
-            parser=one_of("screen", "paper"),
-            help="Look of the pictures; paper: as wide as a column, with its fonts.",
-        ),
-        "screen",
-    ),
-    "as_json": (bool, typer.Option("--json", help="Print one JSON object instead of text."), False),
-    "quiet": (bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors."), False),
-    "verbose": (bool, typer.Option("--verbose", "-v", help="Print statistics too."), False),
-}
-"""Arguments and options of several verbs: type, how they are given, and default."""
-_LAST = ("pictures", "format", "style", "as_json", "quiet", "verbose")
-"""Shared options that `--help` lists after those of the verb alone."""
+_FIRST = ("config", "out", "changes", "animation")
+"""Shared arguments and options that `--help` lists before those of the verb alone; the others come after them."""
 
 
 def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -113,31 +31,31 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
     """
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:
-        shown = [*names, *(("format", "style") if "pictures" in names else ())]
-        _, *declared = inspect.signature(function, eval_str=True).parameters.values()
-        for parameter in declared:
+        shared = inspect.signature(Output, eval_str=True).parameters
+        shown = {*names, *(("format", "style") if "pictures" in names else ())}
+        _, *own = inspect.signature(function, eval_str=True).parameters.values()
+        for parameter in own:
             if isinstance(parameter.default, OptionInfo):
                 parameter.default.param_decls = parameter.default.param_decls or (
                     f"--{parameter.name.replace('_', '-')}",
                 )
-        first, last = list[inspect.Parameter](), list[inspect.Parameter]()
-        for name in shown:
-            taken, option_info, default = _SHARED[name]
-            annotation = Annotated[taken, other.get(name, option_info)]  # type: ignore[valid-type]
-            parameter = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-            (last if name in _LAST else first).append(parameter)
-        last.sort(key=lambda parameter: _LAST.index(parameter.name))
-        parameters = [
-            *first,
-            *(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in declared),
-            *last,
-        ]
+
+        def described(name: str) -> inspect.Parameter:
+            parameter = shared[name]
+            if name == "config":  # required, though an output without a configuration is possible
+                parameter = parameter.replace(default=inspect.Parameter.empty)
+            taken, *_ = get_args(parameter.annotation)
+            return parameter.replace(annotation=Annotated[taken, other[name]]) if name in other else parameter
+
+        first = [described(name) for name in _FIRST if name in shown]
+        last = [described(name) for name in shared if name in shown and name not in _FIRST]
+        parameters = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in (*first, *own, *last)]
 
         @wraps(function)
         def call(**arguments: Any) -> None:
-            shared = {name: arguments.pop(name) for name in shown}
+            given = {name: arguments.pop(name) for name in shown}
             try:
-                function(Output(verb=function.__name__.replace("_", "-"), **shared), **arguments)
+                function(Output(verb=function.__name__.replace("_", "-"), **given), **arguments)
             finally:
                 if "continuum_grasp.results.atomic" in sys.modules:
                     sys.modules["continuum_grasp.results.atomic"].release_folders()

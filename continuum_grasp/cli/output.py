@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
@@ -27,22 +27,78 @@ FAILED = 1
 was dropped, data that do not agree with the model or do not tell what was asked."""
 
 
+def named_path(text: str | Path) -> Path:
+    """A path that is given by its name; an empty one would be the working directory."""
+    if not str(text):
+        raise typer.BadParameter("expected a path, got an empty text")
+    return Path(text)
+
+
+def one_of(*words: str) -> Callable[[str], str]:
+    """The reader of an option that takes one of some words."""
+
+    def read(text: str) -> str:
+        if text not in words:
+            raise typer.BadParameter(f"expected {', '.join(words[:-1])} or {words[-1]}, got {text!r:.60}")
+        return text
+
+    return read
+
+
+def out_option(explained: str, metavar: str = "DIR") -> Any:
+    """``--out`` with its own explanation."""
+    return typer.Option("--out", metavar=metavar, parser=named_path, help=explained)
+
+
 @dataclass(frozen=True)
 class Output:
     """Request to a verb, and its output: text for people, or one JSON object for programs; warnings always go to the
-    error stream. Fields are the options that verbs share, as given, and the verb, of which the folder of a run is.
+    error stream. Fields are the arguments and options that verbs share, and the verb, of which the folder of a run is.
     """
 
-    as_json: bool = False
-    quiet: bool = False
-    verbose: bool = False
-    pictures: bool = True
-    format: str = "png"
-    style: str = "screen"
-    animation: str | None = None
-    config: Path = Path()
-    out: Path | None = None
-    changes: Sequence[str] | None = None
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", parser=named_path, help="YAML configuration.", show_default=False)
+    ] = Path()
+    out: Annotated[
+        Path | None,
+        out_option(
+            "Folder of the run (default: runs/COMMAND/NAME-OF-CONFIG); an earlier run of the command is replaced."
+        ),
+    ] = None
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY.PATH=VALUE",
+            help="Change one entry of the configuration; repeatable. Paths are relative to the configuration.",
+        ),
+    ] = None
+    animation: Annotated[
+        str | None,
+        typer.Option(
+            "--animate",
+            metavar="gif|mp4",
+            parser=one_of("gif", "mp4"),
+            help="Write an animation too; mp4 needs ffmpeg.",
+        ),
+    ] = None
+    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")] = True
+    format: Annotated[
+        str,
+        typer.Option("--format", metavar="png|pdf|svg", parser=one_of("png", "pdf", "svg"), help="Of the pictures."),
+    ] = "png"
+    style: Annotated[
+        str,
+        typer.Option(
+            "--style",
+            metavar="screen|paper",
+            parser=one_of("screen", "paper"),
+            help="Look of the pictures; paper: as wide as a column, with its fonts.",
+        ),
+    ] = "screen"
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")] = False
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics too.")] = False
     verb: str = ""
 
     def __post_init__(self) -> None:

@@ -157,7 +157,7 @@ class FakeTrajectory(SimpleNamespace):
         self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
         self.time_error, self.space_error, self.length = 2e-5, 3e-3, 0.5
 
-    pairs = Trajectory.pairs
+    kind, pairs = Trajectory.kind, Trajectory.pairs
 
     def save(self, folder):
         Path(folder).mkdir(parents=True)
