@@ -29,10 +29,6 @@ COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 overpaid."""
 ACCURACIES = (1e-2, 2e-3, 1e-4, 1e-6, 1e-9, 1e-13)
 """Accuracies of evaluation [1] that are tried, coarse first; each stands for Horner terms and quadrature nodes."""
-_PLACES = 9
-"""Places along an element at which its curvature limit is looked up [1]; that of a taper is greatest at an end."""
-_MARGIN = 1.1
-"""Declared bending range per reach of the exact rod [1]: a coarse model may bend a little further."""
 
 
 @dataclass(frozen=True)
@@ -153,8 +149,10 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
         return bending_range
     moving, start, wanted = scene.time is not None, 0.0, 0.0
     for h in lengths:
-        reach = _MARGIN * truth.curvature_reach(start, start + h, moving)
-        limit = float(scene.finger.curvature_limit_at(np.linspace(start, start + h, _PLACES)).max())
+        # 1.1: declared range per reach of the exact rod: a coarse model may bend a little further
+        reach = 1.1 * truth.curvature_reach(start, start + h, moving)
+        # 9: places along an element; the limit of a taper is greatest at an end
+        limit = float(scene.finger.curvature_limit_at(np.linspace(start, start + h, 9)).max())
         wanted = max(wanted, h * min(reach, limit))
         start += h
     return next((r for r in RANGES if r >= wanted), None)
@@ -219,7 +217,9 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
         if shape > stop_at:
             return Errors(tip, shape, np.full(2, np.nan), math.nan)
         if true.frequencies_hz is not None and moves:
-            frequencies = np.fmax(frequencies, _frequency_errors(true, true.frequencies_hz, at_rest))
+            # Of one that is unstable in truth, per the second.
+            modeled = np.append(modes(true.scene, about=at_rest).frequencies_hz, [np.nan, np.nan])[:2]
+            frequencies = np.fmax(frequencies, relative_errors(modeled, true.frequencies_hz))
             radius = max(radius, spectral_radius(core, at_rest.q[None], at_rest.u, at_rest.w, at_rest.p))
     if model.n < 2:
         frequencies[1] = np.nan
@@ -245,12 +245,6 @@ def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve, inset: 
     inside = np.clip(first + (last - first) * family.places, first + short, last - short)
     curvatures = curvature(inside.ravel()).reshape(inside.shape)
     return np.asarray(family.coordinates(np.diff(angle(edges)), curvatures)[: model.n])
-
-
-def _frequency_errors(true: TrueCase, truth: Array, at_rest: Equilibrium) -> Array:
-    """Relative errors of the first two frequencies; of one that is unstable in truth, per the second."""
-    frequencies = np.append(modes(true.scene, about=at_rest).frequencies_hz, [np.nan, np.nan])[:2]
-    return relative_errors(frequencies, truth)
 
 
 def relative_errors(frequencies: Array, truth: Array, factor: float = 1.0) -> Array:

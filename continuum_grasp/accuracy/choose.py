@@ -29,9 +29,6 @@ from continuum_grasp.labels import Summarized, quoted
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
 
-_MEASURE = ("accuracy", "rod", "model", "scene", "simulation")
-"""Packages whose code decides what is chosen."""
-
 
 @dataclass(frozen=True)
 class Chosen(Summarized):
@@ -245,8 +242,9 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
         return written
 
     maker = f"{__version__} {ca.CasadiMeta.version()}"
-    # The code of the packages too: another version may measure other errors. Not the name, which changes nothing.
-    identity = "\n".join([maker, hash_of_code(*_MEASURE), asked.model_copy(update={"name": None}).model_dump_json()])
+    # The code of what measures too: another version may find other errors. Not the name, which changes nothing.
+    code = hash_of_code("accuracy", "rod", "model", "scene", "simulation")
+    identity = "\n".join([maker, code, asked.model_copy(update={"name": None}).model_dump_json()])
     entry = entry_for(identity, ".choice", choose, maker, kind="choices")
     known, note = json.loads(entry.read_text(encoding="utf-8"))
     return scene.model_copy(update={"fidelity": Fidelity.model_validate(known)}), str(note)

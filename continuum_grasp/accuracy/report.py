@@ -106,13 +106,11 @@ class AccuracyReport(Result):
 
     def pairs(self) -> dict[str, str]:
         """Number of choices measured, and the cheapest and the most exact of those that none dominates."""
-        front, columns = self.front(), self.choices.columns
-        time, error = columns.index("evaluation [ns]"), columns.index("tip / L")
+        front = self.front()
+        time, error = COLUMNS.index("evaluation [ns]"), COLUMNS.index("tip / L")
         rows = {"choices": f"{len(self.choices.rows)} families and numbers of elements"}
-        if front:
-            for what, row in (("cheapest", front[0]), ("most exact", front[-1])):
-                text = f"{row[1]} {row[0]}: {row[time]:.3g} ns, static tip error {row[error]:.2g} of the length"
-                rows[what] = text
+        for what, row in zip(("cheapest", "most exact"), (*front[:1], *front[-1:]), strict=False):
+            rows[what] = f"{row[1]} {row[0]}: {row[time]:.3g} ns, static tip error {row[error]:.2g} of the length"
         return rows
 
     def declared(self) -> list[Stored]:
@@ -126,25 +124,27 @@ class AccuracyReport(Result):
 
     def front(self, cost: str = "evaluation [ns]", error: str = "tip / L") -> list[tuple[Any, ...]]:
         """Rows of ``choices`` that no other dominates in both cost and error (the Pareto front), cheapest first."""
-        i, j = self.choices.columns.index(cost), self.choices.columns.index(error)
+        i, j = COLUMNS.index(cost), COLUMNS.index(error)
         known = [row for row in self.choices.rows if math.isfinite(row[i]) and math.isfinite(row[j])]
         x, y = (np.array([row[k] for row in known], dtype=float) for k in (i, j))
         fast = cost == "real-time factor"
         best = pareto(x, y, x_greatest=fast)
         return [known[k] for k in (best[::-1] if fast else best)]
 
+    @property
+    def fronts(self) -> dict[tuple[str, str], list[tuple[Any, ...]]]:
+        """Rows on each Pareto front of more than one, by cost and error."""
+        fronts = {(cost, error): self.front(cost, error) for cost, error in FRONTS}
+        return {pair: rows for pair, rows in fronts.items() if len(rows) > 1}
+
     def _fronts(self) -> list[str]:
         """Choices on each Pareto front, and those on none."""
-        lines, seen = [], set()
-        for cost, error in FRONTS:
-            front = self.front(cost, error)
-            if len(front) > 1:
-                names = [f"{row[1]} {row[0]}" for row in front]
-                seen.update(names)
-                lines.append(f"- {error} against {cost}: {', '.join(names)}")
-        rest = [name for row in self.choices.rows if (name := f"{row[1]} {row[0]}") not in seen]
-        if not lines:
+        if not self.fronts:
             return []
+        named = {pair: [f"{row[1]} {row[0]}" for row in rows] for pair, rows in self.fronts.items()}
+        lines = [f"- {error} against {cost}: {', '.join(names)}" for (cost, error), names in named.items()]
+        seen = {name for names in named.values() for name in names}
+        rest = [name for row in self.choices.rows if (name := f"{row[1]} {row[0]}") not in seen]
         return ["Not dominated in cost and error:", "", *lines, f"- on none: {', '.join(rest) or 'none'}", ""]
 
     def markdown(self) -> str:
@@ -152,10 +152,8 @@ class AccuracyReport(Result):
         name = self.scene.name or "scene"
         head = [f"# Speed against error: {name}", ""]
         if self.reference is not None:
-            head += [
-                f"Motions are compared with 12 free clothoids, good to {self.reference.error:.2g} of the length.",
-                "",
-            ]
+            good_to = f"{self.reference.error:.2g} of the length"
+            head += [f"Motions are compared with 12 free clothoids, good to {good_to}.", ""]
         if self.truth.omitted:
             head += ["Load cases omitted: " + "; ".join(self.truth.omitted) + ".", ""]
         return "\n".join([*head, *self._fronts(), self.choices.markdown()])

@@ -13,7 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
-from continuum_grasp.accuracy.choice import coordinates_near, relative_errors
+from continuum_grasp.accuracy.choice import COUNTS, coordinates_near, relative_errors
 from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
@@ -28,14 +28,8 @@ from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium
 from continuum_grasp.simulation.trajectory import Trajectory, backbones
 
-_BELIEVED = 0.5
-"""Share of a family's order of convergence that is believed [1]: few elements, tapers and friction reach no more. Of
-random scenes (``benchmarks.bench_space_error``) the whole order covers the true error of 55 to 86 % only."""
-_SHORT = 0.25
-"""Length of an element per the mean up to which it is not halved [1]. Short ones enclose couples, 2 % of the length
-among two to eight others, and their half would be the stiffest by far; those of a taper of 1:16 differ less."""
-_MOST = 16
-"""Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen (``COUNTS``)."""
+_MOST = COUNTS[-1]
+"""Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen."""
 _PLACES, _INSTANTS = 21, 100
 """Places along the finger and instants of a motion that are compared [1]."""
 
@@ -46,7 +40,9 @@ def refined(scene: Scene, model: FingerModel) -> Scene:
     """The scene with every element of its model halved; InputError where the scene is one of that model alone."""
     count, length = len(model.lengths), model.finger.rod.length
     _HALVED.check(scene)
-    long = [h > _SHORT * length / count for h in model.lengths]
+    # 0.25: length of an element per the mean up to which it is not halved. Short ones enclose couples, 2 % of the
+    # length among two to eight others; their half would be the stiffest by far. Those of a taper of 1:16 differ less
+    long = [h > 0.25 * length / count for h in model.lengths]
     lengths = tuple(
         part for h, halved in zip(model.lengths, long, strict=True) for part in ([0.5 * h, 0.5 * h] if halved else [h])
     )
@@ -129,7 +125,9 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
 
 def _whole(model: FingerModel) -> float:
     """Error of a model per its difference to elements of half the length [1]."""
-    return float(1.0 / (1.0 - 2.0 ** (-_BELIEVED * model.structure.family.order)))
+    # 0.5: share of a family's order of convergence that is believed: few elements, tapers and friction reach no more.
+    # Of random scenes (``benchmarks.bench_space_error``) the whole order covers the true error of 55 to 86 % only
+    return float(1.0 / (1.0 - 2.0 ** (-0.5 * model.structure.family.order)))
 
 
 def apart(first: Trajectory, other: Trajectory) -> float:

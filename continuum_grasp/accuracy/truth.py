@@ -22,8 +22,6 @@ _HELD = "held"
 """Name of the load case that holds the initial pose."""
 STATIONS = 101
 """Places along the finger, base and tip among them, at which shapes are compared: 1 % of the length apart."""
-_LARGEST_BEND = 3.0 * np.pi
-"""A load case that turns a section further [rad] is omitted: a load that lasts for a moment does not bend so far."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,8 @@ def find_truth(scene: Scene) -> Truth:
             omitted.append(f"{name}: {str(error).splitlines()[0]}")
             continue
         turn = float(abs(rod.angle(s) - scene.finger.base.angle).max())
-        if cases and turn > _LARGEST_BEND:
+        # one and a half turns: a load that lasts for a moment does not bend so far
+        if cases and turn > 3.0 * np.pi:
             omitted.append(f"{name}: bends the finger by {turn:.3g} rad")
             continue
         frequencies = natural_frequencies(scene.finger, rod) if rests else None

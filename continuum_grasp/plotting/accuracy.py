@@ -18,12 +18,14 @@ if TYPE_CHECKING:
 
 _LOOKS = ((BLUE, "o"), (GREEN, "s"), (ORANGE, "D"), (INK, "^"))
 """Color and marker of the families, in the order of their table."""
-_PANELS = (
-    ("evaluation [ns]", "tip / L", "static tip error / L"),
-    ("evaluation [ns]", "frequency 1", "error of the first frequency"),
-    ("real-time factor", "motion / L", "r.m.s. tip error in motion / L"),
-)
-_COSTS = {"evaluation [ns]": "forward dynamics [ns]", "real-time factor": "times faster than real time"}
+_WORDS = {
+    "evaluation [ns]": "forward dynamics [ns]",
+    "real-time factor": "times faster than real time",
+    "tip / L": "static tip error / L",
+    "frequency 1": "error of the first frequency",
+    "motion / L": "r.m.s. tip error in motion / L",
+}
+"""Labels of axes, by the column that they show."""
 
 
 def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
@@ -34,28 +36,21 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    columns, rows = report.choices.columns, report.choices.rows
-    panels = [panel for panel in _PANELS if len(report.front(panel[0], panel[1])) > 1]
+    columns, rows, fronts = report.choices.columns, report.choices.rows, report.fronts
     if ax is None:
-        figure = new_figure(4.6 * max(len(panels), 1), 4.2)
-        ax = [quiet(panel) for panel in figure.subplots(1, max(len(panels), 1), squeeze=False)[0]]
-    for axes, (cost, error, text) in zip(ax, panels, strict=False):
+        count = max(len(fronts), 1)
+        ax = [quiet(panel) for panel in new_figure(4.6 * count, 4.2).subplots(1, count, squeeze=False)[0]]
+    for axes, ((cost, error), front) in zip(ax, fronts.items(), strict=False):
         i, j = columns.index(cost), columns.index(error)
-        front = report.front(cost, error)
         axes.plot([row[i] for row in front], [row[j] for row in front], color=GRAY, linewidth=5.0, alpha=0.35, zorder=1)
         for family, (color, marker) in zip(FAMILIES, cycle(_LOOKS), strict=False):
             points = [row for row in rows if row[0].split(",")[0] == family and _drawn(row[i]) and _drawn(row[j])]
-            look: dict[str, Any] = {
-                "color": color,
-                "markersize": 4.5,
-                "linewidth": 0.0,
-                "label": family.replace("_", " "),
-            }
+            look: dict[str, Any] = {"color": color, "markersize": 4.5, "linewidth": 0.0}
+            look["label"] = family.replace("_", " ")
             axes.plot([row[i] for row in points], [row[j] for row in points], marker=marker, **look)
             for row in points:
-                axes.annotate(
-                    str(row[1]), (row[i], row[j]), (4, 3), textcoords="offset points", fontsize=7, color=color
-                )
+                beside: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points"}
+                axes.annotate(str(row[1]), (row[i], row[j]), fontsize=7, color=color, **beside)
         axes.set_xscale("log")
         axes.set_yscale("log")
         costs = [row[i] for row in rows if _drawn(row[i])]
@@ -66,7 +61,7 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
         axes.xaxis.set_minor_formatter(NullFormatter())
         if cost == "real-time factor":  # greater is better: turned, so that the best is at the lower left as elsewhere
             axes.invert_xaxis()
-        label(axes, _COSTS[cost], text)
+        label(axes, _WORDS[cost], _WORDS[error])
     ax[0].legend(frameon=False, fontsize=8, title="number of elements beside", title_fontsize=8)
     return list(ax)
 

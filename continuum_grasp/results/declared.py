@@ -83,14 +83,6 @@ class Dimension:
     labels: str | tuple[str, ...] | int = ()
     unit: str = ""
 
-    def labels_of(self, result: Any, size: int) -> list[Any] | None:
-        """A label for each of so many places; None where there are none."""
-        if isinstance(self.labels, int):
-            return list(range(self.labels, self.labels + size))
-        stated = attribute(result, self.labels) if isinstance(self.labels, str) and self.labels else self.labels
-        labels = [] if stated is None else list(stated)
-        return labels[:size] if len(labels) >= size and labels else None
-
 
 TIME = Dimension("time", "instants", "t", "s")
 XY = Dimension("xy", "world axes", ("x", "y"))
@@ -99,7 +91,7 @@ POSE = Dimension("pose", "pose of the object", ("x [m]", "y [m]", "angle [rad]",
 
 @dataclass(frozen=True)
 class File:
-    """A text that is made of a result.
+    """What is made of a result: a text, or as a `Picture` a drawing.
 
     Attributes
     ----------
@@ -109,7 +101,7 @@ class File:
         ``"module:function"`` below ``continuum_grasp``, which is given the result and returns the text. It is a name
         because results lie below what describes and draws them, and matplotlib is loaded late.
     needs : str
-        Attribute of the result without which, or where it is empty, there is no such text; none where not given.
+        Attribute of the result without which, or where it is empty, there is no such file; none where not given.
     """
 
     name: str
@@ -118,27 +110,20 @@ class File:
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A picture of a result.
+class Picture(File):
+    """A picture of a result, asked for by its name; the file is ``name.png``.
+
+    Its maker is given the result and, by name, ``ax`` and what else it takes; it returns axes, a list of them if it has
+    panels.
 
     Attributes
     ----------
-    name : str
-        By which it is asked for; the file is ``name.png``.
-    maker : str
-        As of a `File`; it is given the result and, by name, ``ax`` and what else it takes. It returns axes, a list of
-        them if it has panels.
-    needs : str
-        An attribute of the result; where it is None or empty there is no such picture.
     panels : bool
         Whether it is a figure of several axes, which cannot be drawn into axes that are given.
     options : mapping
         Arguments of the maker, beside those that a user gives.
     """
 
-    name: str
-    maker: str
-    needs: str = ""
     panels: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
 

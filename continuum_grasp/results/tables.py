@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import split_unit
-from continuum_grasp.results.declared import Stored
+from continuum_grasp.results.declared import Stored, attribute
 
 if TYPE_CHECKING:
     import pandas
@@ -107,9 +107,13 @@ def _is_label(result: Any, stored: Stored) -> bool:
 
 def _labels(result: Any, name: str, size: int) -> tuple[Array | None, Array | None]:
     """Labels along a dimension (size,), and their units where they carry some; each None where there are none."""
-    dimension = _dimension(result, name)
-    labels = None if dimension is None else dimension.labels_of(result, size)
-    if labels is None:
+    stated = getattr(_dimension(result, name), "labels", None)
+    if isinstance(stated, int):
+        return np.asarray(range(stated, stated + size)), None
+    if isinstance(stated, str):
+        stated = attribute(result, stated)
+    labels = [] if stated is None else list(stated)[:size]
+    if not labels or len(labels) < size:
         return None, None
     if not all(isinstance(label, str) for label in labels):
         return np.asarray(labels), None
