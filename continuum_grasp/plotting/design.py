@@ -9,7 +9,6 @@ import numpy as np
 from continuum_grasp.plotting.drawing.axes import head, label, new_figure, quiet
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
 from continuum_grasp.plotting.grasp.picture import plot_grasp
-from continuum_grasp.plotting.grasp.view import MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,12 +38,13 @@ def _draw_grasp(ax: Axes, result: DesignResult) -> None:
     before = result.before.get(name)
     if before is not None and before.solved:
         for k, finger in enumerate(before.fingers.values()):
-            line = MM * finger.backbone[:, 1:3]
+            line = finger.backbone[:, 1:3]
             text = "at the start" if k == 0 else None
             ax.plot(*line.T, color=GRAY, linewidth=1.4, linestyle=(0, (4, 2)), zorder=Z.LABEL, label=text)
-            low, high = np.array(ax.get_xlim()), np.array(ax.get_ylim())
-            ax.set_xlim(min(low[0], line[:, 0].min() - 5.0), max(low[1], line[:, 0].max() + 5.0))
-            ax.set_ylim(min(high[0], line[:, 1].min() - 5.0), max(high[1], line[:, 1].max() + 5.0))
+            (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+            low, high = line.min(axis=0) - 5e-3, line.max(axis=0) + 5e-3  # a margin of 5 mm
+            ax.set_xlim(min(left, low[0]), max(right, high[0]))
+            ax.set_ylim(min(bottom, low[1]), max(top, high[1]))
     ax.set_title("", loc="left")
     several = f", {name}" if len(result.grasps) > 1 else ""
     head(ax, f"{result.name or 'design'}{several}")

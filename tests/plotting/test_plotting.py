@@ -20,6 +20,7 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.plotting import motion as plotting
 from continuum_grasp.plotting.drawing.axes import draw_timed, head, plane_axes
+from continuum_grasp.plotting.drawing.style import Z
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
 from continuum_grasp.simulation import Trajectory
@@ -380,7 +381,8 @@ def test_pictures_for_paper_are_as_wide_as_a_column(tmp_path: Path) -> None:
 def test_a_finger_wider_than_a_line_is_drawn_as_thick_as_it_is() -> None:
     run = cg.simulate(cg.load("configs/simulate/tendon_step.yaml", ["time.duration=0.02", "time.step=0.01"]))
     finger = run.scene.finger
-    body = plotting.plot_snapshots(run, times=[0.0]).patches[0].get_xy()
+    patches = plotting.plot_snapshots(run, times=[0.0]).patches
+    (body,) = (patch.get_xy() for patch in patches if patch.get_zorder() == Z.BODY)
     # The straight finger points along +Y.
     assert np.ptp(body[:, 0]) == pytest.approx(2.0 * finger.half_thickness, rel=1e-6)
 

@@ -32,8 +32,8 @@ def test_the_area_of_a_stepped_taper():
     expected = 0.1 * 0.02 + 0.15 * 0.009 + math.pi * 0.003**2 / 2
     # the rounded end has 25 points: chords of a half circle
     assert area(finger_outline(STRAIGHT, finger(sections=STEPS))) == pytest.approx(expected, rel=1e-4)
-    scaled = finger_outline(1e3 * STRAIGHT, finger(sections=STEPS), s=STRAIGHT[:, 1], unit=1e3)
-    assert area(scaled) == pytest.approx(1e6 * expected, rel=1e-4)
+    placed = np.column_stack([STRAIGHT[:, 1], STRAIGHT, 0.0 * STRAIGHT[:, 1]])
+    assert area(finger_outline(placed, finger(sections=STEPS))) == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_step_is_upright():
@@ -63,8 +63,8 @@ def test_the_cuts_of_a_spirob_close_where_it_is_the_spiral():
     line = np.concatenate([[0.0], np.cumsum(0.5 * (tangent[1:] + tangent[:-1]) * np.diff(s))])
     backbone = np.column_stack([line.real, line.imag])
     edges = np.array(spirob.rod.spirob.edges(LENGTH))
-    drawn = np.column_stack([np.interp(edges, s, backbone[:, k]) for k in (0, 1)])
-    outline = finger_outline(drawn, spirob, s=edges, angle=np.interp(edges, s, angle))
+    drawn = np.column_stack([edges, *(np.interp(edges, s, along) for along in (*backbone.T, angle))])
+    outline = finger_outline(drawn, spirob)
     # along each side: the base, per cut the corner before, the layer and the corner after, the tip; then the round end
     outer, inner = outline[:71], outline[::-1][:71]
     half, turn = spirob.profile.half_thickness(edges[1:-1]), spirob.rod.spirob.unit_angle(LENGTH)

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.tendons import Chamber, Tendon
 
 
-_CLAMP_WIDTH, _CLAMP_DEPTH = 0.12, 0.035
-"""As parts of the finger's length."""
 _POINTS = {False: 60, True: 240}
 """Points of a backbone, without and with a thickness that changes: chords of a spiral of two turns, of which the last
 is a fortieth of the length across, are then as short as its units."""
@@ -32,17 +30,14 @@ CIRCLE = np.stack([np.cos(np.linspace(0.0, math.tau, 25)), np.sin(np.linspace(0.
 """Points of a unit circle: enough for limits of pictures and places of labels."""
 
 
-def finger_outline(
-    backbone: Array, finger: Finger, *, s: Array | None = None, angle: Array | None = None, unit: float = 1.0
-) -> Array:
-    """Outline (points, 2) of a finger as thick as it is, with a rounded end, round its backbone (points, 2).
+def finger_outline(backbone: Array, finger: Finger) -> Array:
+    """Outline (points, 2) of a finger as thick as it is, with a rounded end, round its backbone.
 
-    ``s`` (points,) [m] are positions along the finger, evenly spaced where not given, ``angle`` (points,) [rad] those
-    of the sections' X axes; in the picture a meter is ``unit`` long.
+    The backbone is (points, 2), evenly spaced, or as grasps have it (points, 4): position along the finger, x, y [m],
+    angle of the section's X axis [rad].
     """
-    line, s, angle = _placed(backbone, finger, s, angle)
+    line, s, angle = _placed(backbone, finger)
     at, half = _thickness_line(finger, s)
-    half = unit * half
     if _cuts(finger):  # units are rigid: straight between cuts, and turned as their chords are
         edges = np.array(finger.rod.spirob.edges(finger.rod.length)) if finger.rod.spirob else s
         line, s = np.column_stack([np.interp(edges, s, line[:, k]) for k in (0, 1)]), edges
@@ -58,17 +53,9 @@ def finger_outline(
     return np.concatenate([points + across, end, (points - across)[::-1]])
 
 
-def side_path(
-    side: Tendon | Chamber,
-    backbone: Array,
-    finger: Finger,
-    *,
-    s: Array | None = None,
-    angle: Array | None = None,
-    unit: float = 1.0,
-) -> Array:
-    """Path of a tendon or a chamber (points, 2), towards the tip; arguments as of `finger_outline`."""
-    line, s, angle = _placed(backbone, finger, s, angle)
+def side_path(side: Tendon | Chamber, backbone: Array, finger: Finger) -> Array:
+    """Path of a tendon or a chamber (points, 2), towards the tip; backbone as of `finger_outline`."""
+    line, s, angle = _placed(backbone, finger)
     length = finger.rod.length
     begin, to = getattr(side, "start", 0.0), length if side.to is None else side.to
     at = np.concatenate([[begin], s[(s > begin) & (s < to)], [to]])
@@ -76,21 +63,20 @@ def side_path(
     shape = side.shape(length)
     along = np.append(shape(at[:1], tip_side=True), shape(at[1:]))
     # The X axis of a section points away from tendons of positive offset.
-    offset = -unit * ends(side.offset)[0] * along
+    offset = -ends(side.offset)[0] * along
     points = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
     return np.asarray(points + offset[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
 
 
-def _placed(backbone: Array, finger: Finger, s: Array | None, angle: Array | None) -> tuple[Array, Array, Array]:
-    """Backbone, positions along it [m], and angles of the X axes [rad]; by differences where not given."""
+def _placed(backbone: Array, finger: Finger) -> tuple[Array, Array, Array]:
+    """Points of a backbone, positions along it [m], and angles of the X axes [rad]; by differences where not given."""
     line = np.asarray(backbone)
-    if s is None:
-        s = np.linspace(0.0, finger.rod.length, len(line))
-    if angle is None:
-        tangent = np.gradient(line, s, axis=0)
-        # the tangent is the sections' Y axis
-        angle = np.unwrap(np.arctan2(-tangent[:, 0], tangent[:, 1]))
-    return line, s, angle
+    if line.shape[1] == 4:
+        return line[:, 1:3], line[:, 0], line[:, 3]
+    s = np.linspace(0.0, finger.rod.length, len(line))
+    tangent = np.gradient(line, s, axis=0)
+    # the tangent is the sections' Y axis
+    return line, s, np.unwrap(np.arctan2(-tangent[:, 0], tangent[:, 1]))
 
 
 def _cuts(finger: Finger) -> bool:
@@ -126,7 +112,7 @@ def draw_body(ax: Axes, outline: Array, **style: Any) -> Polygon:
     return body
 
 
-def draw_clamp(ax: Axes, backbone: Array, finger: Finger, unit: float = 1.0) -> Array:
+def draw_clamp(ax: Axes, backbone: Array, finger: Finger) -> Array:
     """Draw a hatched block that holds the base of a finger; returns its outline (5, 2)."""
     from matplotlib.patches import Polygon
 
@@ -136,10 +122,10 @@ def draw_clamp(ax: Axes, backbone: Array, finger: Finger, unit: float = 1.0) -> 
     size = float(np.hypot(*tangent))
     along = tangent / size if size > 0 else np.array([0.0, 1.0])
     across = np.array([-along[1], along[0]])
-    length = unit * finger.rod.length
+    # 0.12, 0.035: width and depth as parts of the finger's length
     # 1.3: least width as a part of the finger's thickness at the base
-    half = max(0.5 * _CLAMP_WIDTH * length, 1.3 * unit * float(finger.profile.half_thickness(0.0)))
-    depth = _CLAMP_DEPTH * length
+    half = max(0.06 * finger.rod.length, 1.3 * float(finger.profile.half_thickness(0.0)))
+    depth = 0.035 * finger.rod.length
     face = [p[0] - half * across, p[0] + half * across]
     corners = np.array([*face, face[1] - depth * along, face[0] - depth * along])
     ax.plot(*np.transpose(face), color=INK, linewidth=1.5, solid_capstyle="butt", zorder=Z.CLAMP_FACE)
@@ -193,7 +179,7 @@ def masses_of(finger: Finger) -> list[float]:
 
 def mass_positions(backbone: Array, finger: Finger) -> Array:
     """World positions (masses, 2) on a backbone whose points are evenly spaced from base to tip."""
-    line, s, angle = _placed(backbone, finger, None, None)
+    line, s, angle = _placed(backbone, finger)
     at = [min(m.at, finger.rod.length) for m in finger.masses if m.mass > 0]
     positions = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
     if finger.tip_body is None:
@@ -236,8 +222,8 @@ def draw_object(ax: Axes, outlines: Sequence[Array], *, faint: bool = False, **s
     return drawn
 
 
-def draw_supports(ax: Axes, supports: Mapping[str, Support], unit: float = 1.0) -> list[Array]:
-    """Draw supports within the limits of the axes, in which a meter is ``unit`` long; returns their outlines."""
+def draw_supports(ax: Axes, supports: Mapping[str, Support]) -> list[Array]:
+    """Draw supports within the limits of the axes; returns their outlines."""
     from matplotlib.patches import Circle, Polygon
 
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
@@ -247,23 +233,23 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support], unit: float = 1.0) 
     far, depth = 2.0 * diagonal, 0.035 * max(right - left, high - low)
     drawn: list[Array] = []
     for name, support in supports.items():
-        for block, face in _blocks(support, name, unit, far, depth):
+        for block, face in _blocks(support, name, far, depth):
             ax.add_patch(Polygon(block, zorder=Z.SUPPORT, **MATERIAL))
             ax.plot(*face.T, color=INK, linewidth=1.4, zorder=Z.FACE, scalex=False, scaley=False)
             drawn.append(block)
         for peg in support.pegs(name):
             # 0.012: least radius of a peg, as a part of the diagonal: a point peg is still seen
-            center, radius = unit * np.array(peg.position), max(unit * peg.radius, 0.012 * diagonal)
+            center, radius = np.array(peg.position), max(peg.radius, 0.012 * diagonal)
             style = {**MATERIAL, "linewidth": 1.2, "edgecolor": INK, "zorder": Z.SUPPORT}
             ax.add_patch(Circle((center[0], center[1]), radius, **style))
             drawn.append(center + radius * CIRCLE)
     return drawn
 
 
-def _blocks(support: Support, name: str, unit: float, far: float, depth: float) -> list[tuple[Array, Array]]:
+def _blocks(support: Support, name: str, far: float, depth: float) -> list[tuple[Array, Array]]:
     """Outline of the material and its face, of each straight part; a groove is one, so that its corner is filled."""
     if isinstance(support, VGroove):
-        apex, axis, half = unit * np.array(support.apex), support.axis_angle, 0.5 * support.opening_angle
+        apex, axis, half = np.array(support.apex), support.axis_angle, 0.5 * support.opening_angle
         face = np.array([apex + far * _direction(axis + half), apex, apex + far * _direction(axis - half)])
         left, right = (_direction(axis + turn) for turn in (half + 0.5 * math.pi, -half - 0.5 * math.pi))
         # the corner of two faces that are both moved outwards by the depth
@@ -271,8 +257,8 @@ def _blocks(support: Support, name: str, unit: float, far: float, depth: float) 
         return [(np.concatenate([face, [face[2] + depth * right, corner, face[0] + depth * left]]), face)]
     blocks = []
     for wall in support.walls(name):
-        normal, reach = np.array(wall.normal), min(unit * wall.half_length, far)
-        face = unit * np.array(wall.point) + np.outer([-reach, reach], [-normal[1], normal[0]])
+        normal, reach = np.array(wall.normal), min(wall.half_length, far)
+        face = np.array(wall.point) + np.outer([-reach, reach], [-normal[1], normal[0]])
         blocks.append((np.concatenate([face, face[::-1] - depth * normal]), face))
     return blocks
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.drawing.axes import head, label, new_axes, new_figure, quiet, show_box
+from continuum_grasp.plotting.drawing.axes import bend_box, head, label, new_axes, new_figure, quiet, show_box
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
 from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, SLATE
@@ -166,17 +166,14 @@ def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
         both.insert(k, (held, GRAY, "other friction" if k == 0 else "", 0.2))
     for arrays, color, name, alpha in both:
         for k, (finger, grasp_finger) in enumerate(scene.named_fingers.items()):
-            line = np.asarray(arrays[f"{finger}.backbone"])
-            outline = finger_outline(line[:, 1:3], grasp_finger, s=line[:, 0], angle=line[:, 3])
+            outline = finger_outline(arrays[f"{finger}.backbone"], grasp_finger)
             draw_body(ax, outline, facecolor=color, alpha=alpha, label=name if k == 0 else "")
             drawn.append(outline)
     pose = np.asarray(both[-1][0]["object.pose"])
     outlines = outlines_of(scene.object, pose)
     draw_object(ax, outlines)
     points = np.concatenate([*drawn, *outlines])
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.06 * float((high - low).max())
-    unit = show_box(ax, (low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin))
+    unit = show_box(ax, bend_box([points], 0.06 * float(np.ptp(points, axis=0).max()), slimmest=0.0))
     draw_supports(ax, scene.supports)
     label(ax, f"x [{unit}]", f"y [{unit}]")
     head(ax, scene.name)

@@ -22,7 +22,7 @@ from continuum_grasp.plotting.grasp.margins import (
     resistance_extremes,
     resistance_words,
 )
-from continuum_grasp.plotting.grasp.view import MM, GraspView, lighter, turned
+from continuum_grasp.plotting.grasp.view import GraspView, lighter, turned
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.grasp_options import GraspFinger
 
@@ -55,7 +55,7 @@ def plot_grasp(
     numbers: bool = True,
     resisted: ArrayLike | bool = True,
 ) -> Axes:
-    """Draw a grasp in the plane of the fingers, in millimeters.
+    """Draw a grasp in the plane of the fingers.
 
     Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones. Where
     friction carries weight out of the plane, the darker part of a wedge is what lift leaves for friction in it. Where
@@ -72,11 +72,10 @@ def plot_grasp(
         ax = _sheet(view, numbers, resisted)
     else:
         ax.set_title(_title(result, ax.get_window_extent().width / ax.figure.dpi), **_title_style(result))
-    (left, bottom), (right, top) = view.box
-    show_box(ax, (left, right, bottom, top))
-    label(ax, "x [mm]", "y [mm]")
+    unit = show_box(ax, view.box)
+    label(ax, f"x [{unit}]", f"y [{unit}]")
     draw_object(ax, view.outlines)
-    areas = [*draw_supports(ax, result.scene.supports, MM), *_draw_fingers(ax, view, tendons)]
+    areas = [*draw_supports(ax, result.scene.supports), *_draw_fingers(ax, view, tendons)]
     cones, arrows = _draw_contacts(ax, view)
     areas += [*cones, *_draw_scale(ax, view)]
     arrows += _draw_weight(ax, view)
@@ -90,8 +89,8 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     rows = _panel_rows(view) if numbers else []
     if isinstance(resisted, bool):
         resisted = view.result.quality.resistance_polygon if resisted and rows and view.result.solved else np.zeros(0)
-    low, high = view.box
-    size = (high - low) * min(np.array(_DRAWING) / (high - low))
+    sides = np.diff(np.reshape(view.box, (2, 2))).ravel()
+    size = sides * min(np.array(_DRAWING) / sides)
     polygon = bool(rows) and resistance_extremes(resisted)[1] > 0
     # 0.9: height of a row of discs of friction [inch]
     discs = 0.9 * friction_rows(view) + 0.4 if rows and view.lifted and view.contacts else 0.0
@@ -153,7 +152,7 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
     for contact in view.contacts:
         words = f"\n{written(contact.normal_force)} N, friction {written(abs(contact.friction_force))} N"
         name = contact.name + (words if forces else "")
-        labels.append(Label(name, view.color(contact.name), MM * contact.position, contact.normal))
+        labels.append(Label(name, view.color(contact.name), contact.position, contact.normal))
     if scene.gravity.mode != "none":
         into = "\ninto plane" if scene.lifted else ""
         text = f"weight {scene.weight:.2f} N{into}"
@@ -171,32 +170,28 @@ def _tendons_inside(finger: GraspFinger) -> list[Tendon]:
 
 
 def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
-    """Draw all fingers; returns their outlines and those of their clamps [mm]."""
+    """Draw all fingers; returns their outlines and those of their clamps [m]."""
     drawn: list[Array] = []
     for name, finger in view.fingers.items():
         backbone, body, color = view.backbones[name], view.body(name), view.color(name)
         line = backbone[:, 1:3]
-        drawn += [body, draw_clamp(ax, line, finger, MM)]
+        drawn += [body, draw_clamp(ax, line, finger)]
         edge, style = lighter(color, 0.25), "solid" if view.result.solved else "dashed"
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
         for tendon in _tendons_inside(finger) if tendons else ():
-            path = side_path(tendon, finger=finger, **view.path(name))
+            path = side_path(tendon, backbone, finger)
             ax.plot(*path.T, color=edge, linewidth=0.7, linestyle=(0, (4, 2)), zorder=Z.TENDON)
         ax.plot(*line.T, color=edge, linewidth=1.5, zorder=Z.CENTERLINE)
         if view.found:  # dots where elements meet
-            stations = MM * np.cumsum(view.result.fingers[name].lengths)[:-1]
+            stations = np.cumsum(view.result.fingers[name].lengths)[:-1]
             joints = np.stack([np.interp(stations, backbone[:, 0], backbone[:, k]) for k in (1, 2)])
             ax.plot(*joints, "o", markersize=3.6, color="white", markeredgecolor=edge, zorder=Z.JOINT)
     return drawn
 
 
-_ROUND_SIZES = 0.5, 1.0, 2.0, 5.0
-"""Forces that the scale may show, times a power of ten."""
-
-
 def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]:
-    """Draw cones and the forces that the object bears; returns the cones' outlines and the arrows as lines [mm]."""
+    """Draw cones and the forces that the object bears; returns the cones' outlines and the arrows as lines [m]."""
     from matplotlib.patches import Polygon
 
     cones: list[Array] = []
@@ -204,7 +199,7 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
     # 0.3: length of a friction cone as a part of the object's width: a little shorter than the greatest force
     reach = 0.3 * view.extent
     for contact in view.contacts:
-        color, at = view.color(contact.name), MM * contact.position
+        color, at = view.color(contact.name), contact.position
         for half, alpha in _cone_angles(view, contact):
             spread = np.linspace(-half, half, 21)
             wedge = np.array([at, *(at + reach * turned(-contact.normal, turn) for turn in spread)])
@@ -232,7 +227,7 @@ def _cone_angles(view: GraspView, contact: Contact) -> list[tuple[float, float]]
 
 
 def _draw_weight(ax: Axes, view: GraspView) -> list[Array]:
-    """Draw the center of mass and the weight; returns the arrow as a line [mm]."""
+    """Draw the center of mass and the weight; returns the arrow as a line [m]."""
     at = view.center_of_mass
     if view.lifted:  # the tail of an arrow that flies away
         ax.plot(*at, "o", markersize=9, markerfacecolor="white", markeredgecolor=INK, zorder=Z.FORCE)
@@ -247,18 +242,19 @@ def _draw_weight(ax: Axes, view: GraspView) -> list[Array]:
 
 
 def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
-    """Draw an arrow of a round force in the lower right corner; returns it with its label as a box [mm]."""
+    """Draw an arrow of a round force in the lower right corner; returns it with its label as a box [m]."""
     if view.force_scale <= 0:
         return []
     decade = 10.0 ** math.floor(math.log10(view.greatest_force))
-    size = max(k * decade for k in _ROUND_SIZES if k * decade <= view.greatest_force)
-    low, high = view.box
-    unit = 0.01 * float((high - low).max())
-    right, bottom, length = high[0] - 2.5 * unit, low[1] + 2.5 * unit, size * view.force_scale
-    draw_arrow(ax, np.array([right - length, bottom]), np.array([right, bottom]), SLATE)
-    ax.text(right, bottom + unit, f"{size:g} N", fontsize=8, color=SLATE, ha="right", va="bottom", zorder=Z.SCALE)
-    left, top = right - max(length, 9 * unit) - unit, bottom + 6 * unit
-    return [np.array([[left, low[1]], [high[0], low[1]], [high[0], top], [left, top]])]
+    # forces that the scale may show, times a power of ten
+    size = max(k * decade for k in (0.5, 1.0, 2.0, 5.0) if k * decade <= view.greatest_force)
+    left, right, bottom, top = view.box
+    unit, length = 0.01 * max(right - left, top - bottom), size * view.force_scale
+    x, y = right - 2.5 * unit, bottom + 2.5 * unit
+    draw_arrow(ax, np.array([x - length, y]), np.array([x, y]), SLATE)
+    ax.text(x, y + unit, f"{size:g} N", fontsize=8, color=SLATE, ha="right", va="bottom", zorder=Z.SCALE)
+    begin, end = x - max(length, 9 * unit) - unit, y + 6 * unit
+    return [np.array([[begin, bottom], [right, bottom], [right, end], [begin, end]])]
 
 
 _SIZE = 8.0

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,15 +24,11 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.values import Contact
 
 
-MM = 1e3
-"""Grasps are drawn in millimeters: objects for hands have some tens of them."""
 _FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
 """Colors of fingers: dark enough for text, of which every finger has some."""
 _SUPPORT = ORANGE
 _PLACES = 81
 """Points of an unloaded backbone: chords of a quarter circle stray by 5e-5 of its length, a tenth of a pixel."""
-_LEAST_MARGIN_MM, _MARGIN = 14.0, 0.13
-"""Around everything, for labels; the second as a part of the greater side."""
 
 
 @dataclass(frozen=True)
@@ -70,44 +66,38 @@ class GraspView:
 
     @cached_property
     def center_of_mass(self) -> Array:
-        """World position of the center of mass (2,) [mm]."""
-        return MM * (self.pose[:2] + turned(np.array(self.result.scene.object.com), self.pose[2]))
+        """World position of the center of mass (2,) [m]."""
+        return self.pose[:2] + turned(np.array(self.result.scene.object.com), self.pose[2])
 
     @cached_property
-    def outlines(self) -> tuple[Array, ...]:
-        """Outlines of the object's parts in the world, (points, 2) each [mm]."""
-        return tuple(MM * outline for outline in bodies.object_outlines(self.result.scene.object, self.pose))
+    def outlines(self) -> list[Array]:
+        """Outlines of the object's parts in the world, (points, 2) each [m]."""
+        return bodies.object_outlines(self.result.scene.object, self.pose)
 
     @cached_property
     def backbones(self) -> dict[str, Array]:
-        """Per finger position along it, x, y [mm] and the angle of the section's X axis [rad], (points, 4)."""
+        """Per finger position along it, x, y [m] and the angle of the section's X axis [rad], (points, 4)."""
         if self.found:
-            scale = np.array([MM, MM, MM, 1.0])
-            return {name: np.asarray(f.backbone) * scale for name, f in self.result.fingers.items()}
+            return {name: np.asarray(finger.backbone) for name, finger in self.result.fingers.items()}
         return {name: _unloaded(finger) for name, finger in self.fingers.items()}
 
     def body(self, name: str) -> Array:
-        """Outline of a finger with its rounded end, (points, 2) [mm]."""
-        return bodies.finger_outline(finger=self.fingers[name], **self.path(name))
-
-    def path(self, name: str) -> dict[str, Any]:
-        """The backbone of a finger, as what is drawn along it takes it."""
-        backbone = self.backbones[name]
-        return {"backbone": backbone[:, 1:3], "s": backbone[:, 0] / MM, "angle": backbone[:, 3], "unit": MM}
+        """Outline of a finger with its rounded end, (points, 2) [m]."""
+        return bodies.finger_outline(self.backbones[name], self.fingers[name])
 
     @cached_property
-    def box(self) -> tuple[Array, Array]:
-        """Lower left and upper right corner of what must be seen, with a margin for labels [mm]."""
+    def box(self) -> axes.Box:
+        """Limits of what must be seen, with a margin for labels."""
         points = [*self.outlines, *(self.body(name) for name in self.fingers)]
         for wall in self.result.scene.walls:
             if math.isfinite(wall.half_length):  # the others are everywhere
                 along = turned(np.array(wall.normal), 0.5 * math.pi)
-                points.append(MM * (np.array(wall.point) + np.outer([-wall.half_length, wall.half_length], along)))
-        points += [MM * np.array([peg.position]) + MM * peg.radius * bodies.CIRCLE for peg in self.result.scene.pegs]
+                points.append(np.array(wall.point) + np.outer([-wall.half_length, wall.half_length], along))
+        points += [np.array([peg.position]) + peg.radius * bodies.CIRCLE for peg in self.result.scene.pegs]
         points.append(self.center_of_mass[None, :] + self.force_scale * self.weight[None, :])
-        low, high = np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
-        margin = max(_LEAST_MARGIN_MM, _MARGIN * float((high - low).max()))
-        return low - margin, high + margin
+        # 14 mm around everything, for labels, or 0.13 of the greater side
+        margin = max(14e-3, 0.13 * float(np.ptp(np.concatenate(points), axis=0).max()))
+        return axes.bend_box(points, margin, slimmest=0.0)
 
     @cached_property
     def weight(self) -> Array:
@@ -117,7 +107,7 @@ class GraspView:
 
     @cached_property
     def extent(self) -> float:
-        """Diameter of a disc about as large as the object [mm]."""
+        """Diameter of a disc about as large as the object [m]."""
         points = np.concatenate(self.outlines)
         # the geometric mean of width and height: neither a slab's thickness nor its length scales the arrows
         return float(np.sqrt(np.prod(points.max(axis=0) - points.min(axis=0))))
@@ -130,7 +120,7 @@ class GraspView:
 
     @cached_property
     def force_scale(self) -> float:
-        """Drawn length per force [mm/N]."""
+        """Drawn length per force [m/N]."""
         # 0.36: length of the greatest force as a part of the object's width: it stays near, and the least is still seen
         return 0.36 * self.extent / self.greatest_force if self.greatest_force > 0 else 0.0
 
@@ -156,7 +146,7 @@ def lighter(color: str, share: float) -> str:
 
 
 def _unloaded(finger: GraspFinger) -> Array:
-    """The backbone of a finger that nothing bends but its rest curvature (points, 4) [mm, rad]."""
+    """The backbone of a finger that nothing bends but its rest curvature (points, 4) [m, rad]."""
     s = np.linspace(0.0, finger.rod.length, _PLACES)
     step = s[1]
     curvature = finger.profile.rest_curvature(0.5 * (s[1:] + s[:-1]))
@@ -164,7 +154,7 @@ def _unloaded(finger: GraspFinger) -> Array:
     # each chord by the angle of its middle: of second order in the step
     middle = 0.5 * (angle[1:] + angle[:-1])
     path = np.concatenate([np.zeros((1, 2)), step * np.cumsum(np.stack([-np.sin(middle), np.cos(middle)], 1), axis=0)])
-    return np.column_stack([MM * s, MM * (np.array(finger.base.position) + path), angle])
+    return np.column_stack([s, np.array(finger.base.position) + path, angle])
 
 
 @check_arguments
