@@ -55,8 +55,6 @@ def show_channels(predicted: Predicted, output: Output) -> None:
     output.table(HEADINGS, *(channel.texts for channel in predicted.channels))
 
 
-_SURE = 1.96
-"""Half of a 95 % interval per standard deviation [1]."""
 _SHOWN = 12
 """Values of single sets that are printed [1]: the coordinates of many starts say little."""
 
@@ -184,7 +182,8 @@ def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> E
     output.table(
         ("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"),
         *(
-            (name, f"{value:.4g}", *(f"+/- {_SURE * deviation:.2g}" for deviation in deviations), unit, shown)
+            # 1.96: half of a 95 % interval per standard deviation
+            (name, f"{value:.4g}", *(f"+/- {1.96 * deviation:.2g}" for deviation in deviations), unit, shown)
             for name, value, *deviations, unit, shown in zip(*columns, strict=True)
         ),
     )

@@ -186,35 +186,33 @@ class _DesignSearch:
 
     def result(self) -> DesignResult:
         """Search, and judge what was found."""
-        first = self._start()
-        if first is None:
-            return self._result(None, Status.NO_GRASP, f"no grasp at any of the designs tried: {self._why}", ())
-        self._take(first)
-        settled = False
-        worst: tuple[WorstCase, ...] = ()
+        self._start()
+        if self.best is None:
+            return self._result(Status.NO_GRASP, f"no grasp at any of the designs tried: {self._why}", ())
+        settled, worst = False, tuple[WorstCase, ...]()
         for number in range(self.options.max_rounds):
-            self._improve(number)
-            settled = not self._switched()
-            if settled:
-                worst = self._worst_cases()
-                settled = not self._missed(worst)
+            self._round = number + 1
+            self._improve()
+            if self._switched():
+                continue
+            worst = self._worst_cases()
+            settled = not self._missed(worst)
             if settled:
                 break
         best = self._best
         if best.violation > HOLDS:
             row = min(best.limits, key=lambda limit: limit.value)
             message = f"no design satisfies {row.name} ({row.case}): off by {best.violation:.3g} of it at the closest"
-            return self._result(best, Status.LIMITS_VIOLATED, message, worst)
+            return self._result(Status.LIMITS_VIOLATED, message, worst)
         status = Status.OPTIMAL if settled and self._converged else Status.FEASIBLE
-        before = best if self._first is None else self._first
-        message = f"cost {best.cost:.6g}, from {before.cost:.6g} at the start"
+        message = f"cost {best.cost:.6g}, from {(self._first or best).cost:.6g} at the start"
         # 0.02: slope that is left at an optimum over the range of a variable, as a part of the cost
         if status is Status.OPTIMAL and best.left > 0.02 * self._scale:
             # As at a kink, beside which other grasps are best.
             status, self._ended = Status.FEASIBLE, f"with a slope of {best.left:.3g} over the range of a variable"
         if status is Status.FEASIBLE:
             message += f"; the search ended before it settled ({self._ended})"
-        return self._result(best, status, message, worst)
+        return self._result(status, message, worst)
 
     @property
     def _best(self) -> Evaluation:
@@ -224,11 +222,12 @@ class _DesignSearch:
 
     # -- trial designs
 
-    def _start(self) -> Evaluation | None:
-        """The best of the trial designs, each searched in full."""
-        start = np.array([coordinate.coordinate(coordinate.start) for coordinate in self.space.coordinates])
-        trials, best = [start, *self._others()], None
-        grasps = self.problem.snapshot()
+    def _start(self) -> None:
+        """Search the trial designs in full, and take the best."""
+        count, coordinates = self.options.starts - 1, self.space.coordinates
+        trials = [np.array([coordinate.coordinate(coordinate.start) for coordinate in coordinates])]
+        if count > 0:  # the first point of the sequence is the corner 0
+            trials += list(Halton(len(coordinates), scramble=False).fast_forward(1).random(count))
         for k, at in enumerate(trials):
             self.progress(0.4 * k / len(trials), f"trial design {k + 1} of {len(trials)}")
             self.problem.forget()
@@ -239,19 +238,11 @@ class _DesignSearch:
                 continue
             if self._first is None:
                 self._first, self._before = evaluation, self.problem.results
-            if best is None or self._better(evaluation, best):
-                best, grasps = evaluation, self.problem.snapshot()
-        if best is not None:
-            self.problem.restore(grasps)
-            self._scale = max(abs(best.cost), 1e-9)
-        return best
-
-    def _others(self) -> list[Array]:
-        count = self.options.starts - 1
-        if count < 1:
-            return []
-        # The first point of the sequence is the corner 0.
-        return list(Halton(len(self.space.coordinates), scramble=False).fast_forward(1).random(count))
+            if self.best is None or self._better(evaluation, self.best):
+                self._take(evaluation)
+        if self.best is not None:
+            self.problem.restore(self._grasps)
+            self._scale = max(abs(self.best.cost), 1e-9)
 
     def _evaluate(self, at: Array, search: bool = False) -> Evaluation:
         try:
@@ -276,9 +267,9 @@ class _DesignSearch:
 
     # -- improvement
 
-    def _improve(self, number: int) -> None:
+    def _improve(self) -> None:
         """Improve the best design until it stays; a step that loses the grasp makes the region smaller."""
-        self._round, half = number + 1, 1.0
+        half = 1.0
         while self._descend(half):
             # 0.25: part of the box around the best design that is searched next where a step lost the grasp
             half *= 0.25
@@ -318,16 +309,15 @@ class _DesignSearch:
 
     def _switched(self) -> bool:
         """Search in full at the best design; whether other grasps are better there, from which to go on."""
-        before, self._round = self._best, self._round
+        before = self._best
         self.progress(0.95, "full search at the best design")
         after = self._evaluate(before.coordinates, search=True)
         self._take(after)
-        gain = before.cost - after.cost
-        if gain > SAME * self._scale or after.violation < before.violation - HOLDS:
-            name = f"round {self._round}: a full search found other grasps, cost {before.cost:.6g} to {after.cost:.6g}"
-            self.switches.append(name)
-            return True
-        return False
+        switched = before.cost - after.cost > SAME * self._scale or after.violation < before.violation - HOLDS
+        if switched:
+            costs = f"cost {before.cost:.6g} to {after.cost:.6g}"
+            self.switches.append(f"round {self._round}: a full search found other grasps, {costs}")
+        return switched
 
     # -- errors of manufacture
 
@@ -382,9 +372,7 @@ class _DesignSearch:
 
     # -- the result
 
-    def _result(
-        self, best: Evaluation | None, status: Status, message: str, worst: tuple[WorstCase, ...]
-    ) -> DesignResult:
+    def _result(self, status: Status, message: str, worst: tuple[WorstCase, ...]) -> DesignResult:
         effort = self.problem.effort
         self.problem.restore(self._grasps)
         coordinates, costs, violations, rounds = (np.array(column) for column in zip(*self.tried, strict=True))
@@ -393,7 +381,7 @@ class _DesignSearch:
             status=status,
             message=message,
             space=self.space,
-            best=best,
+            best=self.best,
             first=self._first,
             coordinates=coordinates,
             costs=costs,
@@ -402,7 +390,7 @@ class _DesignSearch:
             worst_cases=worst,
             switches=tuple(self.switches),
             acting={case: len(sets) for case, sets in self.acting.items()},
-            grasps={} if best is None else self.problem.results,
+            grasps={} if self.best is None else self.problem.results,
             before=self._before,
             statistics={
                 "designs": len(self.tried),

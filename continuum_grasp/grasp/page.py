@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from continuum_grasp.grasp.text import amount, further_advice, parts
-from continuum_grasp.results.html import cards, details, escaped, figure, folded, items, report, section, table
+from continuum_grasp.results.html import cards, details, escaped, folded, items, report, section, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +93,8 @@ def _picture(result: GraspResult, drawn: Axes) -> str:
 def _figure(name: str, drawn: Axes, described: str, caption: str) -> str:
     from continuum_grasp.plotting.drawing.axes import inline_svg
 
-    return figure(name, inline_svg(drawn, name, described), caption)
+    drawing = inline_svg(drawn, name, described)
+    return f'<figure class="{name}">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
 
 
 def _friction(beside: Mapping[str, Axes]) -> str:

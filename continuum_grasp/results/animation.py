@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import os
 import shutil
 import subprocess
@@ -23,10 +22,6 @@ if TYPE_CHECKING:
 
 _RANGES = {".gif": 50.0, ".mp4": 240.0}
 """Greatest frames per second: browsers show no frame of a GIF shorter than 20 ms; 240 is the fastest screen."""
-_WIDTHS = 159, 4096
-"""Between which a width lies [pixels]: labels fill a narrower frame, H.264 takes no wider one."""
-_REST_MS = 700
-"""A GIF rests before it starts again [ms]: long enough to see that it ended."""
 
 
 def write_animation(
@@ -47,7 +42,7 @@ def write_animation(
     for name, value, low, high in (
         ("fps", fps, 0.0, _RANGES.get(suffix, 240.0)),
         ("speed", speed, 0.0, 1e9),
-        ("width", width, *_WIDTHS),
+        ("width", width, 159, 4096),  # pixels: labels fill a narrower frame, H.264 takes no wider one
     ):
         if not low < value <= high:
             raise InputError(f"expected more than {low:g} and at most {high:g}, got {value}", key=name)
@@ -77,7 +72,7 @@ def _write_gif(path: Path, pictures: Iterator[NDArray[Any]], count: int, fps: fl
     # Ends, not durations, are rounded to the GIF's hundredths of a second, so that no error adds up.
     ends = np.round(100.0 * np.arange(1, count + 1) / fps).astype(int)
     shown = (10 * np.diff(ends, prepend=0)).tolist()
-    shown[-1] += _REST_MS
+    shown[-1] += 700  # ms of rest before it starts again: long enough to see that it ended
     images = [Image.fromarray(picture) for picture in pictures]
     palette = _palette(images)
     paletted = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
@@ -139,16 +134,8 @@ def _write_mp4(path: Path, pictures: Iterator[NDArray[Any]], fps: float, ffmpeg:
 
 _DPI = 150.0
 """Pixels per inch: text of 9 points is read without zooming on a page and on a screen."""
-_SHOWN = 100.0
-"""Pixels of a browser per inch of a picture in a notebook: text of 9 points is as high as the notebook's own."""
-
-
-_COLUMN, _PAGE = 3.46, 7.16
-"""Widths of one column of a journal and of both [inch]: 88 and 182 mm, of IEEE and Elsevier."""
-_WIDE = 7.5
-"""Width on screen from which a figure takes both columns [inch]: it has panels side by side."""
 _POINTS = 8.0
-"""Size of text there [points]: that of captions."""
+"""Size of text in a journal [points]: that of captions."""
 
 
 def save_picture(
@@ -194,7 +181,9 @@ def save_picture(
 def _print(figure: Any) -> None:
     """Make a figure as wide as a column, or as both, with text and lines of that size."""
     width = float(figure.get_figwidth())
-    share = (_COLUMN if width < _WIDE else _PAGE) / width
+    # 3.46, 7.16: widths of one column of a journal and of both [inch]: 88 and 182 mm, of IEEE and Elsevier
+    # 7.5: width on screen from which a figure takes both [inch]: it has panels side by side
+    share = (3.46 if width < 7.5 else 7.16) / width
     figure.set_size_inches(share * width, share * float(figure.get_figheight()))
     # Where text was placed by hand, not by a layout, it must not grow.
     grown = 1.0 if figure.get_layout_engine() is not None else share
@@ -208,11 +197,10 @@ def _print(figure: Any) -> None:
 
 def inline_picture(drawn: Any, described: str) -> str:
     """A plot as an HTML element with its data in it, described for readers who cannot see it."""
-    figure, buffer = _figure_of(drawn), io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_DPI)
-    data = base64.b64encode(buffer.getvalue()).decode("ascii")
-    wide = round(_SHOWN * float(figure.get_figwidth()))
-    return f'<img alt="{escape(described)}" style="width:{wide}px;max-width:100%" src="data:image/png;base64,{data}">'
+    content, size = _figure_of(drawn)._repr_png_()
+    data = base64.b64encode(content).decode("ascii")
+    look = f"width:{size['width']}px;max-width:100%"
+    return f'<img alt="{escape(described)}" style="{look}" src="data:image/png;base64,{data}">'
 
 
 def _figure_of(drawn: Any) -> Any:

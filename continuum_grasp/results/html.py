@@ -69,7 +69,8 @@ summary { cursor: pointer; margin: .6rem 0; }
 def report(title: str, status: str, message: str, warnings: Sequence[str], *parts: str, solved: bool) -> str:
     """A whole page on a result: how it ended, what to know before it is used, and those of its parts that are there."""
     warned = f'<div class="warning">{items(warnings)}</div>' if warnings else ""
-    verdict = f"<p>{badge(status.replace('_', ' '), solved)} {escaped(message)}</p>"
+    badge = f'<span class="badge{" good" if solved else ""}">{escaped(status.replace("_", " "))}</span>'
+    verdict = f"<p>{badge} {escaped(message)}</p>"
     body = "\n".join(part for part in (f"<h1>{escaped(title)}</h1>", verdict, warned, *parts) if part)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -82,11 +83,6 @@ def report(title: str, status: str, message: str, warnings: Sequence[str], *part
 def folded(summary: str, values: Mapping[str, Any], *, exact: bool = False) -> str:
     """Names and values, however deep, as YAML that opens when it is asked for; empty where there are none."""
     return details(summary, f"<pre>{escaped(yaml_text(values, exact=exact))}</pre>") if values else ""
-
-
-def figure(kind: str, drawing: str, caption: str) -> str:
-    """A drawing in SVG and what it shows."""
-    return f'<figure class="{kind}">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
 
 
 def escaped(value: object) -> str:
@@ -143,8 +139,3 @@ def items(texts: Iterable[str]) -> str:
 def details(summary: str, body: str) -> str:
     """A part that opens on demand."""
     return f"<details>\n<summary>{escaped(summary)}</summary>\n{body}\n</details>"
-
-
-def badge(text: str, good: bool) -> str:
-    """A word in a colored field."""
-    return f'<span class="badge{" good" if good else ""}">{escaped(text)}</span>'

@@ -100,9 +100,9 @@ def decode(line: bytes) -> dict[str, Any] | None:
     return row if isinstance(row, dict) else None
 
 
-def rows_of(folder: Path, count: int) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Place in the table's file, and row, of each of ``count`` scenes that has one; damaged lines are left out."""
-    path, seen, place = folder / TABLE, bytearray(count), 0
+def rows_of(folder: Path, count: int) -> Iterator[dict[str, Any]]:
+    """Row of each of ``count`` scenes that has one; damaged lines are left out."""
+    path, seen = folder / TABLE, bytearray(count)
     refuse_what_is_no_file(path)
     with suppress(FileNotFoundError), open(path, "rb") as file:
         for line in file:
@@ -111,8 +111,7 @@ def rows_of(folder: Path, count: int) -> Iterator[tuple[int, dict[str, Any]]]:
             # The first row counts: where the file system has no locks, two processes may have worked on a scene.
             if row is not None and isinstance(index, int) and 0 <= index < count and not seen[index]:
                 seen[index] = 1
-                yield place, row
-            place += len(line)
+                yield row
 
 
 class TableFile:

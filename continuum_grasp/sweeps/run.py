@@ -153,7 +153,7 @@ class _Run:
         self.there = bytearray(len(plan))
         self.counts: Counter[str] = Counter()
         self.file = TableFile(folder / TABLE)
-        for _, row in rows_of(folder, len(plan)):
+        for row in rows_of(folder, len(plan)):
             self.there[row["index"]] = 1
             self.counts[row["status"]] += 1
         self.done = self.before = sum(self.there)

@@ -21,7 +21,7 @@ from continuum_grasp.labels import nearest
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
-from continuum_grasp.sweeps.folder import SOLVED, TABLE, decode, read_plan, rows_of, run_path
+from continuum_grasp.sweeps.folder import SOLVED, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
 
 CSV = "table.csv"
@@ -222,19 +222,24 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     """
     target = Path(folder)
     plan = read_plan(target)
-    keys, numbers = keys_of(plan), list(plan["columns"])
-    cells: dict[str, list[Any]] = {name: [] for name in ("index", *_TEXTS, *keys, *numbers)}
-    for _, row in rows_of(target, int(plan["scenes"])):
-        entries = row | row["values"]
-        for name, values in cells.items():
-            values.append(entries.get(name))
-    order = np.argsort(np.array(cells["index"], dtype=int), kind="stable")
-    columns = {name: _column(values, name in _TEXTS)[order] for name, values in cells.items()}
+    columns = {name: _column(values, name in _TEXTS) for name, values in _cells(target, plan).items()}
     units = {key: unit for key, unit in plan.get("units", {}).items() if unit}
     follow = (key for key, tie in plan["follow"].items() if tie["key"] in plan["vary"])
     grid = (*plan["vary"], *follow)
     pictures = plan.get("pictures", {})
-    return SweepTable(target, int(plan["scenes"]), tuple(keys), columns, grid, units, pictures, statistics or {})
+    keys = tuple(keys_of(plan))
+    return SweepTable(target, int(plan["scenes"]), keys, columns, grid, units, pictures, statistics or {})
+
+
+def _cells(folder: Path, plan: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """Entries of all rows by column, in the order of the scenes; None where a row has none."""
+    cells: dict[str, list[Any]] = {name: [] for name in ("index", *_TEXTS, *keys_of(plan), *plan["columns"])}
+    for row in rows_of(folder, int(plan["scenes"])):
+        entries = row | row["values"]
+        for name, values in cells.items():
+            values.append(entries.get(name))
+    order = np.argsort(cells["index"], kind="stable")
+    return {name: [values[k] for k in order] for name, values in cells.items()}
 
 
 def _column(values: list[Any], words: bool) -> NDArray[Any]:
@@ -249,28 +254,17 @@ def _word(value: Any) -> str:
     return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def write_csv(folder: Path) -> Path:
-    """Write ``table.csv``, in the order of the scenes; holds one row in memory at a time."""
+def write_csv(folder: Path) -> None:
+    """Write ``table.csv``, in the order of the scenes."""
     plan = read_plan(folder)
-    keys, numbers = keys_of(plan), list(plan["columns"])
-    places = np.full(int(plan["scenes"]), -1, dtype=np.int64)
-    for place, row in rows_of(folder, len(places)):
-        places[row["index"]] = place
-    first, rest = ("index", "scene"), ("status", "reason", *numbers, "message")
-    with (
-        open(folder / TABLE, "rb") as table,
-        replacing(folder / CSV) as temporary,
-        open(temporary, "w", encoding="utf-8", newline="") as file,
-    ):
+    cells = _cells(folder, plan)
+    names = ("index", "scene", *keys_of(plan), "status", "reason", *plan["columns"], "message")
+    with replacing(folder / CSV) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow([*first, *keys, *rest])
-        for place in places[places >= 0]:
-            table.seek(place)
-            row = decode(table.readline()) or {}
-            cells = [*map(row.get, first), *map(row.get("values", {}).get, keys), *map(row.get, rest)]
+        writer.writerow(names)
+        for row in zip(*(cells[name] for name in names), strict=True):
             # true and false as in YAML and JSON, not as in Python.
-            writer.writerow([json.dumps(cell) if isinstance(cell, bool) else cell for cell in cells])
-    return folder / CSV
+            writer.writerow([json.dumps(cell) if isinstance(cell, bool) else cell for cell in row])
 
 
 def _pictures(requested: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Picture]:

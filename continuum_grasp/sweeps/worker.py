@@ -60,7 +60,6 @@ class Outcome:
 
     index: int
     status: str
-    reason: str
     seconds: float
     line: bytes
     run: bytes = b""
@@ -127,7 +126,7 @@ def _outcome(
         "message": clipped(message, 300),
         **numbers,
     }
-    return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), run)
+    return Outcome(point.index, status, float(numbers.get("seconds", 0.0)), encode(row), run)
 
 
 def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> dict[str, Any]:
