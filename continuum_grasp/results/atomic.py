@@ -5,14 +5,13 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import secrets
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results.record import kind_of_run, note_file
+from continuum_grasp.results.record import kind_of_run, naming, note_file, swapped
 
 
 def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> None:
@@ -96,16 +95,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = Path(path)
     with naming(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-    # In the same folder, since a rename is atomic within one file system only.
-    temporary = target.with_name(f".tmp-{os.getpid()}-{secrets.token_hex(6)}-{target.name}")
-    try:
-        with naming(target, temporary):
-            yield temporary
-            _flush(temporary)
-            note_file(target, temporary)
-            os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with swapped(target) as temporary:
+        yield temporary
+        _flush(temporary)
+        note_file(target, temporary)
     flush_folder(target.parent)
 
 
@@ -114,18 +107,6 @@ def write_text(text: str, path: str | os.PathLike[str]) -> Path:
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     return Path(path)
-
-
-@contextlib.contextmanager
-def naming(path: Path, temporary: Path | None = None) -> Iterator[None]:
-    """Have errors of the system name this file where they name none, as that of a full disk, or a temporary one."""
-    try:
-        yield
-    except OSError as error:
-        if error.filename is None or (temporary is not None and error.filename in (temporary, str(temporary))):
-            error.filename = str(path)
-            error.filename2 = None
-        raise
 
 
 def _flush(path: Path) -> None:

@@ -10,7 +10,7 @@ import os
 import platform
 import re
 import secrets
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -126,15 +126,33 @@ def _read(folder: Path) -> dict[str, Any]:
 
 def _write(folder: Path, record: dict[str, Any]) -> None:
     text = json.dumps({key: record[key] for key in ("kind", "files", "parts")}, indent=1) + "\n"
-    temporary = folder / f".tmp-{os.getpid()}-{secrets.token_hex(6)}-{RECORD}"
-    try:
+    with swapped(folder / RECORD) as temporary:
         temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, folder / RECORD)
-    except OSError as error:
-        error.filename, error.filename2 = str(folder / RECORD), None
-        raise
+
+
+@contextlib.contextmanager
+def swapped(target: Path) -> Iterator[Path]:
+    """A temporary name in the folder of a file, which gets the file's name where nothing is raised, and else goes."""
+    # In the same folder, since a rename is atomic within one file system only.
+    temporary = target.with_name(f".tmp-{os.getpid()}-{secrets.token_hex(6)}-{target.name}")
+    try:
+        with naming(target, temporary):
+            yield temporary
+            os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def naming(path: Path, temporary: Path | None = None) -> Iterator[None]:
+    """Have errors of the system name this file where they name none, as that of a full disk, or a temporary one."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None or (temporary is not None and error.filename in (temporary, str(temporary))):
+            error.filename = str(path)
+            error.filename2 = None
+        raise
 
 
 def _is_plain(name: str) -> bool:

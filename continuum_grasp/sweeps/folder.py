@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results.atomic import lock_file, naming, write_text
-from continuum_grasp.results.record import begin_run, created_now, kind_of_run, versions
+from continuum_grasp.results.atomic import lock_file, write_text
+from continuum_grasp.results.record import begin_run, created_now, kind_of_run, naming, swapped, versions
 from continuum_grasp.results.run_folder import RESULT
 from continuum_grasp.scene.document import refuse_what_is_no_file
 from continuum_grasp.sweeps.plan import Plan, differences
@@ -159,14 +159,10 @@ def run_path(folder: Path, index: int) -> Path:
 
 def write_run_file(folder: Path, index: int, content: bytes) -> None:
     target = run_path(folder, index) / RESULT
-    temporary = target.with_name(f".tmp-{target.name}")
-    try:
-        with naming(target):
-            target.parent.mkdir(parents=True, exist_ok=True)
-            temporary.write_bytes(content)
-            os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with naming(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+    with swapped(target) as temporary:
+        temporary.write_bytes(content)
 
 
 @contextmanager
