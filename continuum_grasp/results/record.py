@@ -131,10 +131,14 @@ def _write(folder: Path, record: dict[str, Any]) -> None:
 
 
 @contextlib.contextmanager
-def swapped(target: Path) -> Iterator[Path]:
-    """A temporary name in the folder of a file, which gets the file's name where nothing is raised, and else goes."""
+def swapped(target: Path, mark: str | None = None) -> Iterator[Path]:
+    """A temporary name in the folder of a file, which gets the file's name where nothing is raised, and else goes.
+
+    ``mark`` is a part of that name, by which others know whose it is; of this process, and its own, where not given.
+    """
+    own = f"{os.getpid()}-{secrets.token_hex(6)}-" if mark is None else mark
     # In the same folder, since a rename is atomic within one file system only.
-    temporary = target.with_name(f".tmp-{os.getpid()}-{secrets.token_hex(6)}-{target.name}")
+    temporary = target.with_name(f".tmp-{own}{target.name}")
     try:
         with naming(target, temporary):
             yield temporary

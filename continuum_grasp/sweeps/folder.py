@@ -161,7 +161,8 @@ def write_run_file(folder: Path, index: int, content: bytes) -> None:
     target = run_path(folder, index) / RESULT
     with naming(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-    with swapped(target) as temporary:
+    # Always the same name: what a killed process leaves is replaced.
+    with swapped(target, "") as temporary:
         temporary.write_bytes(content)
 
 
