@@ -73,15 +73,7 @@ def design(output: Output) -> None:
             output.config, progress=report, raise_on_failure=False, overrides=output.changes or ()
         ),
     )
-    output.report(
-        optimum,
-        files,
-        set=optimum.values,
-        cost=None if optimum.best is None else optimum.best.cost,
-        cases=optimum.cases,
-        influences=[vars(influence) for influence in optimum.influences],
-        active=optimum.active,
-    )
+    output.report(optimum, files, set=optimum.values, **optimum.details())
     if not optimum.solved:
         raise SolverError(optimum.message, status=optimum.status.value, result=optimum)
 

@@ -56,14 +56,10 @@ def plan(
         motion,
         files,
         {f"{name} [s]": f"{value:.3f}" for name, value in motion.times.items()},
-        objective=motion.objective,
         duration=motion.duration,
         tip=tuple(motion.tip[-1]),
         active=motion.active_constraints,
-        iterations=motion.iterations,
-        times=motion.times,
-        violated=motion.violated,
-        advice=motion.advice,
+        **motion.details(),
     )
     if motion.status not in ("optimal", "feasible"):
         raise SolverError(

@@ -94,9 +94,8 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         inside = result.fitted[index[:, 0]]
         for chosen, color, what in ((shown & inside, INK, "measured"), (shown & ~inside, ORANGE, "measured, hold-out")):
             if chosen.any():
-                panel.scatter(
-                    measured[chosen, 0], measured[chosen, 1], s=20, color=color, linewidth=0, zorder=5, label=what
-                )
+                x, y = measured[chosen].T
+                panel.scatter(x, y, s=20, color=color, linewidth=0, zorder=5, label=what)
         count, every = len(lines.at), len(np.unique(rows[:, 0]))
         some = f" ({count} of {every})" if count < every else ""
         panel.plot([], [], color=BLUE, linewidth=1.6, label=f"simulated{some}")
@@ -127,15 +126,8 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         at, inside = np.array([result.entries[row].at for row in rows]), result.fitted[rows]
         measured, predicted = factor * result.measured[rows], factor * result.predictions[rows]
         dense = len(rows) > _DENSE
-        above.plot(
-            at,
-            predicted,
-            color=BLUE,
-            linewidth=1.2,
-            marker=None if name in result.paths else "_",
-            label=result.predicted,
-            zorder=2,
-        )
+        marker = None if name in result.paths else "_"
+        above.plot(at, predicted, color=BLUE, linewidth=1.2, marker=marker, label=result.predicted, zorder=2)
         for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
             if chosen.any():
                 above.scatter(at[chosen], measured[chosen], s=4 if dense else 18, color=color, linewidth=0, label=text)
@@ -197,23 +189,14 @@ def _panels(
 def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     """Draw the commands over time, with the segments."""
     ax = new_axes(ax, 9.0, 3.8)
-    looks = zip(plan.commands.T, plan.command_names, (BLUE, ORANGE, GRAY) * 6, strict=False)
-    for values, name, color in looks:
+    for values, name, color in zip(plan.commands.T, plan.command_names, (BLUE, ORANGE, GRAY) * 6, strict=False):
         ax.plot(plan.t, values, color=color, linewidth=1.2, label=name_of(name))
     for k, segment in enumerate(plan.segments):
         if k % 2:
             ax.axvspan(segment.start, segment.end, color=GRAY, alpha=0.12, linewidth=0)
         middle = 0.5 * (segment.start + segment.end)
-        ax.annotate(
-            segment.name,
-            (middle, 0.98),
-            xycoords=("data", "axes fraction"),
-            rotation=90,
-            ha="center",
-            va="top",
-            fontsize=7,
-            color="0.35",
-        )
+        look: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "top", "fontsize": 7, "color": "0.35"}
+        ax.text(middle, 0.98, segment.name, transform=ax.get_xaxis_transform(), **look)
     low, high = float(plan.commands.min()), float(plan.commands.max())
     span = max(high - low, 1e-12)
     ax.set_ylim(low - 0.08 * span, high + 0.75 * span)

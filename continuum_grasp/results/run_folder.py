@@ -6,7 +6,6 @@ import io
 import json
 import os
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,18 +26,6 @@ META = "meta.json"
 FORMAT_VERSION = 1
 """Version of the format of run folders, the only one so far; a later one is refused rather than misread."""
 _META_KEY = "__meta__"
-# what zipfile and numpy raise on damaged files
-_BROKEN = (
-    OSError,
-    ValueError,
-    LookupError,
-    TypeError,
-    AttributeError,
-    EOFError,
-    RuntimeError,
-    zlib.error,
-    zipfile.BadZipFile,
-)
 
 
 @dataclass(frozen=True)
@@ -173,7 +160,7 @@ def read_run(folder: str | os.PathLike[str]) -> Run:
             arrays = {name: stored[name] for name in stored.files}
         meta = json.loads(arrays.pop(_META_KEY).tobytes().decode("utf-8"))
         version = meta["format_version"]
-    except _BROKEN as error:
+    except Exception as error:  # zipfile and numpy raise ten kinds of them on damaged files
         raise InputError(f"not readable as the result of a run: {error}", file=str(path)) from error
     if version > FORMAT_VERSION:
         raise InputError(
