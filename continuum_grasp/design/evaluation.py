@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -192,7 +193,7 @@ class DesignProblem:
         key = signs, case
         if key not in self._grasps:
             nominal = self._grasps.get((self.scenarios[0], case))
-            held = {} if nominal is None else dict(nominal.held)
+            held = {} if nominal is None else nominal.held
             self._grasps[key] = CaseGrasps(case, self.wanted, self.effort, held)
         return self._grasps[key]
 
@@ -204,19 +205,18 @@ class DesignProblem:
 
     def forget(self) -> None:
         """Drop all grasps."""
-        self._grasps.clear()
-        self._tangents.clear()
+        self._grasps = {}
+        self._tangents = {}
         self._at = None
 
     def snapshot(self) -> dict[tuple[Signs, str], CaseGrasps]:
-        return {key: replace(case_grasps, held=dict(case_grasps.held)) for key, case_grasps in self._grasps.items()}
+        """The grasps at hand, for `restore`."""
+        return {key: copy(case_grasps) for key, case_grasps in self._grasps.items()}
 
     def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps]) -> None:
         """Take up the grasps of a snapshot."""
         self.forget()
-        self._grasps.update(
-            {key: replace(case_grasps, held=dict(case_grasps.held)) for key, case_grasps in grasps.items()}
-        )
+        self._grasps = {key: copy(case_grasps) for key, case_grasps in grasps.items()}
 
     def evaluate(self, coordinates: Array, *, search: bool = False) -> Evaluation:
         """Cost, limits and derivatives; with a full search for grasps, or from those at hand.
@@ -295,17 +295,15 @@ class DesignProblem:
 
     def _row(self, text: str, values: CaseValues, chosen: list[float]) -> Row:
         """An expression of a case; of a variable's name, the value that is chosen, without its error."""
-        coordinates, m = self.space.coordinates, len(self.space.tolerated)
         quantities, slopes = dict(values.quantities), dict(values.slopes)
-        for k, coordinate in enumerate(coordinates):
+        along = np.eye(len(self.space.coordinates), len(self.space.coordinates) + len(self.space.tolerated))
+        for coordinate, value, direction in zip(self.space.coordinates, chosen, along, strict=True):
             if coordinate.name is not None:
-                quantities[coordinate.name] = chosen[k]
-                slopes[coordinate.name] = np.zeros(len(coordinates) + m)
-                slopes[coordinate.name][k] = coordinate.slope(chosen[k])
+                quantities[coordinate.name] = value
+                slopes[coordinate.name] = coordinate.slope(value) * direction
         expression = self.expressions[text]
-        return Row(
-            text, values.case, values.signs, expression.value(quantities), expression.gradient(quantities, slopes)
-        )
+        slope = expression.gradient(quantities, slopes)
+        return Row(text, values.case, values.signs, expression.value(quantities), slope)
 
     def _costs(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
         """Per combination of errors, the cost of the worst case or the mean."""

@@ -28,10 +28,6 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
 MASS = next(relaxation for relaxation in RELAXATIONS if relaxation.name == "mass")
-_SETTLED = 1e-9
-"""Relative change of a quantity at which another run from the same point is not worth it [1]."""
-_SEARCH, _LEAST_SEARCH = 5, 1000
-"""Iterations of a full search, per those of the longest one that has found a grasp, and at least [1]."""
 _MASSES = 12
 """Number of times that the mass in the scene is set until the payload lies below, or any is held."""
 
@@ -63,7 +59,7 @@ class CaseGrasps:
     name: str
     wanted: tuple[str, ...]
     effort: Effort
-    held: dict[str, HeldGrasp] = field(default_factory=dict)
+    held: Mapping[str, HeldGrasp] = field(default_factory=dict)
     found: GraspResult | None = None
     """Result of the last full search."""
 
@@ -92,10 +88,10 @@ class CaseGrasps:
         for aim in self.wanted:
             near = self._near(aim, scene, guesses.get(aim))
             if near is None:
-                self.held.pop(aim, None)
+                self.held = {name: grasp for name, grasp in self.held.items() if name != aim}
                 self.search(scene)
                 return
-            self.held[aim] = near
+            self.held = {**self.held, aim: near}
 
     # -- the scene's objective
 
@@ -104,11 +100,11 @@ class CaseGrasps:
         effort = self.effort
         effort.searches += 1
         # Why there is no grasp is not asked, which takes longer than finding one.
-        iterations = min(scene.solver.max_total_iterations, max(_LEAST_SEARCH, _SEARCH * effort.most))
-        limited = scene.model_copy(
-            update={"solver": scene.solver.model_copy(update={"max_total_iterations": iterations})}
-        )
-        result = optimize_grasp(limited if effort.most else scene, raise_on_failure=False)
+        # 5, 1000: iterations per those of the longest search that has found a grasp, and at least
+        iterations = min(scene.solver.max_total_iterations, max(1000, 5 * effort.most))
+        solver = scene.solver.model_copy(update={"max_total_iterations": iterations})
+        limited = scene.model_copy(update={"solver": solver}) if effort.most else scene
+        result = optimize_grasp(limited, raise_on_failure=False)
         if not result.solved:
             raise LostGrasp(f"{self.name}: {result.message}")
         effort.most = max(effort.most, int(result.statistics["total_iterations"]))
@@ -170,7 +166,8 @@ class CaseGrasps:
             if not attempt.converged or not np.isfinite(attempt.x).all():
                 return None
             grasp = HeldGrasp(scene, solver, attempt, solver.arrays(scene, attempt), "relaxed" in options)
-            same = before is not None and _same(before.quantities, grasp.quantities, _SETTLED)
+            # 1e-9: relative change of quantities at which another run from the same point is not worth it
+            same = before is not None and _same(before.quantities, grasp.quantities, 1e-9)
             if same or not _probed(grasp):
                 break
             before, options = grasp, {**options, "x0": attempt.x.copy(), "features": attempt.features}
@@ -209,7 +206,7 @@ class CaseGrasps:
         """Keep a grasp unless the one at hand is better."""
         before = self.held.get(aim)
         if before is None or before.scene != grasp.scene or grasp.attempt.objective < before.attempt.objective:
-            self.held[aim] = grasp
+            self.held = {**self.held, aim: grasp}
 
     # -- payload
 
@@ -237,7 +234,7 @@ class CaseGrasps:
             best, mass = grasp, grasp.quantities["payload"] * (1.0 + 10.0 * SAME)
         if best is None:
             raise LostGrasp(f"{self.name}: no mass down to {mass:.3g} kg can be held")
-        self.held["payload"] = best
+        self.held = {**self.held, "payload": best}
         if "objective" not in self.wanted:
             payload = best.quantities["payload"]
             heaviest, message = _with_mass(scene, payload), f"at most {payload:.4g} kg are held"

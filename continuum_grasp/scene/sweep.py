@@ -111,17 +111,17 @@ MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
 
 QUANTITIES = {
-    "tension_sum": "N",
-    "tension_max": "N",
-    "normal_force_max": "N",
-    "friction_margin": "",
-    "contacts": "",
-    "iterations": "",
-    "seconds": "s",
-    "reason_limit": "",
-    "reason_needed": "",
+    "tension_sum": ("N", "sum of all tensions"),
+    "tension_max": ("N", "greatest tension"),
+    "normal_force_max": ("N", "greatest normal force"),
+    "friction_margin": ("", "least friction margin"),
+    "contacts": ("", "number of contacts"),
+    "iterations": ("", "iterations of the solver"),
+    "seconds": ("s", "time"),
+    "reason_limit": ("", "limit that stands against a grasp"),
+    "reason_needed": ("", "what that limit would have to be"),
 }
-"""Columns of the table about every grasp besides status, reason and message, and their units."""
+"""Columns of the table about every grasp besides status, reason and message: unit and meaning."""
 
 Values = Annotated[ListOf[Any], Field(min_length=1, max_length=100_000)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")

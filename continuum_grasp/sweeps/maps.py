@@ -13,7 +13,8 @@ from continuum_grasp.arguments import check_arguments, choice, shown
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.declared import maker_of
 from continuum_grasp.results.tables import pareto
-from continuum_grasp.sweeps.table import WORDS, SweepTable
+from continuum_grasp.scene.sweep import QUANTITIES
+from continuum_grasp.sweeps.table import SweepTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -211,4 +212,5 @@ def _numbers(values: NDArray[Any]) -> NDArray[np.float64]:
 
 def _label(table: SweepTable, name: str) -> str:
     unit = table.units.get(name, "")
-    return f"{WORDS.get(name, name)} [{unit}]" if unit else WORDS.get(name, name)
+    words = QUANTITIES[name][1] if name in QUANTITIES else name
+    return f"{words} [{unit}]" if unit else words

@@ -49,7 +49,8 @@ class Plan:
         self.keys: tuple[str, ...] = tuple(entry.key for entry in varied)
         self.paths: tuple[KeyPath, ...] = tuple(entry.path for entry in varied)
         self.columns = sweep.columns
-        self.units = {**QUANTITIES, **{entry.key: entry.unit for entry in varied}}
+        self.units = {name: unit for name, (unit, _) in QUANTITIES.items()}
+        self.units |= {entry.key: entry.unit for entry in varied}
         self._counts = [len(axis.values) for axis in variation.axes]
         self._sources = [self.keys.index(tie.source) for tie in variation.ties]
         self._seed = 0 if sweep.sample is None else sweep.sample.seed

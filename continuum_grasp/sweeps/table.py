@@ -21,21 +21,12 @@ from continuum_grasp.labels import nearest
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
+from continuum_grasp.scene.sweep import QUANTITIES
 from continuum_grasp.sweeps.folder import SOLVED, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
 
 CSV = "table.csv"
 _TEXTS = ("scene", "status", "reason", "message")
-WORDS = {
-    "tension_sum": "sum of all tensions",
-    "tension_max": "greatest tension",
-    "normal_force_max": "greatest normal force",
-    "friction_margin": "least friction margin",
-    "contacts": "number of contacts",
-    "iterations": "iterations of the solver",
-    "seconds": "time",
-}
-"""Names of columns."""
 
 
 @dataclass(frozen=True)
@@ -174,15 +165,12 @@ class SweepTable(Result):
 
     def declared(self) -> list[Stored]:
         """The columns."""
-        return [
-            Stored(
-                name,
-                "(row,)",
-                "text" if values.dtype.kind == "U" else self.units.get(name, ""),
-                WORDS.get(name, "varied key" if name in self.keys else name),
-            )
-            for name, values in self.columns.items()
-        ]
+        declared = []
+        for name, values in self.columns.items():
+            unit = "text" if values.dtype.kind == "U" else self.units.get(name, "")
+            _, meaning = QUANTITIES.get(name, ("", "varied key" if name in self.keys else name))
+            declared.append(Stored(name, "(row,)", unit, meaning))
+        return declared
 
     def stored_arrays(self) -> dict[str, Any]:
         """The columns by name."""

@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib import import_module
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
@@ -30,10 +31,6 @@ from continuum_grasp.workers import ExecutorPool
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
 """Solvers share memory, so that the threads of a worker take turns."""
-_PATIENCE = 10.0
-"""Time to wait for an answer of the scheduler [s]."""
-_ASK_AGAIN = 2.0
-"""Time for which a count of workers is taken as current [s]: asking is a call over the network."""
 
 
 @dataclass(frozen=True)
@@ -85,25 +82,21 @@ def row_of_crash(job: Job, point: Point, message: str) -> Outcome:
 
 def _run(job: Job, point: Point) -> Outcome:
     data = scene_data(job.base, job.paths, point)
-    began = time.perf_counter()
-
-    def seconds() -> float:
-        return float(f"{time.perf_counter() - began:.6g}")
-
+    began, result, numbers = time.perf_counter(), None, dict[str, Any]()
     try:
         result = job.evaluate(GraspScene(**data))
     except ContinuumGraspError as error:
         kind = "invalid" if isinstance(error, InputError) else "error"
-        status = error.status if isinstance(error, SolverError) else kind
-        return _outcome(job, point, data, status, str(error), {"seconds": seconds()})
+        status, message = error.status if isinstance(error, SolverError) else kind, str(error)
     except Exception as error:
-        return _outcome(job, point, data, "error", f"{type(error).__name__}: {error}", {"seconds": seconds()})
-    # Some numbers are only computed when they are asked for: their time counts.
-    numbers = quantities(result, job.record) | {"seconds": seconds()}
-    status = str(result.status)
-    reason = result.reasons[0].title if result.reasons else ""
-    wanted = job.keep == "all" or (job.keep == "failed" and status not in SOLVED)
-    return _outcome(job, point, data, status, result.message, numbers, reason, _packed(result) if wanted else b"")
+        status, message = "error", f"{type(error).__name__}: {error}"
+    else:
+        # Some numbers are only computed when they are asked for: their time counts.
+        status, message, numbers = str(result.status), result.message, quantities(result, job.record)
+    numbers["seconds"] = float(f"{time.perf_counter() - began:.6g}")
+    reason = result.reasons[0].title if result is not None and result.reasons else ""
+    wanted = result is not None and (job.keep == "all" or (job.keep == "failed" and status not in SOLVED))
+    return _outcome(job, point, data, status, message, numbers, reason, _packed(result) if wanted else b"")
 
 
 def _outcome(
@@ -202,7 +195,7 @@ def _recorded(result: Any, name: str, solved: bool) -> Any:
 
 
 @contextmanager
-def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPool]:
+def dask_pool(address: str) -> Iterator[ExecutorPool]:
     """The workers of a running Dask scheduler, at an address such as ``tcp://127.0.0.1:8786``.
 
     Raises an InputError where Dask is not installed, or no scheduler answers.
@@ -215,23 +208,17 @@ def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPoo
         ) from None
     try:
         # Not the default one: the caller may use Dask for something else.
-        client: Any = distributed.Client(address, timeout=patience, set_as_default=False)
+        # 10.0: time to wait for an answer [s]
+        client: Any = distributed.Client(address, timeout=10.0, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
         raise InputError(f"no Dask scheduler answers at {address!r}: {error}", key="scheduler") from None
+
+    @lru_cache(maxsize=1)
+    def count(tick: float) -> int:
+        return len(client.nthreads())
+
     try:
-        # Not pure: a scene that is tried again is computed again.
-        yield ExecutorPool(client.get_executor(pure=False), _Count(client))
+        # Not pure: a scene that is tried again is computed again. Workers are counted every 2 s, over the network.
+        yield ExecutorPool(client.get_executor(pure=False), lambda: count(time.monotonic() // 2.0))
     finally:
         client.close()
-
-
-class _Count:
-    """Number of worker processes, asked every two seconds."""
-
-    def __init__(self, client: Any) -> None:
-        self._client, self._count, self._asked = client, 0, -_ASK_AGAIN
-
-    def __call__(self) -> int:
-        if time.monotonic() - self._asked > _ASK_AGAIN:
-            self._count, self._asked = len(self._client.nthreads()), time.monotonic()
-        return self._count
