@@ -70,8 +70,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         unit = show_box(quiet(ax), box)
         ax.grid(False)
         ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
-        bodies.draw_supports(ax, mission.scene.supports)
-        _draw_clamps(ax, mission, shape)
+        _draw_fixed(ax, mission, shape)
         _draw_grasp(ax, mission, shape, pose)
         draw_forces(ax, forces[j], scale)
         _draw_moment(ax, mission, float(mission.t[k]), pose)
@@ -92,8 +91,7 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     scale = force_scale(chain(*forces), 0.25 * mission.length)
     film = Film(_box_of(mission, shapes, poses[[0, -1]], 0.09 * mission.length), width)
     ax = film.ax
-    bodies.draw_supports(ax, mission.scene.supports)
-    _draw_clamps(ax, mission, shapes[0])
+    _draw_fixed(ax, mission, shapes[0])
     ahead = [film.line(color=GREEN, linewidth=1.6, zorder=Z.MASS) for _ in mission.runs]
     ax.plot([], [], color=GREEN, linewidth=1.6, label="predicted tip")
     clock = film.clock()
@@ -147,7 +145,9 @@ def _backbones(mission: MissionRun, at: Array) -> Array:
     return np.stack([run.backbone(at, points=60) for run in mission.runs], axis=1)
 
 
-def _draw_clamps(ax: Axes, mission: MissionRun, shapes: Array) -> None:
+def _draw_fixed(ax: Axes, mission: MissionRun, shapes: Array) -> None:
+    """Draw supports, and the clamps of all fingers."""
+    bodies.draw_supports(ax, mission.scene.supports)
     for shape, scene in zip(shapes, mission.scenes, strict=True):
         bodies.draw_clamp(ax, shape, scene.finger)
 
@@ -163,10 +163,7 @@ def _draw_grasp(ax: Axes, mission: MissionRun, shapes: Array, pose: Array, **sty
     for shape, scene in zip(shapes, mission.scenes, strict=True):
         drawn.append(bodies.draw_body(ax, bodies.finger_outline(shape, scene.finger), **style))
         drawn += ax.plot(*shape.T, color=BLUE, linewidth=1.8, solid_capstyle="round", zorder=Z.SHAPE, **style)
-    return [
-        *drawn,
-        *ax.plot(*mark.T, color=EDGE, linewidth=1.2, zorder=Z.MARK, **style),
-    ]
+    return [*drawn, *ax.plot(*mark.T, color=EDGE, linewidth=1.2, zorder=Z.MARK, **style)]
 
 
 def _pull_at(mission: MissionRun, t: float) -> Array:

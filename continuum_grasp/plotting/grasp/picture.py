@@ -93,7 +93,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     size = sides * min(np.array(_DRAWING) / sides)
     polygon = bool(rows) and resistance_extremes(resisted)[1] > 0
     # 0.9: height of a row of discs of friction [inch]
-    discs = 0.9 * friction_rows(view) + 0.4 if rows and view.lifted and view.contacts else 0.0
+    discs = 0.9 * friction_rows(view) + 0.4 if rows and view.scene.lifted and view.contacts else 0.0
     # 0.17: height of a row [inch]
     text = 0.17 * len(rows)
     beside = _BETWEEN + _PANEL if rows else 0.0
@@ -147,7 +147,7 @@ def _title_style(result: GraspResult) -> dict[str, Any]:
 
 def _labels(view: GraspView, forces: bool) -> list[Label]:
     """Labels of contacts and weight; with the forces where they do not stand beside the picture."""
-    labels, nowhere, scene = [], np.zeros(2), view.result.scene
+    labels, nowhere, scene = [], np.zeros(2), view.scene
     written = view.result.force_text
     for contact in view.contacts:
         words = f"\n{written(contact.normal_force)} N, friction {written(abs(contact.friction_force))} N"
@@ -158,7 +158,7 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
         text = f"weight {scene.weight:.2f} N{into}"
         labels.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:
-        labels += [Label(name, view.color(name), view.backbones[name][0, 1:3], nowhere) for name in view.fingers]
+        labels += [Label(name, view.color(name), base[0, 1:3], nowhere) for name, base in view.backbones.items()]
     return labels
 
 
@@ -172,7 +172,7 @@ def _tendons_inside(finger: GraspFinger) -> list[Tendon]:
 def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
     """Draw all fingers; returns their outlines and those of their clamps [m]."""
     drawn: list[Array] = []
-    for name, finger in view.fingers.items():
+    for name, finger in view.scene.named_fingers.items():
         backbone, body, color = view.backbones[name], view.body(name), view.color(name)
         line = backbone[:, 1:3]
         drawn += [body, draw_clamp(ax, line, finger)]
@@ -219,8 +219,8 @@ def _cone_angles(view: GraspView, contact: Contact) -> list[tuple[float, float]]
 
     Of the cone of those scenes where friction acts out of the plane too, the second is what the lift leaves in it.
     """
-    friction = view.result.scene.friction(contact.name)
-    if not view.lifted or contact.normal_force <= 0.0:
+    friction = view.scene.friction(contact.name)
+    if not view.scene.lifted or contact.normal_force <= 0.0:
         return [(math.atan(friction), 0.14)]
     left = math.sqrt(max(friction**2 - (contact.lift / contact.normal_force) ** 2, 0.0))
     return [(math.atan(friction), 0.08), (math.atan(left), 0.16)]
@@ -229,7 +229,7 @@ def _cone_angles(view: GraspView, contact: Contact) -> list[tuple[float, float]]
 def _draw_weight(ax: Axes, view: GraspView) -> list[Array]:
     """Draw the center of mass and the weight; returns the arrow as a line [m]."""
     at = view.center_of_mass
-    if view.lifted:  # the tail of an arrow that flies away
+    if view.scene.lifted:  # the tail of an arrow that flies away
         ax.plot(*at, "o", markersize=9, markerfacecolor="white", markeredgecolor=INK, zorder=Z.FORCE)
         ax.plot(*at, "x", markersize=5.5, color=INK, zorder=Z.FORCE + 0.1)
         return []
@@ -274,15 +274,16 @@ def _panel_rows(view: GraspView) -> list[Row]:
         head: list[Row] = [(("any one of these repairs it", SLATE),)] if repairs else []
         return [*head, *(((line, INK),) for lines in repairs for line in ("", *lines))]
     written = result.force_text
-    heads = ["normal", "friction", *(["lift"] if view.lifted else []), "margin"]
+    heads = ["normal", "friction", *(["lift"] if view.scene.lifted else []), "margin"]
     rows: list[Row] = [(("contact [N]", SLATE), *((word, SLATE) for word in heads))]
     for c in view.contacts:
-        forces = (c.normal_force, abs(c.friction_force), *((c.lift,) if view.lifted else ()))
+        forces = (c.normal_force, abs(c.friction_force), *((c.lift,) if view.scene.lifted else ()))
         words = (*map(written, forces), result.margin_text(c))
         rows.append(((c.name, view.color(c.name)), *((word, INK) for word in words)))
     rows += [(("", INK),), (("tendons [N]", SLATE), ("left", SLATE), ("right", SLATE), ("of", SLATE))]
     for name, finger in result.fingers.items():
-        limits = " / ".join(dict.fromkeys(f"{tendon.max_tension:g}" for tendon in view.fingers[name].tendon_list))
+        tendons = view.scene.named_fingers[name].tendon_list
+        limits = " / ".join(dict.fromkeys(f"{tendon.max_tension:g}" for tendon in tendons))
         left, right = map(written, finger.tensions)
         rows.append(((name, view.color(name)), (left, INK), (right, INK), (limits, INK)))
     rows.append((("sum", SLATE), (written(result.tension), INK), ("", INK), ("", INK)))

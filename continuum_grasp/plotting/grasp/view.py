@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
 
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.values import Contact
+    from continuum_grasp.scene.grasp import GraspScene
 
 
 _FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
@@ -50,50 +50,45 @@ class GraspView:
         return self.result.contacts if self.result.solved else ()
 
     @property
-    def lifted(self) -> bool:
-        """Whether friction carries the weight out of the plane."""
-        return self.result.scene.lifted
-
-    @property
-    def fingers(self) -> Mapping[str, GraspFinger]:
-        """Fingers of the scene by name."""
-        return self.result.scene.named_fingers
+    def scene(self) -> GraspScene:
+        """The scene of the grasp."""
+        return self.result.scene
 
     @cached_property
     def pose(self) -> Array:
         """World x, y [m] and angle [rad] of the object (3,)."""
-        return np.asarray(self.result.object_pose if self.found else self.result.scene.object.pose, dtype=float)
+        return np.asarray(self.result.object_pose if self.found else self.scene.object.pose, dtype=float)
 
     @cached_property
     def center_of_mass(self) -> Array:
         """World position of the center of mass (2,) [m]."""
-        return self.pose[:2] + turned(np.array(self.result.scene.object.com), self.pose[2])
+        return self.pose[:2] + turned(np.array(self.scene.object.com), self.pose[2])
 
     @cached_property
     def outlines(self) -> list[Array]:
         """Outlines of the object's parts in the world, (points, 2) each [m]."""
-        return bodies.object_outlines(self.result.scene.object, self.pose)
+        return bodies.object_outlines(self.scene.object, self.pose)
 
     @cached_property
     def backbones(self) -> dict[str, Array]:
         """Per finger position along it, x, y [m] and the angle of the section's X axis [rad], (points, 4)."""
         if self.found:
             return {name: np.asarray(finger.backbone) for name, finger in self.result.fingers.items()}
-        return {name: _unloaded(finger) for name, finger in self.fingers.items()}
+        return {name: _unloaded(finger) for name, finger in self.scene.named_fingers.items()}
 
     def body(self, name: str) -> Array:
         """Outline of a finger with its rounded end, (points, 2) [m]."""
-        return bodies.finger_outline(self.backbones[name], self.fingers[name])
+        return bodies.finger_outline(self.backbones[name], self.scene.named_fingers[name])
 
     @cached_property
     def box(self) -> axes.Box:
         """Limits of what must be seen, with a margin for labels."""
-        points = [*self.outlines, *(self.body(name) for name in self.fingers)]
-        for wall in self.result.scene.walls:
+        points = [*self.outlines, *(self.body(name) for name in self.scene.named_fingers)]
+        for wall in self.scene.walls:
             if math.isfinite(wall.half_length):  # the others are everywhere
                 along = turned(np.array(wall.normal), 0.5 * math.pi)
                 points.append(np.array(wall.point) + np.outer([-wall.half_length, wall.half_length], along))
-        points += [np.array([peg.position]) + peg.radius * bodies.CIRCLE for peg in self.result.scene.pegs]
+        points += [np.array([peg.position]) + peg.radius * bodies.CIRCLE for peg in self.scene.pegs]
         points.append(self.center_of_mass[None, :] + self.force_scale * self.weight[None, :])
         # 14 mm around everything, for labels, or 0.13 of the greater side
         margin = max(14e-3, 0.13 * float(np.ptp(np.concatenate(points), axis=0).max()))
@@ -102,8 +97,7 @@ class GraspView:
     @cached_property
     def weight(self) -> Array:
         """Weight of the object in the plane (2,) [N]."""
-        scene = self.result.scene
-        return scene.object.mass * np.array(scene.gravity_in_plane)
+        return self.scene.object.mass * np.array(self.scene.gravity_in_plane)
 
     @cached_property
     def extent(self) -> float:
@@ -128,7 +122,7 @@ class GraspView:
         """Color of a finger, a support, or what a contact's name begins with; gray where there is no grasp."""
         if not self.result.solved:
             return SLATE
-        names = list(self.fingers)
+        names = list(self.scene.named_fingers)
         owner = name.split(".")[0]
         return _FINGERS[names.index(owner)] if owner in names else _SUPPORT
 
