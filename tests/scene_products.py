@@ -215,15 +215,9 @@ def _variables(*given: Any, **_: Any) -> tuple[Any, ...]:
     return given
 
 
-def _library(*_: Any, **asked: Any) -> tuple[dict[str, str], dict[str, Any]]:
-    structs = {"input": [], "state": [], "rate": []}
-    return {}, {
-        "structs": structs,
-        "nominal_parameters": {},
-        "steps": {"step": {"accurate_s": 1.0}},
-        "functions": {},
-        **asked,
-    }
+def _library(*_: Any, **asked: Any) -> tuple[dict[str, str], dict[str, Any], dict[str, tuple[Any, ...]]]:
+    known = {"nominal_parameters": {}, "steps": {"step": {"accurate_s": 1.0}}, "functions": {}}
+    return {}, {**known, **asked}, {"input": (), "state": (), "rate": ()}
 
 
 def page_of_loop(scene: ControlScene) -> Iterator[object]:

@@ -112,6 +112,11 @@ class Field:
             return f"{self.low:.6g} to {self.high:.6g}"
         return f"{self.low:.6g} or more" if self.low > -math.inf else f"up to {self.high:.6g}" * (self.high < math.inf)
 
+    @property
+    def usual(self) -> float | None:
+        """Size of usual values in six digits, where it is known."""
+        return float(f"{self.scale:.6g}") if self.scale != 1.0 and 0.0 < self.scale < math.inf else None
+
     def within(self, low: float, high: float, scale: float) -> Field:
         """A copy with a range and the size of usual values."""
         return replace(self, low=low, high=high, scale=scale)

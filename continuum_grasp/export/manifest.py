@@ -191,8 +191,8 @@ def entry(field: Field) -> dict[str, Any]:
         description["low"] = float(field.low)
     if field.high < math.inf:
         description["high"] = float(field.high)
-    if field.scale != 1.0 and 0.0 < field.scale < math.inf:
-        description["nominal"] = float(f"{field.scale:.6g}")
+    if field.usual is not None:
+        description["nominal"] = field.usual
     return description
 
 

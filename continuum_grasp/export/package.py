@@ -156,7 +156,7 @@ def export_c(
     """
     check_folder(folder, "export")
     asked = Asked(real, what, prefix, target, ranges, step, substeps, sections, error, measured, finger)
-    files, values = package_files(given, asked)
+    files, values, _ = package_files(given, asked)
     write_package(Path(folder), files)
     return Package(Path(folder), tuple(sorted(files)), values)
 
@@ -177,8 +177,10 @@ class Asked(NamedTuple):
     finger: str | None = None
 
 
-def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[dict[str, str], dict[str, Any]]:
-    """Files of a package by path, and what its manifest holds; one that is not ``tested`` is its library alone."""
+def package_files(
+    given: Given, asked: Asked, *, tested: bool = True
+) -> tuple[dict[str, str], dict[str, Any], Contents]:
+    """Files of a package by path, its manifest and its contents; one that is not ``tested`` is its library alone."""
     # 1e-2: greatest relative error of single precision by default
     limit = 1e-2 if asked.error is None else positive("error", asked.error)
     target, computed_in = target_of(asked.target, asked.real)
@@ -238,7 +240,7 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
         configuration=source.configuration,
     )
     files[MANIFEST] = manifest_text(values)
-    return files, values
+    return files, values, contents
 
 
 def controller_of(scene: ControlScene, phases: Callable[[Stages], Phases] | None = None) -> tuple[Contents, Loop]:

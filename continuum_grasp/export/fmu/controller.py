@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from continuum_grasp.export.control.loop import DIAGNOSIS
+from continuum_grasp.export.fields import Field
 from continuum_grasp.export.fmu.variable import STRICT, Unit, Variable, count, library_of, variables_of
 from continuum_grasp.export.source import names_of
 from continuum_grasp.mission.result import MissionRun
@@ -41,21 +43,18 @@ def controller_unit(
     asked to let go.
     """
     alone = isinstance(scene, ControlScene)
-    sources, manifest = library_of(scene, what=["mpc" if alone else "mission"], prefix=identifier, finger=finger)
-    structs, loop = manifest["structs"], manifest["loop"]
-    start = "estimate" if "estimate" in structs else "measurement"
-    measured = variables_of(
-        "measurement", "input", structs["measurement"], list(loop["measurement_at_start"].values()), may_be_missing=True
-    )
-    nominal = list(loop["nominal_known"].values())
-    input_groups, states, words = _of_loop(manifest, preview) if alone else _of_mission(loop["mission"])
+    what = ["mpc" if alone else "mission"]
+    sources, manifest, structs = library_of(scene, what=what, prefix=identifier, finger=finger)
+    loop, start = manifest["loop"], "estimate" if "estimate" in structs else "measurement"
+    seen, nominal = (list(loop[name].values()) for name in ("measurement_at_start", "nominal_known"))
+    input_groups, states, words = _of_loop(structs, loop, preview) if alone else _of_mission(loop["mission"])
     groups = {
-        "FMU_MEASUREMENT": measured,
+        "FMU_MEASUREMENT": variables_of("measurement", "input", structs["measurement"], seen, may_be_missing=True),
         **input_groups,
-        "FMU_KNOWN": variables_of("known", "tunable", structs.get("known", []), nominal),
+        "FMU_KNOWN": variables_of("known", "tunable", structs.get("known", ()), nominal),
         "FMU_COMMAND": variables_of("command", "output", structs["command"]),
         "FMU_ESTIMATE": variables_of("estimate", "output", structs[start]),
-        "FMU_DIAGNOSIS": tuple(Variable(f"diagnosis.{k}", "1", _TEXTS[k], "output") for k in _REALS),
+        "FMU_DIAGNOSIS": variables_of("diagnosis", "output", [Field(name, "1", _TEXTS[name]) for name in _REALS]),
     }
     return Unit(
         identifier=identifier,
@@ -94,16 +93,18 @@ _Own = tuple[dict[str, tuple[Variable, ...]], dict[str, str], dict[str, Any]]
 """Groups of variables, whole numbers with their texts, and words of the templates that one of both has."""
 
 
-def _of_loop(manifest: Mapping[str, Any], preview: bool) -> _Own:
-    """Setpoints and settings."""
-    structs, loop = manifest["structs"], manifest["loop"]
-    nodes, wanted = loop["nodes"], list(loop["first_setpoints"].values())
+def _of_loop(structs: Mapping[str, tuple[Field, ...]], loop: Mapping[str, Any], preview: bool) -> _Own:
+    """Setpoints, each held over the horizon or, with a ``preview``, one each stage from now on; settings."""
+    wanted, nodes, settings = structs["reference"], loop["nodes"], [*loop["nominal_settings"].values()]
+    ahead = [(f"[{k}]", f"setpoint {k * loop['stage_s']:g} s from now") for k in range(nodes)]
+    rows = ahead if preview else [("", "setpoint, held over the horizon")]
+    entries = [replace(field, name=field.name + at, text=text, shape=()) for field in wanted for at, text in rows]
+    first = [value for value in loop["first_setpoints"].values() for _ in rows]
     groups = {
-        "FMU_REFERENCE": _reference(structs["reference"], wanted, nodes if preview else 0, loop["stage_s"]),
-        "FMU_SETTINGS": variables_of("settings", "tunable", structs["settings"], [*loop["nominal_settings"].values()]),
+        "FMU_REFERENCE": variables_of("reference", "input", entries, first),
+        "FMU_SETTINGS": variables_of("settings", "tunable", structs["settings"], settings),
     }
-    names = [entry["name"] for entry in structs["reference"]]
-    places = [(name, f"{j * nodes} + k" if preview else j) for j, name in enumerate(names)]
+    places = [(field.name, f"{j * nodes} + k" if preview else j) for j, field in enumerate(wanted)]
     return groups, {}, {"nodes": nodes, "reference": places, "watches": 0}
 
 
@@ -111,9 +112,10 @@ def _of_mission(mission: Mapping[str, Any]) -> _Own:
     """Commands and reports that it takes, and where it is."""
     watches = mission["watches"]
     events = ["release", "abort", *["squeeze"] * watches, *mission["reports"]]
-    groups = {"FMU_EVENTS": tuple(Variable(name, "1", _EVENTS[name], "input", low=0.0, high=1.0) for name in events)}
+    groups = {"FMU_EVENTS": tuple(Variable(n, "1", _EVENTS[n], kind="input", low=0.0, high=1.0) for n in events)}
     text = "of the object in the hand; NaN where it was not measured"
-    groups["FMU_HEIGHT"] = (Variable("height", "m", text, "input", math.nan, may_be_missing=True),) * watches
+    height = Variable("height", "m", text, kind="input", start=math.nan, may_be_missing=True)
+    groups["FMU_HEIGHT"] = (height,) * watches
     phases = ", ".join(f"{k} {name}" for k, name in enumerate(mission["phases"]))
     states = {
         "phase": f"number of the phase: {phases}",
@@ -122,15 +124,3 @@ def _of_mission(mission: Mapping[str, Any]) -> _Own:
     }
     states |= {"grip": "of what is held: 0 as planned, 1 squeezed, 2 set down"} if watches else {}
     return groups, states, {"events": [*enumerate(events)], "watches": watches}
-
-
-def _reference(entries: list[dict[str, Any]], wanted: list[float], nodes: int, stage: float) -> tuple[Variable, ...]:
-    """Setpoints, each held over the horizon, or one each stage from now on [s]."""
-    named = [{**entry, "text": "setpoint, held over the horizon"} for entry in entries]
-    if nodes:
-        named = [
-            {**entry, "name": f"{entry['name']}[{k}]", "text": f"setpoint {k * stage:g} s from now"}
-            for entry in entries
-            for k in range(nodes)
-        ]
-    return variables_of("reference", "input", named, [value for value in wanted for _ in range(max(nodes, 1))])

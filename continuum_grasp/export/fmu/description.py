@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from xml.etree import ElementTree
-from xml.sax.saxutils import escape
+from xml.sax.saxutils import escape, quoteattr
 
 from continuum_grasp import __version__
 from continuum_grasp.export.fields import fill
@@ -15,8 +15,8 @@ from continuum_grasp.export.fmu.variable import Unit, Variable
 
 def model_description(unit: Unit, fmi: str, token: str) -> str:
     """XML of a version, ``"2"`` or ``"3"``."""
-    old, reals = fmi == "2", unit.variables
-    units = {name: base_unit(name) for name in sorted({variable.unit for variable in reals} | {"s"})}
+    old = fmi == "2"
+    units = {name: base_unit(name) for name in sorted({variable.unit for variable in unit.variables} | {"s"})}
     texts = {"title": unit.title, "what": unit.what, "hash": unit.manifest["configuration_hash"], "token": token}
     words = {name: escape(str(text), {'"': "&quot;"}) for name, text in texts.items()} | {
         "fmi": fmi,
@@ -29,59 +29,67 @@ def model_description(unit: Unit, fmi: str, token: str) -> str:
         "stop": _number(unit.stop),
         "sources": sorted([*(name for name in unit.sources if name.endswith(".c")), "fmi2.c"]),
         "units": [(n, base is not None, (base or {}).items()) for n, base in units.items()],
+        "variables": _variables(unit, old),
+        "groups": _structure(unit, old),
     }
     root = ElementTree.fromstring(fill("fmu/description.xml", words))
-    *_, listed, structure = root
-    # In FMI 2.0 variables are numbered from one, in their order; in FMI 3.0 they are named by their references.
-    offset = 1 if old else 0
-
-    def add(kind: str, name: str, text: str, more: Mapping[str, str], values: Mapping[str, str]) -> None:
-        attributes = {
-            "name": name,
-            "valueReference": str(len(listed)),
-            **({"description": text} if text else {}),
-            **more,
-        }
-        if old:
-            ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", attributes), kind, dict(values))
-        else:
-            ElementTree.SubElement(listed, kind, {**attributes, **values})
-
-    first = next((k for k, v in enumerate(reals) if v.kind == "state"), 0)
-    rates = [k for k, v in enumerate(reals) if v.kind == "rate"]
-    for k, variable in enumerate(reals):
-        derivative = {"derivative": str(first + k - rates[0] + offset)} if k in rates else {}
-        values = {**_real(unit, variable), **derivative}
-        add("Real" if old else "Float64", variable.name, variable.text, _roles(unit, variable), values)
-    for count in unit.counts:
-        add("Integer" if old else "Int32", count.name, count.text, _COUNT, {})
-    counts = range(len(reals), len(listed))
-    if not old:
-        add("Float64", "time", "time", {"causality": "independent", "variability": "continuous"}, {"unit": "s"})
-    seen = [k for k, v in enumerate(reals) if v.kind in ("state", "output")]
-    # What the initialization computes.
-    unknown = [k for k, v in enumerate(reals) if v.kind == "output" or (v.kind == "rate" and unit.linear)]
-    groups = (
-        ("Outputs", "Output", (*seen, *counts)),
-        ("Derivatives", "ContinuousStateDerivative", rates if unit.linear else ()),
-        ("InitialUnknowns", "InitialUnknown", (*unknown, *counts)),
-    )
-    for group, kind, entries in groups:
-        parent = ElementTree.SubElement(structure, group) if old and entries else structure
-        for k in entries:
-            entry = {"index" if old else "valueReference": str(k + offset)}
-            if k not in counts and kind != "InitialUnknown":
-                entry["dependencies"] = " ".join(str(j + offset) for j in _depends(unit, reals[k]))
-            ElementTree.SubElement(parent, "Unknown" if old else kind, entry)
     ElementTree.indent(root, "  ")
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _variables(unit: Unit, old: bool) -> list[tuple[str, str, str]]:
+    """Type of each variable, what both versions say of it, and what FMI 2.0 has in an element within."""
+    reals = unit.variables
+    first = next((k for k, v in enumerate(reals) if v.kind == "state"), 0)
+    rates = [k for k, v in enumerate(reals) if v.kind == "rate"]
+    rows = []
+    for k, v in enumerate(reals):
+        # In FMI 2.0 variables are numbered from one, in their order; in FMI 3.0 they are named by their references.
+        derivative = {"derivative": first + k - rates[0] + old} if k in rates else {}
+        rows.append(("Real" if old else "Float64", v, _roles(unit, v), {**_real(v), **derivative}))
+    rows += [("Integer" if old else "Int32", count, _COUNT, {}) for count in unit.counts]
+    if not old:
+        time = Variable("time", "s", "time", kind="output")
+        rows.append(("Float64", time, {"causality": "independent", "variability": "continuous"}, {"unit": "s"}))
+    return [
+        (kind, _attributes({"name": v.name, "valueReference": k, **_described(v), **roles}), _attributes(values))
+        for k, (kind, v, roles, values) in enumerate(rows)
+    ]
+
+
+def _structure(unit: Unit, old: bool) -> list[tuple[str, str, list[str]]]:
+    """Outputs, rates and what the initialization computes: group of FMI 2.0, element of FMI 3.0, and the entries."""
+    reals = unit.variables
+    rates = [k for k, v in enumerate(reals) if v.kind == "rate"] if unit.linear else []
+    counts = range(len(reals), len(reals) + len(unit.counts))
+    seen = [k for k, v in enumerate(reals) if v.kind in ("state", "output")]
+    unknown = [k for k, v in enumerate(reals) if v.kind == "output" or k in rates]
+
+    def entry(k: int, depends: bool) -> str:
+        on = {"dependencies": " ".join(str(j + old) for j in _depends(unit, reals[k]))} if depends else {}
+        return _attributes({"index" if old else "valueReference": k + old, **on})
+
+    groups = [
+        ("Outputs", "Output", [entry(k, k not in counts) for k in (*seen, *counts)]),
+        ("Derivatives", "ContinuousStateDerivative", [entry(k, True) for k in rates]),
+        ("InitialUnknowns", "InitialUnknown", [entry(k, False) for k in (*unknown, *counts)]),
+    ]
+    return [group for group in groups if group[2]]
+
+
+def _attributes(values: Mapping[str, object]) -> str:
+    return " ".join(f"{name}={quoteattr(str(value))}" for name, value in values.items())
+
+
+def _described(variable: Variable) -> dict[str, str]:
+    return {"description": variable.text} if variable.text else {}
 
 
 def _number(value: float) -> str:
     return repr(float(value)) if math.isfinite(value) else "NaN"
 
 
-def _real(unit: Unit, variable: Variable) -> dict[str, str]:
+def _real(variable: Variable) -> dict[str, str]:
     """Attributes that both versions have of a real variable."""
     attributes = {"unit": variable.unit}
     if variable.kind in ("input", "tunable", "fixed"):  # what is computed may leave the range in which it is taken

@@ -13,6 +13,7 @@ import math
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -178,18 +179,18 @@ def finger_unit(
     linear = not touching and has_linearization(subject)
     what = ["dynamics", "step", "kinematics", *["linearization"] * linear, *["contact"] * bool(touching)]
     internal = source.step if step is None else positive("step", step)
-    sources, manifest = library_of(scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps)
-    structs: dict[str, Any] = manifest["structs"]
+    options = {"prefix": identifier, "ranges": ranges, "step": internal, "substeps": substeps}
+    sources, manifest, structs = library_of(scene, what=what, **options)
     internal = internal or manifest["steps"]["step"]["accurate_s"]
     # Of a model that takes the tip moment to be constant, the input is a number that is given once.
     acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
     signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
     parameters = list(manifest["nominal_parameters"].values())
-    rates = [{**entry, "text": f"rate of state.{entry['name']}"} for entry in structs["rate"]]
+    rates = [replace(field, text=f"rate of state.{field.name}") for field in structs["rate"]]
     groups = {
         "FMU_INPUTS": variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu]),
-        "FMU_FORCES": variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0]),
-        "FMU_PARAMETERS": variables_of("parameters", "tunable", structs.get("parameters", []), parameters),
+        "FMU_FORCES": variables_of("forces", "input", structs.get("forces", ()), signals.w(0.0)[0]),
+        "FMU_PARAMETERS": variables_of("parameters", "tunable", structs.get("parameters", ()), parameters),
         "FMU_STATE": variables_of("state", "state", structs["state"], state),
         "FMU_TIP": TIP,
         **({"FMU_CONTACTS": contact_variables(touching)} if touching else {}),
