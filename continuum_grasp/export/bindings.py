@@ -45,10 +45,7 @@ def _interface(contents: Contents) -> dict[str, object]:
                 "members": _members(contents.subject, function),
                 "inputs": list(function.inputs),
                 "output": function.output,
-                "methods": {
-                    m.name: {"text": m.text, "inputs": list(m.inputs), "output": m.output, "counts": m.counts}
-                    for m in function.methods
-                },
+                "methods": {m.name: {"text": m.text, "inputs": m.inputs, "output": m.output} for m in function.methods},
             }
             for function in contents.stateful
         },

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -156,16 +157,16 @@ NUMBER = "number"
 """Input of a method that is a number instead of a struct."""
 
 
-@dataclass(frozen=True)
-class Method:
-    """A further function of a stateful one, ``<prefix>_<owner>_<name>``: of structs or a number, to one or none."""
+class Method(NamedTuple):
+    """A further function of a stateful one, ``<prefix>_<owner>_<name>``, of structs or a number.
+
+    It writes a struct or returns a number.
+    """
 
     name: str
     text: str
-    inputs: tuple[str, ...] = ()
-    output: str | None = None
-    counts: bool = False
-    """Whether it returns a whole number instead of a code."""
+    inputs: list[str]
+    output: str | None
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,8 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
         wanted = ", ".join(subject.real.literal(float(v)) for v in loop.wanted)
         sources = {"examples/control_loop.c": "examples/control/loop.c"}
         sources |= {"examples/mission_loop.c": "examples/control/mission.c"} if "mission" in names else {}
-        files |= {path: contents.fill(name, wanted=wanted) for path, name in sources.items()}
+        read_line = contents.fill("examples/control/read_line.c")
+        files |= {path: contents.fill(name, wanted=wanted, read_line=read_line) for path, name in sources.items()}
     return files
 
 

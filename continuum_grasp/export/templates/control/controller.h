@@ -75,8 +75,9 @@ int <<p>>_controller_elapsed(<<p>>_controller *controller, <<p>>_real seconds);
 /* Leave a trip: 1, or 0 where the command does not rest yet, sensors and model do not agree, or it was the second trip
    within 150 averaging times, which only <<p>>_controller_start ends. */
 int <<p>>_controller_rearm(<<p>>_controller *controller);
-/* State (and disturbances) from which the last plan starts; what is known of the last call. */
+/* State (and disturbances) from which the last plan starts. */
 int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<loop.start.name>> *estimate);
+/* What is known of the last call. */
 int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);<<if loop.touch>>
 /* What the drives felt in the last call. */
 int <<p>>_controller_contact(const <<p>>_controller *controller, <<p>>_contact *contact);<<end>>

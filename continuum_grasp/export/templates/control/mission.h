@@ -42,20 +42,24 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
 int <<p>>_mission_release(<<p>>_mission *mission);
 /* Before the next call: open at once, wherever the object is. */
 int <<p>>_mission_abort(<<p>>_mission *mission);
-/* Number of the phase; decision before the lift; forces at the contacts of this finger. */
+/* Number of the phase. */
 int <<p>>_mission_phase(const <<p>>_mission *mission);
+/* Decision before the lift: 0 none, 1 lift, 2 let go. */
 int <<p>>_mission_decision(const <<p>>_mission *mission);
+/* Forces at the contacts of this finger: 0 unknown, 1 enough to lift, 2 too little. */
 int <<p>>_mission_forces(const <<p>>_mission *mission);
 <<if watches>>/* Before each call: height of the object in the hand [m], from where it does not matter; none where it was not measured. */
 int <<p>>_mission_height(<<p>>_mission *mission, <<p>>_real height);
 /* Before the next call: squeeze harder, since slip was noticed elsewhere. */
 int <<p>>_mission_squeeze(<<p>>_mission *mission);
-/* How the object is held: <<P>>_GRIP_...<<if several>>. Where one finger squeezes, squeeze all; where one sets down, release all<<end>>. */
+/* How the object is held: 0 as planned, 1 squeezed, 2 set down<<if several>>. Where one finger squeezes, squeeze all; where one sets down, release all<<end>>. */
 int <<p>>_mission_grip(const <<p>>_mission *mission);
 <<end>><<if several>>/* This finger is one of several<<if leads>>, and decides for all. Before each call from its phase `confirm` on: that all
-   others have <<P>>_FORCES_ENOUGH, or that one of them has <<P>>_FORCES_LACK. Until either is known, it waits. */
+   others have <<P>>_FORCES_ENOUGH. Until this or the opposite is known, it waits. */
 int <<p>>_mission_others_bear(<<p>>_mission *mission);
-int <<p>>_mission_others_lack(<<p>>_mission *mission);<<else>>, of which another one decides. Before the next call: what that decided. */
+/* Before each call from the phase `confirm` on: that one of the other fingers has <<P>>_FORCES_LACK. */
+int <<p>>_mission_others_lack(<<p>>_mission *mission);<<else>>, of which another one decides. Before the next call: that it lifts. */
 int <<p>>_mission_lift(<<p>>_mission *mission);
+/* Before the next call: that the finger that decides lets go. */
 int <<p>>_mission_let_go(<<p>>_mission *mission);<<end>>
 <<end>>

@@ -163,11 +163,10 @@ class Finger {
       direct.call = () => this.#c[`<<p>>_${name}`](place, work, ...at);
       return direct;
     };
-    for (const [method, { inputs: taken, output: result, counts }] of Object.entries(methods)) {
+    for (const [method, { inputs: taken, output: result }] of Object.entries(methods)) {
       found[method] = (...given) => {
         const answer = call(`${owner}_${method}`, [place], taken, result, given);
-        if (result !== null) return answer[result];
-        return counts ? answer >>> 0 : void this.#check(answer);
+        return result === null ? this.#check(answer) : answer[result];
       };
     }
     return found;

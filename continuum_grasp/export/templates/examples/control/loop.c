@@ -17,22 +17,7 @@ static const <<p>>_real wanted[WANTED] = {<<wanted>>}; /* <<for name in loop.sta
 static <<p>>_controller controller;
 static <<p>>_controller_work work;
 
-/* The numbers between the commas of a line. */
-static void read_line(const char *text, <<p>>_measurement *measurement)
-{
-  <<p>>_real numbers[MEASURED];
-  int k;
-  for (k = 0; k < MEASURED; ++k) {
-    char *end;
-    const double number = strtod(text, &end);
-    numbers[k] = (<<p>>_real)(end == text ? strtod("nan", NULL) : number);
-    text += strcspn(text, ",");
-    if (*text == ',') ++text;
-  }
-  memcpy(measurement, numbers, sizeof *measurement);
-}
-
-/* The same setpoints for the whole horizon. */
+<<read_line>>/* The same setpoints for the whole horizon. */
 static void hold(<<p>>_reference *reference)
 {
   <<p>>_real rows[WANTED][NODES];

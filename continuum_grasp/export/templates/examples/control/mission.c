@@ -15,22 +15,7 @@
 static <<p>>_mission mission;
 static <<p>>_mission_work work;
 
-/* The numbers between the commas of a line. */
-static void read_line(const char *text, <<p>>_measurement *measurement)
-{
-  <<p>>_real numbers[MEASURED];
-  int k;
-  for (k = 0; k < MEASURED; ++k) {
-    char *end;
-    const double number = strtod(text, &end);
-    numbers[k] = (<<p>>_real)(end == text ? strtod("nan", NULL) : number);
-    text += strcspn(text, ",");
-    if (*text == ',') ++text;
-  }
-  memcpy(measurement, numbers, sizeof *measurement);
-}
-
-int main(void)
+<<read_line>>int main(void)
 {
   char line[4096];
   int code = <<p>>_mission_init(&mission);
