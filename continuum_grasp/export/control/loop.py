@@ -67,6 +67,11 @@ class Phases(NamedTuple):
     reported: tuple[tuple[str, str], ...]
 
     @property
+    def leads(self) -> bool:
+        """Whether the finger is one of several, and decides for all."""
+        return "others_bear" in dict(self.reported)
+
+    @property
     def watches(self) -> int:
         """Whether the mission watches the held object for slip."""
         return int(np.asarray(self.members["watches"]))

@@ -125,7 +125,11 @@ class _Writer:
 
     def __init__(self, loop: Loop, prefix: str, real: Real) -> None:
         self.loop, self.prefix, self.real = loop, prefix, real
-        self.mpc, self.filter = "mpc" in loop.parts, loop.estimation is not None
+        self.mpc = mpc = "mpc" in loop.parts
+        needed: dict[str, object] = {"rti": mpc, "ekf": loop.estimation, "contact_detector": loop.contact}
+        needed |= {"supervisor": mpc, "controller": mpc, "mission": loop.phases}
+        self.modules = [name for name, reason in needed.items() if reason]
+        """Modules of ``control/c`` that the package has, each after those that it needs."""
 
     def renamed(self, text: str) -> str:
         names = {f.name() for f in (*self.loop.functions, *straight_functions(self.loop.functions))}
@@ -158,23 +162,14 @@ class _Writer:
             text = without(macro, text)
         return text
 
-    def headers(self) -> list[str]:
-        headers = ["rti.h"] if self.mpc else []
-        headers += ["ekf.h"] if self.filter else []
-        headers += ["contact_detector.h"] if self.loop.contact is not None else []
-        headers += ["supervisor.h", "controller.h"] if self.mpc else []
-        return [*headers, "mission.h"] if self.loop.phases is not None else headers
+    def headers(self) -> tuple[str, str]:
+        """Types of the modules, and prototypes of their functions."""
+        parts = [without_prototypes(self.settled(template(f"{module}.h"))) for module in self.modules]
+        types, prototypes = (self.renamed("\n".join(texts)) for texts in zip(*parts, strict=True))
+        return types, prototypes
 
     def memory(self, words: dict[str, object]) -> str:
-        types = self.renamed(self.settled("\n".join(without_prototypes(template(name))[0] for name in self.headers())))
-        more = {
-            "dimensions": self.macros(),
-            "types": types,
-            "mpc": self.mpc,
-            "estimator": "estimator" in self.loop.parts,
-            "mission": self.loop.phases is not None,
-        }
-        return fill("control/memory.h", {**words, **more})
+        return fill("control/memory.h", {**words, "dimensions": self.macros(), "types": self.headers()[0]})
 
     # -- the source ---------------------------------------------------------------------------------------------------
 
@@ -183,18 +178,11 @@ class _Writer:
         texts += [calls_source(f, "real", repr) for f in self.loop.functions if not f.is_a("SXFunction")]
         return self.renamed("\n".join(texts))
 
-    def prototypes(self) -> str:
-        return self.renamed("\n".join(without_prototypes(template(name))[1] for name in self.headers()))
-
     def bodies(self) -> str:
-        texts = [template("checks.h")]
-        if self.mpc:
-            texts += iteration_bodies(self.loop.stages, lanes=False)
-        texts += [template("ekf.c")] if self.filter else []
-        texts += [template("contact_detector.c")] if self.loop.contact is not None else []
-        texts += [template("supervisor.c"), template("controller.c")] if self.mpc else []
-        texts += [template("mission.c")] if self.loop.phases is not None else []
-        return self.renamed(without("EKF_VECTOR", without("RTI_VECTOR", self.settled("\n".join(texts)))))
+        iterations = iteration_bodies(self.loop.stages, lanes=False) if self.mpc else []
+        others = [template(f"{module}.c") for module in self.modules if module != "rti"]
+        text = "\n".join([template("checks.h"), *iterations, *others])
+        return self.renamed(without("EKF_VECTOR", without("RTI_VECTOR", self.settled(text))))
 
     def numbers(self) -> str:
         loop, p = self.loop, self.prefix
@@ -255,28 +243,17 @@ class _Writer:
             "sensors": [(name.upper().replace(" ", "_"), k) for k, name in enumerate(loop.watched)],
             "indent_mpc": " " * len(f"int {p}_mpc("),
             "indent_step": " " * len(f"int {p}_estimator_step("),
+            "indent_mission": " " * len(f"int {p}_mission_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
             "contact_settings": "loop_settings.contact" if self.mpc else "contact_settings",
             "known": known,
-            **self.of_mission(),
+            "mpc": self.mpc,
+            "estimator": "estimator" in loop.parts,
+            "phases": [*enumerate(identifiers(map(str.upper, loop.phases.names if loop.phases else ())))],
+            "u_min": 2 * loop.stages.nr,  # behind the weights; see CHANGEABLE
+            "u_max": 2 * loop.stages.nr + loop.stages.nu,
             **{name: f"<<{name}>>" for name in SIZES},
             "anomalies": [(n, 2**k, "," if k < last else " ", text) for k, (n, text) in enumerate(ANOMALIES.items())],
-        }
-
-    def of_mission(self) -> dict[str, object]:
-        phases, s = self.loop.phases, self.loop.stages
-        if phases is None:
-            return {}
-        return {
-            "phases": [*enumerate(name.upper() for name in identifiers(phases.names))],
-            "several": phases.reported,
-            "watches": phases.watches,
-            "alone": not phases.reported,
-            "leads": "others_bear" in dict(phases.reported),
-            "words_reported": phases.reported,
-            "u_min": 2 * s.nr,  # behind the weights; see CHANGEABLE
-            "u_max": 2 * s.nr + s.nu,
-            "indent_mission": " " * len(f"int {self.prefix}_mission_step("),
         }
 
     def source(self, words: dict[str, object]) -> str:
@@ -284,22 +261,17 @@ class _Writer:
         settings, known = ([loop.settings] if self.mpc else []), ([loop.known] if loop.known else [])
         inputs = [loop.command, loop.measurement, loop.start, *known, *settings]
         outputs = [loop.start, loop.measurement, loop.command, *known, *settings]
-        files = [
-            "given",
-            *(["contact"] if loop.contact is not None else []),
-            *(["estimator"] if "estimator" in loop.parts else []),
-            *(["controller"] if self.mpc else []),
-            *(["mission"] if loop.phases is not None else []),
-        ]
+        files = {"given": True, "contact": loop.contact, "estimator": words["estimator"], "controller": self.mpc}
+        files |= {"mission": loop.phases}
         more = {
             "sqrt": c_source({"sqrt"}, self.real, p),
-            "prototypes": self.prototypes(),
+            "prototypes": self.headers()[1],
             "adapters": self.adapters(),
             "bodies": self.bodies(),
             "numbers": self.numbers(),
             "structs": fill("structs.c", {"p": p, "read": each_once(inputs), "written": each_once(outputs)}),
             "check": fill("check_numbers.c", words),
-            "functions": "\n".join(fill(f"control/{name}.c", words) for name in files),
+            "functions": "\n".join(fill(f"control/{name}.c", words) for name, has in files.items() if has),
         }
         return fill("control/common.c", {**words, **more})
 

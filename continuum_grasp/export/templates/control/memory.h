@@ -17,7 +17,7 @@ typedef struct {
   <<p>>_loop_output last;
   int late;
   <<p>>_real elapsed;
-} <<p>>_controller_memory;<<end>><<if mission>>
+} <<p>>_controller_memory;<<end>><<if loop.phases>>
 typedef struct {
   <<p>>_phases_state state;
   uint32_t calls;

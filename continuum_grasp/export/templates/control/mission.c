@@ -68,7 +68,7 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
       next.blind = mission->controller.memory.last.supervisor.reason || mission->controller.memory.last.supervisor.entry >= 0
                    || (mission->controller.memory.last.anomalies & <<P>>_ANOMALY_BLIND);
       estimated_forces(&mission->controller, forces);
-      <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if alone>><<P>>_PHASES_BEARS<<else>>mission->memory.reported<<end>>);
+      <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if loop.phases.reported>>mission->memory.reported<<else>><<P>>_PHASES_BEARS<<end>>);
     }
   }
   for (k = 0; k < <<P>>_NODES; ++k) {
@@ -117,7 +117,7 @@ int <<p>>_mission_forces(const <<p>>_mission *mission)
   const int ready = mission_ready(mission);
   return ready < 0 ? ready : mission->memory.state.bears;
 }
-<<if watches>>
+<<if loop.phases.watches>>
 int <<p>>_mission_height(<<p>>_mission *mission, <<p>>_real height)
 {
   const int ready = mission_ready(mission);
@@ -137,7 +137,7 @@ int <<p>>_mission_grip(const <<p>>_mission *mission)
   const int ready = mission_ready(mission);
   return ready < 0 ? ready : mission->memory.state.grip;
 }
-<<end>><<for name, word in words_reported>>
+<<end>><<for name, word in loop.phases.reported>>
 int <<p>>_mission_<<name>>(<<p>>_mission *mission)
 {
   const int ready = mission_ready(mission);

@@ -7,7 +7,7 @@ enum {
 /* Decision before the lift; forces at the contacts, from `confirm` on. */
 enum { <<P>>_DECISION_NONE = 0, <<P>>_DECISION_LIFT = 1, <<P>>_DECISION_LET_GO = 2 };
 enum { <<P>>_FORCES_UNKNOWN = 0, <<P>>_FORCES_ENOUGH = 1, <<P>>_FORCES_LACK = 2 };
-<<if watches>>/* Grip of what is held: as planned, squeezed since it slipped, set down since squeezing did not stop it. */
+<<if loop.phases.watches>>/* Grip of what is held: as planned, squeezed since it slipped, set down since squeezing did not stop it. */
 enum { <<P>>_GRIP_USUAL = 0, <<P>>_GRIP_FIRM = 1, <<P>>_GRIP_SETS_DOWN = 2 };
 <<end>>
 /* A mission. The caller owns it, <<p>>_mission_init makes it ready. Its controller may be asked for estimate and
@@ -48,13 +48,13 @@ int <<p>>_mission_phase(const <<p>>_mission *mission);
 int <<p>>_mission_decision(const <<p>>_mission *mission);
 /* Forces at the contacts of this finger: 0 unknown, 1 enough to lift, 2 too little. */
 int <<p>>_mission_forces(const <<p>>_mission *mission);
-<<if watches>>/* Before each call: height of the object in the hand [m], from where it does not matter; none where it was not measured. */
+<<if loop.phases.watches>>/* Before each call: height of the object in the hand [m], from where it does not matter; none where it was not measured. */
 int <<p>>_mission_height(<<p>>_mission *mission, <<p>>_real height);
 /* Before the next call: squeeze harder, since slip was noticed elsewhere. */
 int <<p>>_mission_squeeze(<<p>>_mission *mission);
-/* How the object is held: 0 as planned, 1 squeezed, 2 set down<<if several>>. Where one finger squeezes, squeeze all; where one sets down, release all<<end>>. */
+/* How the object is held: 0 as planned, 1 squeezed, 2 set down<<if loop.phases.reported>>. Where one finger squeezes, squeeze all; where one sets down, release all<<end>>. */
 int <<p>>_mission_grip(const <<p>>_mission *mission);
-<<end>><<if several>>/* This finger is one of several<<if leads>>, and decides for all. Before each call from its phase `confirm` on: that all
+<<end>><<if loop.phases.reported>>/* This finger is one of several<<if loop.phases.leads>>, and decides for all. Before each call from its phase `confirm` on: that all
    others have <<P>>_FORCES_ENOUGH. Until this or the opposite is known, it waits. */
 int <<p>>_mission_others_bear(<<p>>_mission *mission);
 /* Before each call from the phase `confirm` on: that one of the other fingers has <<P>>_FORCES_LACK. */
