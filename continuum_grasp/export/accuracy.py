@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,6 +41,17 @@ class OutputError:
     def relative(self) -> float:
         """The bound per the greatest value."""
         return self.bound / self.greatest if self.greatest > 0.0 else 0.0
+
+
+class Report(NamedTuple):
+    """Figures of a finished package, by function: cases of its tests, and rounding errors in single precision.
+
+    ``measured``: sizes, and what an emulated board counted; None where none did.
+    """
+
+    cases: Mapping[str, int]
+    errors: Mapping[str, tuple[OutputError, ...]]
+    measured: Mapping[str, Any] | None
 
 
 def error_bounds(subject: Subject, narrow: Call, wide: Call, seed: int) -> tuple[OutputError, ...]:

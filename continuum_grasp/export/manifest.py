@@ -14,7 +14,7 @@ import casadi as ca
 
 from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.accuracy import OutputError
+from continuum_grasp.export.accuracy import OutputError, Report
 from continuum_grasp.export.control.loop import Loop, identifiers
 from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.export.layer import DIMENSIONS, Contents
@@ -38,12 +38,10 @@ def strict_flags(version: str) -> list[str]:
 
 def manifest(
     contents: Contents,
+    report: Report,
     *,
     target: str,
     files: Mapping[str, str],
-    errors: Mapping[str, tuple[OutputError, ...]],
-    vectors: Mapping[str, int],
-    measured: Mapping[str, Any] | None,
     configuration: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
     """Content of the manifest of a package, as plain values."""
@@ -63,7 +61,7 @@ def manifest(
         "nominal_parameters": {}
         if model is None
         else dict(zip(map(name_of, subject.moving.p_names), map(float, subject.moving.p_nominal), strict=True)),
-        "functions": _functions(contents, errors, vectors),
+        "functions": _functions(contents, report),
         "codes": {code.name: {"value": int(code), "text": code.text} for code in contents.codes},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in contents.kernels},
         "stability": None
@@ -77,22 +75,20 @@ def manifest(
         },
         "steps": _steps(contents),
         "loop": None if subject.loop is None else _loop_description(subject.loop, subject.real),
-        "measured": measured,
+        "measured": report.measured,
         "configuration": configuration,
         "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
     }
 
 
-def _functions(
-    contents: Contents, errors: Mapping[str, tuple[OutputError, ...]], vectors: Mapping[str, int]
-) -> dict[str, Any]:
+def _functions(contents: Contents, report: Report) -> dict[str, Any]:
     """Inputs, output, test cases and rounding errors by function, and of those that keep something their memory."""
     of_model = {
         call.name: {
             "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
             "output": call.output.name,
-            "test_cases": vectors.get(call.name, 0),
-            **_errors(errors.get(call.name, ()), "bound"),
+            "test_cases": report.cases.get(call.name, 0),
+            **_errors(report.errors.get(call.name, ()), "bound"),
         }
         for call in contents.calls
     }
@@ -100,8 +96,8 @@ def _functions(
         function.name: {
             "inputs": list(function.inputs),
             "output": function.output,
-            "test_cases": vectors[function.name],
-            **_errors(errors.get(function.name, ()), "greatest_seen"),
+            "test_cases": report.cases[function.name],
+            **_errors(report.errors.get(function.name, ()), "greatest_seen"),
             "memory_bytes": {name: int(contents.words[f"{name}_bytes"]) for name in function.types},
         }
         for function in contents.stateful

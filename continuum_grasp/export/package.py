@@ -13,7 +13,7 @@ from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments, positive, whole
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti_solver import RtiSolver
-from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds
+from continuum_grasp.export.accuracy import OutputError, Report, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop, Phases
 from continuum_grasp.export.control.replay import stateful_vectors
@@ -21,7 +21,7 @@ from continuum_grasp.export.control.source import SIZES, UNKNOWN
 from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
-from continuum_grasp.export.part import Part, Vectors
+from continuum_grasp.export.part import Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.source import (
     Given,
@@ -189,58 +189,41 @@ def package_files(
     kind = REALS[computed_in]
     source = source_of(given, kind, asked.finger)
     names = parts_of(asked.what, source)
-    longest = source.step if asked.step is None else positive("step", asked.step)
-    if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
-        longest = None
-    subject = _subject(source, names, kind, asked, longest)
-    # 200: most sections of shape and velocities, each of which is code of its own
-    subject = replace(subject, sections=whole("sections", asked.sections, 2, 200))
-    # What is too large is refused before the spectral radius is looked for, which step needs.
-    made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
-    parts = [made[name] for name in names]
-    # The same in double: the truth for the errors of single precision.
-    double = replace(subject, real=REALS["double"])
-    wide = parts if kind.name == "double" else [PARTS[name](double) for name in names]
+    subject = _subject(source, names, kind, asked)
     solver = {"what": "a predictive controller"} if source.model is None else {}
-    contents = _contents(subject, parts, source.title, **solver)
-    errors: dict[str, tuple[OutputError, ...]] = {}
-    if kind.name == "float":
-        exact = (call for part in wide for call in part.calls)
-        for seed, (narrow, true) in enumerate(zip(contents.calls, exact, strict=True)):
+    contents = _contents(subject, names, source.title, **solver)
+    vectors, files, errors = _checked(contents, limit, tested=tested)
+    if tested:
+        files |= _further_files(contents, target, vectors)
+    report = Report({v.name: v.count for v in vectors}, errors, measure(files, target) if asked.measured else None)
+    if tested:
+        files["README.md"] = readme(contents, report, source=source.name, wasm=target == "wasm")
+    values = manifest(contents, report, target=target, files=files, configuration=source.configuration)
+    files[MANIFEST] = manifest_text(values)
+    return files, values, contents
+
+
+def _checked(
+    contents: Contents, limit: float, *, tested: bool
+) -> tuple[list[Vectors], dict[str, str], dict[str, tuple[OutputError, ...]]]:
+    """Test vectors, files of the library, and rounding errors in single precision, which the ``limit`` may refuse."""
+    subject, double, errors = contents.subject, None, dict[str, tuple[OutputError, ...]]()
+    if subject.real.name == "float":
+        # The same in double: the truth for the errors of single precision.
+        names = [part.name for part in contents.parts]
+        double = _contents(replace(subject, real=REALS["double"]), names, contents.words["title"])
+        for seed, (narrow, true) in enumerate(zip(contents.calls, double.calls, strict=True)):
             errors[narrow.name] = error_bounds(subject, narrow, true, seed)
-    check_errors(kind, errors, limit)
+        check_errors(subject.real, errors, limit)
     vectors = vectors_of(subject, contents.calls) if tested else []
     files = library_files(contents)
     if contents.stateful:
-        added, more = stateful_vectors(contents, wide, files)
-        check_errors(kind, more, limit)
+        added, more = stateful_vectors(contents, double, files)
+        check_errors(subject.real, more, limit)
         vectors += added
         errors |= more
         files = library_files(contents)  # again: now with the bytes of the memory
-    counts = {v.name: v.count for v in vectors}
-    if tested:
-        files |= _further_files(contents, target, vectors)
-    measured = measure(files, target) if asked.measured else None
-    if tested:
-        files["README.md"] = readme(
-            contents,
-            errors=errors,
-            vectors=counts,
-            measured=measured,
-            source=source.name,
-            wasm=target == "wasm",
-        )
-    values = manifest(
-        contents,
-        target=target,
-        files=files,
-        errors=errors,
-        vectors=counts,
-        measured=measured,
-        configuration=source.configuration,
-    )
-    files[MANIFEST] = manifest_text(values)
-    return files, values, contents
+    return vectors, files, errors
 
 
 def controller_of(scene: ControlScene, phases: Callable[[Stages], Phases] | None = None) -> tuple[Contents, Loop]:
@@ -249,8 +232,7 @@ def controller_of(scene: ControlScene, phases: Callable[[Stages], Phases] | None
     """
     kind, names = REALS["double"], ["mpc", *(["mission"] if phases is not None else [])]
     loop = Loop.of(scene, kind, names, phases)
-    subject = Subject("finger", kind, loop=loop)
-    return _contents(subject, [PARTS[name](subject) for name in names], names_of(scene)[0]), loop
+    return _contents(Subject("finger", kind, loop=loop), names, names_of(scene)[0]), loop
 
 
 _SOLVERS = Consumer(
@@ -258,8 +240,13 @@ _SOLVERS = Consumer(
 )
 
 
-def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, longest: float | None) -> Subject:
+def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
+    longest = source.step if asked.step is None else positive("step", asked.step)
+    if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
+        longest = None
+    # 200: most sections of shape and velocities, each of which is code of its own
+    sections = whole("sections", asked.sections, 2, 200)
     prefix = prefix_of(asked.prefix)
     count = None if asked.substeps is None else whole("substeps", asked.substeps, 1, MOST_SUBSTEPS)
     if isinstance(source.loop, RtiSolver):
@@ -269,10 +256,9 @@ def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, lon
     alone, ranges = set(OF_LOOPS).issuperset(names), asked.ranges or {}
     around = None if alone else source.surroundings
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
-    if source.loop is None:
-        return subject
     loop_parts = [name for name in names if name in OF_LOOPS]
-    return replace(subject, loop=Loop.of(source.loop, kind, loop_parts, source.phases))
+    loop = None if source.loop is None else Loop.of(source.loop, kind, loop_parts, source.phases)
+    return replace(subject, loop=loop, sections=sections)
 
 
 def _further_files(contents: Contents, target: str, vectors: Sequence[Vectors]) -> dict[str, str]:
@@ -296,11 +282,13 @@ _AS_THEY_ARE = (
 )
 
 
-def _contents(subject: Subject, parts: Sequence[Part], title: str, what: str = "a planar continuum finger") -> Contents:
-    """Parts with what their templates have in common."""
+def _contents(subject: Subject, names: Sequence[str], title: str, what: str = "a planar continuum finger") -> Contents:
+    """Parts by their names, with what their templates have in common."""
+    # What is too large is refused before the spectral radius is looked for, which step needs.
+    made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
     match = re.match(r"\d+(\.\d+)*", __version__)
     prefix, number, single = subject.prefix, match[0] if match else "0", subject.real.name == "float"
-    contents = Contents(subject, parts, {})
+    contents = Contents(subject, [made[name] for name in names], {})
     paths = [path for path in contents.sources if path.startswith("src/") and path.endswith(".c")]
     sources = [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in paths)]
     contents.words.update(

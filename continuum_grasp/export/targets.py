@@ -14,7 +14,7 @@ from typing import Any
 from continuum_grasp.core.compiler import check_tools, said_by, version_of
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.export.accuracy import OutputError
+from continuum_grasp.export.accuracy import Report
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.part import Call, Stateful
@@ -139,37 +139,30 @@ def _step_words(subject: Subject) -> dict[str, object]:
     }
 
 
-def readme(
-    contents: Contents,
-    *,
-    errors: Mapping[str, tuple[OutputError, ...]],
-    vectors: Mapping[str, int],
-    measured: Mapping[str, Any] | None,
-    source: str,
-    wasm: bool,
-) -> str:
+def readme(contents: Contents, report: Report, *, source: str, wasm: bool) -> str:
     """Text of the README of a package."""
     subject, stateful = contents.subject, contents.stateful
     finger, names = subject.finger, {part.name for part in contents.parts}
     note = "" if finger is None else moment_note(subject)
     both: list[Call | Stateful] = [*contents.calls, *stateful]
-    error_rows = [
-        [(f.name, error) for f in functions for error in errors.get(f.name, ())]
+    bounds, differences = (
+        [(f.name, error) for f in functions for error in report.errors.get(f.name, ())]
         for functions in (contents.calls, stateful)
-    ]
+    )
+    measured = report.measured or {"functions": {}, "sizes": {}}
     return contents.fill(
         "README.md",
         source=source,
         finger=finger,
         elements=" + ".join(f"{h:g}" for h in finger.lengths) if finger else "",
         ranges=", ".join(f"{r:.4g}" for r in finger.ranges) if finger else "",
-        functions=[(f.name, f.text.removesuffix(note).rstrip(), vectors[f.name]) for f in both],
+        functions=[(f.name, f.text.removesuffix(note).rstrip(), report.cases[f.name]) for f in both],
         operations=[(k, o["+"] + o["-"], o["*"], o["/"], _other(o)) for k in contents.kernels for o in [k.operations]],
-        measured=measured,
-        counts=[(name, *v.values()) for name, v in measured["functions"].items()] if measured else (),
-        sizes=[(name, *v.values()) for name, v in measured["sizes"].items()] if measured else (),
-        bounds=error_rows[0],
-        differences=error_rows[1],
+        measured=report.measured,
+        counts=[(name, *v.values()) for name, v in measured["functions"].items()],
+        sizes=[(name, *v.values()) for name, v in measured["sizes"].items()],
+        bounds=bounds,
+        differences=differences,
         unbounded=_unbounded(subject),
         **_usage(contents),
         stateful=_stateful(contents),
@@ -177,7 +170,7 @@ def readme(
         mpc="mpc" in names,
         note=f"\n\n{textwrap.fill(note, 118)}" if note else "",
         wasm=wasm,
-        cases=sum(vectors.values()),
+        cases=sum(report.cases.values()),
     )
 
 

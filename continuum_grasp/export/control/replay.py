@@ -10,7 +10,6 @@ import ctypes
 import math
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +22,10 @@ from continuum_grasp.core.compiler import find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.control.source import SIZES, UNKNOWN
-from continuum_grasp.export.fields import REALS, Struct
-from continuum_grasp.export.layer import Contents, abi_of, library_files
+from continuum_grasp.export.fields import Struct
+from continuum_grasp.export.layer import Contents, library_files
 from continuum_grasp.export.manifest import strict_flags, write_files
-from continuum_grasp.export.part import ROW_FLAGS, Bad, Code, Part, Stateful, Vectors
+from continuum_grasp.export.part import ROW_FLAGS, Bad, Code, Stateful, Vectors
 from continuum_grasp.export.vectors import bad_entries
 
 _EPISODE = 70
@@ -282,25 +280,22 @@ _VECTORS = {"mpc": _controller_vectors, "estimator_step": _estimator_vectors, "m
 
 
 def stateful_vectors(
-    contents: Contents, wide: Sequence[Part], files: Mapping[str, str]
+    contents: Contents, double: Contents | None, files: Mapping[str, str]
 ) -> tuple[list[Vectors], dict[str, tuple[OutputError, ...]]]:
     """Vectors of all such functions by a build on this machine, and their rounding errors; adds the sizes to the words.
 
-    The error is the greatest difference of the first outputs (command, estimate) in usual rows from a build in double
-    that is given the same rows. It is no bound: where a measurement is left out by one build alone, or another active
-    set ends the iterations, outputs jump.
+    The error is the greatest difference of the first outputs (command, estimate) in usual rows from a build in
+    ``double``, where there is one, that is given the same rows. It is no bound: where a measurement is left out by one
+    build alone, or another active set ends the iterations, outputs jump.
     """
-    subject, loop = contents.subject, contents.subject.loop
+    loop = contents.subject.loop
     if loop is None:
         return [], {}
     host = _Host(contents, files)
     contents.words.update((f"{name}_bytes", str(size)) for name, size in host.sizes.items())
     vectors = [_VECTORS[function.name](contents, loop, host, function) for function in contents.stateful]
-    if subject.real.name != "float":
+    if double is None:
         return vectors, {}
-    words = {**contents.words, "real": "double", **dict.fromkeys(SIZES, UNKNOWN)}
-    double = Contents(replace(subject, real=REALS["double"]), wide, words)
-    words["abi"] = abi_of(double)
     other = _Host(double, library_files(double))
     structs = {struct.name: struct for part in contents.parts for struct in part.structs}
     return vectors, {
