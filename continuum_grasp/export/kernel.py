@@ -8,12 +8,13 @@ so that every compiler that keeps to IEEE 754 (and does not fuse multiplications
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
+from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.lanes import OPERATORS
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Real, fill
@@ -111,6 +112,13 @@ class Kernel:
         read = {f.instruction_input(k)[0] for k, operation in enumerate(self._operations) if operation == ca.OP_INPUT}
         self.inputs = {f.name_in(k): f.nnz_in(k) for k in range(f.n_in()) if k in read}
         self.outputs = {f.name_out(k): f.nnz_out(k) for k in range(f.n_out()) if f.nnz_out(k)}
+
+    @classmethod
+    def of(
+        cls, name: str, given: Mapping[str, ca.SX], found: Mapping[str, ca.SX], text: str, *, called: bool = False
+    ) -> Kernel:
+        """A kernel of expressions by name, which computes what they share once."""
+        return cls(name, straight_function(name, given, found), text, called=called)
 
     @property
     def calls(self) -> set[str]:

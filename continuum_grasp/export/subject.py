@@ -201,11 +201,9 @@ class Subject:
         """Longest step without a warning [s]."""
         return self.real.rounded(to_digits(_ACCURATE * self.substeps / self.find_rates()[1], 3, math.floor))
 
-    def function(self, name: str, inputs: str, **outputs: ca.SX) -> ca.Function:
-        """A function of space-separated inputs of the equations: x, u, w, s, p."""
-        names = inputs.split()
-        arguments = [getattr(self.equations, key) for key in names]
-        return ca.Function(name, arguments, ca.cse(list(outputs.values())), names, list(outputs))
+    def kernel(self, name: str, inputs: str, text: str, **outputs: ca.SX) -> Kernel:
+        """A kernel of space-separated inputs of the equations: x, u, w, s, p."""
+        return Kernel.of(name, {key: getattr(self.equations, key) for key in inputs.split()}, outputs, text)
 
     def acting(self, *, forces: bool = True, drawn: bool = False) -> tuple[Argument, ...]:
         """State, input and, where there are any and they are wanted, forces, as arguments of a public function.

@@ -118,9 +118,7 @@ def statics(subject: Subject) -> Part:
     history = [ca.vertcat(*states, 0.0)] if states else []
     missing, stiffness = subject.model.statics(x[:n], u, w, p, *history)
     both = ca.vertcat(missing, ca.vec(stiffness.T))  # CasADi is column-major, arrays of C are row-major
-    kernel = Kernel(
-        "statics", ca.Function("statics", [x, u, w, p], [both], ["x", "u", "w", "p"], ["balance"]), "Statics."
-    )
+    kernel = Kernel.of("statics", {"x": x, "u": u, "w": w, "p": p}, {"balance": both}, "Statics.")
     text = "Balance of the finger at rest in a state, whose rates are not read."
     text += " What touches it is left out." if subject.touching is not None else ""
     call = _acted_on(subject, kernel, "statics", text, balance)
@@ -144,8 +142,8 @@ def kinematics(subject: Subject) -> Part:
     at_s = ca.vertcat(eq.section_position.column(), eq.section_angle, ca.vec(eq.section_jacobian.T))
     # The tip is the section at the sum of the lengths, which may be run-time parameters.
     at_tip = ca.substitute(at_s, eq.s, ca.SX(sum(eq.lengths)))
-    tip_kernel = Kernel("tip", subject.function("tip", "x u p", at=at_tip), "Section at the tip.")
-    section_kernel = Kernel("section", subject.function("section", "x u s p", at=at_s), "Section at a position s.")
+    tip_kernel = subject.kernel("tip", "x u p", "Section at the tip.", at=at_tip)
+    section_kernel = subject.kernel("section", "x u s p", "Section at a position s.", at=at_s)
     fields = () if subject.parameters is None else subject.parameters.fields
     longest = sum(field.high for field in fields if field.name.startswith("element_lengths"))
     length = max(longest, subject.model.finger.rod.length)  # of the longest finger that the parameters may make
@@ -183,7 +181,7 @@ def linearization(subject: Subject) -> Part:
     )
     # CasADi is column-major, arrays of C are row-major.
     flat = ca.vertcat(*(ca.vec(ca.densify(ca.jacobian(of, at)).T) for of, at, _, _ in by.values()))
-    kernel = Kernel("linearization", subject.function("linearization", "x u w p", by=flat), "Linearization.")
+    kernel = subject.kernel("linearization", "x u w p", "Linearization.", by=flat)
     text = "Derivatives of what dynamics and tip compute, by state, input and forces: xd = A x + B u around a point."
     call = _acted_on(subject, kernel, "linearize", text, struct)
     return Part("linearization", (kernel, *subject.kernels), (call,))

@@ -7,7 +7,6 @@ from typing import cast
 
 import casadi as ca
 
-from continuum_grasp.core.calls import straight_function
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Part
@@ -45,13 +44,13 @@ def sections_kernel(
     across, turn = getattr(system, kind)(at)(x, u, p)
     axes = "v" * (name == "velocities")
     outputs = {f"section_{axes}x": across[0, :].T, f"section_{axes}y": across[1, :].T, f"section_{fields[2][0]}": turn}
-    return _kernel(name, given, outputs, text)
+    return Kernel.of(name, given, outputs, text)
 
 
 def contact_kernel(system: System, given: Symbols, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> Kernel:
     """Gaps and forces of all contacts, as of ``System.touch``; vectors by their components."""
     outputs = by_component(dict(zip(system.touch.name_out(), system.touch(x, u, w, p), strict=True)))
-    return _kernel("contact", given, outputs, "Gaps and forces of all contacts.")
+    return Kernel.of("contact", given, outputs, "Gaps and forces of all contacts.")
 
 
 def by_component(touch: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
@@ -64,10 +63,6 @@ def by_component(touch: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
 
 _VECTORS = ("force", "point", "normal")
 """Outputs of ``System.touch`` that are world vectors (2, K)."""
-
-
-def _kernel(name: str, symbols: Symbols, outputs: Symbols, text: str) -> Kernel:
-    return Kernel(name, straight_function(name, dict(symbols), {n: ca.densify(v) for n, v in outputs.items()}), text)
 
 
 def sections(name: str, subject: Subject) -> Part:

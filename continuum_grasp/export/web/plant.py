@@ -20,7 +20,6 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
 from continuum_grasp.export.control.loop import unit_of
 from continuum_grasp.export.fields import REALS, fill
@@ -121,8 +120,7 @@ class WebPlant:
     @cached_property
     def _rates(self) -> Kernel:
         """Rate of change of the state."""
-        value = ca.Function("rate", list(self.symbols), [ca.densify(self.rate)], list("xuwp"), ["rate"])
-        return Kernel("rate", value, "Rate of change of the state.")
+        return Kernel.of("rate", self.given, {"rate": ca.densify(self.rate)}, "Rate of change of the state.")
 
     @property
     def scales(self) -> list[float]:
@@ -142,8 +140,9 @@ class WebPlant:
         if self.system.touch_names:
             kernels.append(contact_kernel(self.system, symbols, finger_state, self.acting, w, p))
         if self.tensions.numel():
-            seen = straight_function("pull", symbols, {"tension": ca.densify(self.tensions)})
-            kernels.append(Kernel("pull", seen, "Tension of each tendon at its drive."))
+            kernels.append(
+                Kernel.of("pull", symbols, {"tension": self.tensions}, "Tension of each tendon at its drive.")
+            )
         return tuple(kernels)
 
     @cached_property
@@ -154,15 +153,14 @@ class WebPlant:
         node = ca.SX.sym("node", self.planned.size1_in(0))
         r = self.planned(node)
         seen = {"ahead_x": r[0, :].T, "ahead_y": r[1, :].T}
-        return Kernel("ahead", straight_function("ahead", {"node": node}, seen), "Sections of a node of the plan.")
+        return Kernel.of("ahead", {"node": node}, seen, "Sections of a node of the plan.")
 
     @cached_property
     def sense(self) -> Kernel | None:
         """Measurements, if there are any."""
         if not self.sensed.numel():
             return None
-        seen = {"sensed": ca.densify(ca.vec(ca.SX(self.sensed)))}
-        return Kernel("sense", straight_function("sense", self.given, seen), "What is measured.")
+        return Kernel.of("sense", self.given, {"sensed": ca.vec(ca.SX(self.sensed))}, "What is measured.")
 
     @property
     def _kernels(self) -> tuple[Kernel, ...]:
