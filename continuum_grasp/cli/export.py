@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 SUFFIXES = {"c": "", "fmu": "", "web": ".html", "mjcf": ".xml", "casadi": ""}
 """End of the name of what is written, by the word of ``--to``: folders, and files."""
-_VERSIONS = {"2": ["2"], "3": ["3"], "both": ["2", "3"]}
 _OUT = out_option("Where to (default: runs/export/TO/NAME-OF-CONFIG); an earlier export is replaced.", "DIR|FILE")
 
 
@@ -69,25 +68,24 @@ def export(
     which finger and controller run as WebAssembly (web), a chain of hinges for MuJoCo (mjcf), functions as
     CasADi loads them (casadi). An option says which of these it is for.
     """
-    options = {
+    given = {
         key: value for key, value in locals().items() if key not in ("output", "to", "clock") and value is not None
     }
+    _export(output, to, given, clock)
+
+
+def _export(output: Output, to: str, options: dict[str, Any], clock: str | None) -> None:
+    """Export by the function of ``to`` with the options that were given, and print what it wrote."""
     from continuum_grasp import export as package
     from continuum_grasp.results.atomic import hold_folder
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
 
     write = getattr(package, f"export_{to}")
-    taken = inspect.signature(write).parameters
-    for key in options.keys() - taken.keys():
+    for key in options.keys() - inspect.signature(write).parameters.keys():
         raise InputError(f"has no effect on --to {to}", key=f"--{_SPELLED.get(key, key)}")
-    rates = [] if clock is None else [_frequency(clock, bool(measured))]
-    if "what" in options:
-        options["what"] = [part.strip() for part in options["what"].split(",")]
-    if "ranges" in options:
-        options["ranges"] = ranges_of(options["ranges"])
-    if "fmi" in options:
-        options["fmi"] = _VERSIONS[options["fmi"]]
+    rates = [] if clock is None else [_frequency(clock, "measured" in options)]
+    options = {key: _READ[key](value) if key in _READ else value for key, value in options.items()}
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{SUFFIXES[to]}")
     more = () if to == "mjcf" else (ControlScene, MissionScene)
     scene = resolved_scene(output, *more)[0]
@@ -103,6 +101,27 @@ def export(
     _REPORTS[to](written, output, *rates)
 
 
+def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Ranges as NAME=MIN:MAX."""
+    ranges = {}
+    for word in words:
+        name, _, pair = word.partition("=")
+        try:
+            least, greatest = (float(part) for part in pair.split(":"))
+        except ValueError:
+            raise InputError(f"--range: expected NAME=MIN:MAX, got {word!r:.60}") from None
+        if name in ranges:
+            raise InputError(f"--range: {name} is given twice")
+        ranges[name] = (least, greatest)
+    return ranges
+
+
+_READ: dict[str, Callable[[Any], Any]] = {
+    "what": lambda text: [part.strip() for part in text.split(",")],
+    "ranges": _ranges,
+    "fmi": lambda text: ["2", "3"] if text == "both" else [text],
+}
+"""Arguments of options that are given as text."""
 _SPELLED = {"measured": "measure", "ranges": "range"}
 """Options whose name is not that of the argument in Python."""
 
@@ -236,18 +255,3 @@ _REPORTS: dict[str, Callable[..., None]] = {
     "mjcf": _report_chain,
     "casadi": _report_functions,
 }
-
-
-def ranges_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Ranges as NAME=MIN:MAX."""
-    ranges = {}
-    for word in words:
-        name, _, pair = word.partition("=")
-        try:
-            least, greatest = (float(part) for part in pair.split(":"))
-        except ValueError:
-            raise InputError(f"--range: expected NAME=MIN:MAX, got {word!r:.60}") from None
-        if name in ranges:
-            raise InputError(f"--range: {name} is given twice")
-        ranges[name] = (least, greatest)
-    return ranges

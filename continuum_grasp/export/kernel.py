@@ -104,12 +104,14 @@ class Kernel:
         self._function = f = ca.Function(name, symbols, list(outputs.values()), function.name_in(), list(outputs))
         check_size(name, f.n_instructions())
         self._operations = [f.instruction_id(k) for k in range(f.n_instructions())]
-        for operation in self._operations:
-            if operation not in {*_C, *_CALLS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
-                raise InputError(
-                    f"{name}: there is no strict C for the operation {_NAMES[operation]} of its expressions"
-                )
-        read = {f.instruction_input(k)[0] for k, operation in enumerate(self._operations) if operation == ca.OP_INPUT}
+        for operation in set(self._operations) - {*_C, *_CALLS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
+            raise InputError(f"{name}: there is no strict C for the operation {_NAMES[operation]} of its expressions")
+        # Arguments and results, asked for once: that takes longer than the arithmetic on many rows.
+        self._program = [
+            (o, [f.instruction_constant(k)] if o == ca.OP_CONST else f.instruction_input(k), f.instruction_output(k))
+            for k, o in enumerate(self._operations)
+        ]
+        read = {arguments[0] for operation, arguments, _ in self._program if operation == ca.OP_INPUT}
         self.inputs = {f.name_in(k): f.nnz_in(k) for k in range(f.n_in()) if k in read}
         self.outputs = {f.name_out(k): f.nnz_out(k) for k in range(f.n_out()) if f.nnz_out(k)}
 
@@ -171,11 +173,10 @@ class Kernel:
         lines: list[str] = []
         left = list(self.outputs.values())  # entries that are not written yet
         words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
-        for k, operation in enumerate(self._operations):
-            arguments, results = f.instruction_input(k), f.instruction_output(k)
+        for k, (operation, arguments, results) in enumerate(self._program):
             if operation == ca.OP_CONST:
                 constants.add(results[0])
-                values[results[0]] = real.literal(float(f.instruction_constant(k)))
+                values[results[0]] = real.literal(arguments[0])
                 continue
             if operation == ca.OP_INPUT:
                 at = (arguments[0], arguments[1])
@@ -214,12 +215,11 @@ class Kernel:
         outputs = {name: np.zeros((count, size), dtype=t) for name, size in self.outputs.items()}
         values: dict[int, Array] = {}
         with np.errstate(all="ignore"):
-            for k, operation in enumerate(self._operations):
-                arguments, results = f.instruction_input(k), f.instruction_output(k)
+            for operation, arguments, results in self._program:
                 if operation == ca.OP_OUTPUT:
                     outputs[f.name_out(results[0])][:, results[1]] = values[arguments[0]]
                 elif operation == ca.OP_CONST:
-                    values[results[0]] = np.full(count, t(f.instruction_constant(k)))
+                    values[results[0]] = np.full(count, t(arguments[0]))
                 elif operation == ca.OP_INPUT:
                     values[results[0]] = columns[f.name_in(arguments[0])][:, arguments[1]]
                 elif operation in _CALLS:
