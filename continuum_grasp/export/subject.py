@@ -41,48 +41,35 @@ _NO_STATE, _NO_INPUT = Struct("state", "", ()), Struct("input", "", ())
 
 @dataclass(frozen=True)
 class Subject:
-    """A model as the parts of a package see it.
-
-    Attributes
-    ----------
-    finger, finger_equations
-        Model, and the expressions of all that moves for kernels of the whole state; None for a solver of a problem,
-        whose package has ``mpc`` alone.
-    touching : System or None
-        The finger with the object of its scene, whose states follow those of the finger.
-    parameters, forces : Struct or None
-        None where the model has none.
-    guard : Kernel or None
-        (x, u, p) -> use: share of its range that the curvature of a matched tip takes, which is no coordinate.
-    find_rates : callable
-        The greatest spectral radius, and the rate that an accurate step resolves [1/s], which take long to find in
-        models of many elements.
-    pressed : float
-        Greatest depth of contacts [m].
-    longest, count : float and int, or None
-        Longest step [s] that is asked for, and Runge-Kutta steps within one; None where nothing is asked for.
-    loop : Loop or None
-        The closed loop that it is part of.
-    sections : int
-        How many are seen at once, evenly spaced from base to tip.
-    """
+    """A model as the parts of a package see it."""
 
     prefix: str
     real: Real
     finger: FingerModel | None = None
+    """None for a solver of a problem, whose package has ``mpc`` alone."""
     touching: System | None = None
+    """The finger with the object of its scene, whose states follow those of the finger."""
     finger_equations: Equations | None = None
+    """Expressions of all that moves, for kernels of the whole state."""
     parameters: Struct | None = None
     state: Struct = _NO_STATE
     input: Struct = _NO_INPUT
     forces: Struct | None = None
     guard: Kernel | None = None
+    """(x, u, p) -> use: share of its range that the curvature of a matched tip takes, which is no coordinate."""
     find_rates: Callable[[], tuple[float, float]] = lambda: (math.nan, math.nan)
+    """The greatest spectral radius, and the rate that an accurate step resolves [1/s], which take long to find in models
+    of many elements."""
     pressed: float = 0.0
+    """Greatest depth of contacts [m]."""
     longest: float | None = None
+    """Longest step that is asked for [s]."""
     count: int | None = None
+    """Runge-Kutta steps within one that are asked for."""
     loop: Loop | None = None
+    """The closed loop that it is part of."""
     sections: int = 25
+    """How many are seen at once, evenly spaced from base to tip."""
 
     @staticmethod
     def of(

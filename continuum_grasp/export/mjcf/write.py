@@ -25,6 +25,7 @@ from continuum_grasp.results.atomic import write_text
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, needs, unknown_to
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.table import csv_text
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 
@@ -226,7 +227,6 @@ def _saved(chain: HingeChain, file: Path, scene: Scene) -> HingeChain:
     files = [write_text(chain.text, file)]
     if chain.varies and scene.time is not None:
         t = np.arange(round(scene.time.duration / scene.time.step) + 1) * scene.time.step
-        rows = np.column_stack([t, chain.controls(t)])
-        lines = [",".join(["time", *chain.control_names]), *(",".join(f"{v:.9g}" for v in row) for row in rows)]
-        files.append(write_text("\n".join(lines) + "\n", file.with_suffix(".csv")))
+        rows = [[f"{v:.9g}" for v in row] for row in np.column_stack([t, chain.controls(t)])]
+        files.append(write_text(csv_text(["time", *chain.control_names], rows), file.with_suffix(".csv")))
     return replace(chain, files=tuple(files))

@@ -82,21 +82,29 @@ def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
     rate = ca.densify(column(eq.state_rate))
     symbols = {"x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}
     slope = straight_function("slope", symbols, {"rate": rate, "jacobian": ca.jacobian(rate, eq.x)})
-    kernels = [("slope", slope, "Rate of change of the state, and its derivative by the state.")]
-    kernels.append(("guess", _whole(predict("guess", slope)), "First Newton iteration of a stage."))
-    for name, is_first in (("first", True), ("last", False)):
-        text = f"Second Newton iteration of the {name} stage."
-        kernels.append((name, _whole(correct(name, slope, is_first, with_derivatives=False)), text))
     x, at = ca.SX.sym("x", moving.nx), ca.SX.sym("at", moving.nx)
     off: ca.SX = ca.SX(0.0)
     for j, field in enumerate(subject.state.fields[: moving.n]):
         off = ca.fmax(off, ca.fabs((1.0 / field.high) * (x[j] - at[j])))
-    size = straight_function("size", {"x": x, "at": at}, {"off": off})
-    kernels.append(("size", size, "Last correction of a step, per range of the bending coordinates."))
-    slope_kernel, guess, first, last, measure = (
-        Kernel(f"implicit_{name}", function, text, called=True) for name, function, text in kernels
+
+    def kernel(name: str, function: ca.Function, text: str) -> Kernel:
+        return Kernel(f"implicit_{name}", function, text, called=True)
+
+    def second(name: str) -> Kernel:
+        function = correct(name, slope, name == "first", with_derivatives=False)
+        return kernel(name, _whole(function), f"Second Newton iteration of the {name} stage.")
+
+    return (
+        kernel("slope", slope, "Rate of change of the state, and its derivative by the state."),
+        kernel("guess", _whole(predict("guess", slope)), "First Newton iteration of a stage."),
+        second("first"),
+        second("last"),
+        kernel(
+            "size",
+            straight_function("size", {"x": x, "at": at}, {"off": off}),
+            "Last correction of a step, per range of the bending coordinates.",
+        ),
     )
-    return slope_kernel, guess, first, last, measure
 
 
 def _whole(function: ca.Function) -> ca.Function:

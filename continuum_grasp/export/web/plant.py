@@ -56,46 +56,29 @@ _USUAL = {"1": 1.0, "N": 1.0, "N/s": 10.0, "N m": 0.01, "N m/s": 0.1, "m": 1e-3,
 
 @dataclass(frozen=True)
 class WebPlant:
-    """Symbols of a plant, expressions of them, and where it starts.
-
-    Attributes
-    ----------
-    system : System
-        Finger and object; the state of the plant has drives behind that of the system.
-    symbols : tuple of casadi.SX
-        State, input, forces and parameters.
-    rate : casadi.SX
-        Of the state.
-    acting : casadi.SX
-        Input of the system.
-    sensed : casadi.SX
-        What is measured; empty without a controller.
-    start, rest : ndarray
-        State and input at time zero.
-    signals : Signals
-        Inputs and forces over time, as the scene has them.
-    p : ndarray
-        Parameters.
-    x_names : tuple of str
-        Name and unit of each state.
-    tensions : casadi.SX
-        Tension of each tendon at its drive [N].
-    planned : casadi.Function or None
-        Position and angle of each section of a node of the controller's plan, at ``at`` of `planned_sections`.
-    """
+    """Symbols of a plant, expressions of them, and where it starts."""
 
     system: System
+    """Finger and object; the state of the plant has drives behind that of the system."""
     symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
+    """State, input, forces and parameters."""
     rate: ca.SX
+    """Of the state."""
     acting: ca.SX
+    """Input of the system."""
     sensed: ca.SX
+    """What is measured; empty without a controller."""
     start: Array
     rest: Array
+    """Input at time zero."""
     signals: Signals
+    """Inputs and forces over time, as the scene has them."""
     p: Array
     x_names: tuple[str, ...]
     tensions: ca.SX
+    """Tension of each tendon at its drive [N]."""
     planned: ca.Function | None = None
+    """Position of each of ``planned_sections`` at a node of the controller's plan."""
 
     @property
     def pushes(self) -> int:
@@ -132,40 +115,33 @@ class WebPlant:
         return scales + [_USUAL.get(unit_of(name), 0.01) for name in self.x_names[len(scales) :]]
 
     @cached_property
-    def look(self) -> tuple[Kernel, ...]:
-        """Drawn points: sections and contacts, by the kernels of ``export_c``."""
+    def seen(self) -> dict[str, list[Kernel]]:
+        """Kernels of what a page is shown, by the function of its C.
+
+        Sections, contacts and tensions that are drawn, the former by the kernels of ``export_c``; measurements; a node
+        of the plan.
+        """
         x, _, w, p = self.symbols
-        finger_state, symbols = x[: self.system.nx], self.given
-        kernels = [sections_kernel("shape", self.system, self.at.tolist(), symbols, finger_state, self.acting, p)]
+        finger_state, given = x[: self.system.nx], self.given
+        look = [sections_kernel("shape", self.system, self.at.tolist(), given, finger_state, self.acting, p)]
         if self.system.touch_names:
-            kernels.append(contact_kernel(self.system, symbols, finger_state, self.acting, w, p))
+            look.append(contact_kernel(self.system, given, finger_state, self.acting, w, p))
         if self.tensions.numel():
-            kernels.append(
-                Kernel.of("pull", symbols, {"tension": self.tensions}, "Tension of each tendon at its drive.")
-            )
-        return tuple(kernels)
-
-    @cached_property
-    def ahead(self) -> Kernel | None:
-        """Drawn points of a node of the plan, if there is a controller."""
-        if self.planned is None:
-            return None
-        node = ca.SX.sym("node", self.planned.size1_in(0))
-        r = self.planned(node)
-        seen = {"ahead_x": r[0, :].T, "ahead_y": r[1, :].T}
-        return Kernel.of("ahead", {"node": node}, seen, "Sections of a node of the plan.")
-
-    @cached_property
-    def sense(self) -> Kernel | None:
-        """Measurements, if there are any."""
-        if not self.sensed.numel():
-            return None
-        return Kernel.of("sense", self.given, {"sensed": ca.vec(ca.SX(self.sensed))}, "What is measured.")
+            look.append(Kernel.of("pull", given, {"tension": self.tensions}, "Tension of each tendon at its drive."))
+        sense, foresee = list[Kernel](), list[Kernel]()
+        if self.sensed.numel():
+            sense.append(Kernel.of("sense", given, {"sensed": ca.vec(ca.SX(self.sensed))}, "What is measured."))
+        if self.planned is not None:
+            node = ca.SX.sym("node", self.planned.size1_in(0))
+            r = self.planned(node)
+            points = {"ahead_x": r[0, :].T, "ahead_y": r[1, :].T}
+            foresee.append(Kernel.of("ahead", {"node": node}, points, "Sections of a node of the plan."))
+        return {"look": look, "sense": sense, "foresee": foresee}
 
     @property
-    def _kernels(self) -> tuple[Kernel, ...]:
+    def _kernels(self) -> list[Kernel]:
         """Kernels that the plant of a page calls."""
-        return self._rates, *self.look, *(kernel for kernel in (self.sense, self.ahead) if kernel is not None)
+        return [self._rates, *(kernel for kernels in self.seen.values() for kernel in kernels)]
 
     @property
     def step(self) -> float:
@@ -194,9 +170,7 @@ class WebPlant:
             "settled": real.literal(SETTLED),
             "arrays": [(name, max(size, 1)) for name, size in self.arrays.items()],
             "rate": self._rates.call("plant", x="at"),
-            "look": "\n  ".join(kernel.call("plant") for kernel in self.look),
-            "sense": "" if self.sense is None else self.sense.call("plant"),
-            "ahead": "" if self.ahead is None else self.ahead.call("plant"),
+            **{name: "\n  ".join(kernel.call("plant") for kernel in kernels) for name, kernels in self.seen.items()},
         }
         return fill("web/plant.c", words)
 

@@ -24,33 +24,23 @@ _DIGITS = 8
 
 @dataclass(frozen=True)
 class Record:
-    """States of a page's plant over time, as they were recorded.
-
-    Attributes
-    ----------
-    t : list of float
-        Instants [s].
-    x, u, w : list of list of float
-        States, inputs and forces at them.
-    z, known : list of list of float or None
-        What the controller would start from, and what it knows of the finger; None without one.
-    changes : list of dict
-        Weights of setpoints, least and greatest input from instants on, ``t``, ``weights``, ``low`` and ``high``.
-    reference : list of list of float or None
-        Setpoints, in rows that are ``dt`` [s] apart.
-    dt : float
-        Time between rows of setpoints, and of the inputs and forces that go on from where one takes over [s].
-    """
+    """States of a page's plant over time, as they were recorded."""
 
     t: list[float]
+    """Instants [s]; states, inputs and forces at them follow."""
     x: list[Any]
     u: list[Any]
     w: list[Any]
     z: list[Any] | None = None
+    """What the controller would start from; None without one."""
     known: list[Any] | None = None
+    """What it knows of the finger."""
     changes: Sequence[Any] = ()
+    """Weights of setpoints, least and greatest input from instants on: ``t``, ``weights``, ``low`` and ``high``."""
     reference: list[Any] | None = None
+    """Setpoints, in rows that are ``dt`` apart."""
     dt: float = 0.0
+    """Time between rows of setpoints, and of the inputs and forces that go on from where one takes over [s]."""
 
     def frames(self) -> dict[str, Any]:
         """Frames that are played back."""

@@ -127,7 +127,7 @@ void look(void)
 /* Write what is drawn of a node of the plan. */
 void foresee(void)
 {
-  <<ahead>>
+  <<foresee>>
 }
 
 /* Write what is measured of it. */
