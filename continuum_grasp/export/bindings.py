@@ -56,13 +56,12 @@ def _beginnings(contents: Contents) -> dict[str, dict[str, object]]:
     """First values of structs that have a function to fill them; others begin with zeros."""
     subject, loop, beginnings = contents.subject, contents.subject.loop, dict[str, dict[str, object]]()
     if contents.calls and subject.touching is not None:
-        beginnings["state"] = dict(zip((f.name for f in subject.state.fields), map(float, subject.start), strict=True))
+        beginnings["state"] = {**subject.state.named(subject.start)}
     if loop is not None and contents.stateful:
-        wanted, before = zip(loop.reference.fields, loop.wanted, strict=True), map(float, loop.before)
         defaults: dict[str, dict[str, object]] = {
             "measurement": {field.name: math.nan for field in loop.measurement.fields},
-            "reference": {field.name: [float(value)] * field.size for field, value in wanted},
-            "command": dict(zip((field.name for field in loop.command.fields), before, strict=True)),
+            "reference": {name: [value] * loop.nodes for name, value in loop.reference.named(loop.wanted).items()},
+            "command": {**loop.command.named(loop.before)},
         }
         beginnings |= {struct.name: defaults[struct.name] for struct in contents.structs if struct.name in defaults}
     return beginnings

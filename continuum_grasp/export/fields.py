@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core.precision import literal
 from continuum_grasp.core.source import filled, template
+from continuum_grasp.labels import name_of
 
 
 @dataclass(frozen=True)
@@ -151,6 +153,10 @@ class Struct:
         """Range of every number."""
         return tuple((field.low, field.high) for field in self.fields for _ in range(field.size))
 
+    def named(self, values: Iterable[float]) -> dict[str, float]:
+        """Values by their fields, one each."""
+        return {field.name: float(value) for field, value in zip(self.fields, values, strict=True)}
+
     def bounds(self, prefix: str, real: Real, mark: str = "") -> str:
         """C of the least and of the greatest value of every number."""
         # C has no literal of infinity, and a finite number is within the greatest one.
@@ -197,6 +203,31 @@ def _comment(field: Field) -> str:
     limits = f", {field.limits}" if field.limits else ""
     text = f"; {field.text}" if field.text else ""
     return f"/* [{field.unit}]{limits}{text} */"
+
+
+def identifiers(labels: Iterable[str]) -> list[str]:
+    """C identifiers of labels ``name [unit]``, each once."""
+    names: list[str] = []
+    for label in labels:
+        name = re.sub(r"\W+", "_", name_of(label), flags=re.ASCII).strip("_")
+        name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
+        further = (f"{name}_{count}" for count in itertools.count(2))
+        names.append(name if name not in names else next(candidate for candidate in further if candidate not in names))
+    return names
+
+
+def unit_of(label: str) -> str:
+    """Unit of a label; 1 where it has none, as names of a scene's zones do."""
+    match = re.search(r" \[([\w ]+(?:/[\w ]+)*)\]$", label, re.ASCII)
+    return match[1] if match else "1"
+
+
+def named_fields(labels: Sequence[str], ranges: NDArray[Any] | None = None) -> tuple[Field, ...]:
+    """Entries of a vector by their labels, with their ranges (size, 2) where there are any."""
+    fields = tuple(Field(name, unit_of(label)) for name, label in zip(identifiers(labels), labels, strict=True))
+    if ranges is None:
+        return fields
+    return tuple(replace(f, low=float(low), high=float(high)) for f, (low, high) in zip(fields, ranges, strict=True))
 
 
 def fill(name: str, words: Mapping[str, object]) -> str:

@@ -15,8 +15,8 @@ import casadi as ca
 from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError, Report
-from continuum_grasp.export.control.loop import Loop, identifiers
-from continuum_grasp.export.fields import Field, Real, Struct
+from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.fields import Field, Real, Struct, identifiers
 from continuum_grasp.export.layer import DIMENSIONS, Contents
 from continuum_grasp.export.part import Code
 from continuum_grasp.labels import name_of
@@ -135,8 +135,7 @@ def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
 
     def named(struct: Struct, values: Iterable[float]) -> dict[str, float]:
         # JSON has no infinity: a bound that is none is the greatest number, as in the C.
-        pairs = zip(struct.fields, values, strict=True)
-        return {field.name: min(max(float(value), -real.greatest), real.greatest) for field, value in pairs}
+        return {name: min(max(v, -real.greatest), real.greatest) for name, v in struct.named(values).items()}
 
     mission = loop.phases and {
         "phases": identifiers(loop.phases.names),

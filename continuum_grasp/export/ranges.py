@@ -13,8 +13,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.control.loop import identifiers, unit_of
-from continuum_grasp.export.fields import Field, fill
+from continuum_grasp.export.fields import Field, fill, identifiers, named_fields
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
@@ -139,8 +138,7 @@ def force_fields(moving: FingerModel | System) -> tuple[Field, ...]:
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
     """Entries of a model's vector, from its labels ``name [unit]``."""
-    named = zip(identifiers(labels), map(unit_of, labels), strict=True)
-    return [Field(name, unit, _description(model, name)) for name, unit in named]
+    return [replace(field, text=_description(model, field.name)) for field in named_fields(labels)]
 
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:

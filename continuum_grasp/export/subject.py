@@ -58,8 +58,7 @@ class Subject:
     guard: Kernel | None = None
     """(x, u, p) -> use: share of its range that the curvature of a matched tip takes, which is no coordinate."""
     find_rates: Callable[[], tuple[float, float]] = lambda: (math.nan, math.nan)
-    """The greatest spectral radius, and the rate that an accurate step resolves [1/s], which take long to find in models
-    of many elements."""
+    """The greatest spectral radius, and the rate that an accurate step resolves [1/s], which take long to find."""
     pressed: float = 0.0
     """Greatest depth of contacts [m]."""
     longest: float | None = None

@@ -16,8 +16,8 @@ from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.control import replay
-from continuum_grasp.export.control.loop import Loop, identifiers, unit_of
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.fields import REALS, identifiers, unit_of
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.source import source_of
 from tests.control_cases import Reality, hand_scene

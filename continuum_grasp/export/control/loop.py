@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -21,8 +19,7 @@ from continuum_grasp.control.parts import ControlParts, Settings, free_ranges
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.control.status import CALL_RATE
-from continuum_grasp.export.fields import Field, Real, Struct
-from continuum_grasp.labels import name_of
+from continuum_grasp.export.fields import Field, Real, Struct, identifiers, named_fields, unit_of
 from continuum_grasp.scene.control import ControlScene
 
 DIAGNOSIS = (
@@ -289,28 +286,3 @@ class Loop(ControlParts):
             symbols = [ca.SX.sym(name, e.contact_forces.size1_in(k)) for k, name in enumerate("zup")]
             functions.append(ca.Function("estimator_forces", symbols, [e.contact_forces(*symbols)[0]], [*"zup"], ["f"]))
         return tuple(functions)
-
-
-def identifiers(labels: Iterable[str]) -> list[str]:
-    """C identifiers of labels ``name [unit]``, each once."""
-    names: list[str] = []
-    for label in labels:
-        name = re.sub(r"\W+", "_", name_of(label), flags=re.ASCII).strip("_")
-        name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
-        further = (f"{name}_{count}" for count in itertools.count(2))
-        names.append(name if name not in names else next(candidate for candidate in further if candidate not in names))
-    return names
-
-
-def unit_of(label: str) -> str:
-    """Unit of a label; 1 where it has none, as names of a scene's zones do."""
-    match = re.search(r" \[([\w ]+(?:/[\w ]+)*)\]$", label, re.ASCII)
-    return match[1] if match else "1"
-
-
-def named_fields(labels: Sequence[str], ranges: Array) -> tuple[Field, ...]:
-    """Entries of a vector, with their ranges (size, 2)."""
-    return tuple(
-        Field(name, unit_of(label), "", float(low), float(high))
-        for name, label, (low, high) in zip(identifiers(labels), labels, ranges, strict=True)
-    )

@@ -19,8 +19,8 @@ from continuum_grasp.control.status import ANOMALY_TEXTS, MEASUREMENT_TEXTS, Ano
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.precision import TOKEN, literal
 from continuum_grasp.export.control.kernels import adapters_of
-from continuum_grasp.export.control.loop import DIAGNOSIS, Loop, identifiers
-from continuum_grasp.export.fields import Real, each_once, fill
+from continuum_grasp.export.control.loop import DIAGNOSIS, Loop
+from continuum_grasp.export.fields import Real, each_once, fill, identifiers
 from continuum_grasp.export.strict_math import c_source
 
 _MODULES = {

@@ -10,8 +10,7 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
-from continuum_grasp.export.control.loop import identifiers, unit_of
-from continuum_grasp.export.fields import Field
+from continuum_grasp.export.fields import Field, identifiers, named_fields
 from continuum_grasp.export.manifest import FLAGS
 from continuum_grasp.export.package import Asked, package_files
 from continuum_grasp.export.parts.seen import TOUCH
@@ -141,8 +140,7 @@ def labeled(
     group: str, kind: Kind, labels: Sequence[str], starts: Sequence[float] | NDArray[Any] | None = None
 ) -> tuple[Variable, ...]:
     """Variables of labels ``name [unit]``, with their values to begin with."""
-    entries = [Field(name, unit_of(label)) for name, label in zip(identifiers(labels), labels, strict=True)]
-    return variables_of(group, kind, entries, starts)
+    return variables_of(group, kind, named_fields(labels), starts)
 
 
 STRICT = (*FLAGS["strict"], *FLAGS["gcc"])

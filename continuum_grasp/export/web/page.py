@@ -27,8 +27,8 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.compiler import check_tools
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
-from continuum_grasp.export.control.loop import Loop, identifiers
-from continuum_grasp.export.fields import fill
+from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.fields import fill, identifiers
 from continuum_grasp.export.layer import library_files
 from continuum_grasp.export.manifest import check_file
 from continuum_grasp.export.package import controller_of

@@ -21,8 +21,7 @@ from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
-from continuum_grasp.export.control.loop import unit_of
-from continuum_grasp.export.fields import REALS, fill
+from continuum_grasp.export.fields import REALS, fill, unit_of
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
 from continuum_grasp.export.parts.seen import contact_kernel, sections_kernel
