@@ -6,6 +6,7 @@ import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree as ET
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -29,80 +30,75 @@ _CORNERS = 120
 """Corners of the polygon in place of a round outline: off by 3e-4 of its radius."""
 
 
-def touching(scene: Scene) -> dict[str, str]:
-    """Attributes of the geometry of the finger's links that let them touch."""
-    return _FINGER | _friction(scene, None) if scene.object is not None else _NOTHING
-
-
-def add_surroundings(root: ET.Element, scene: Scene) -> None:
-    """Add the object and its supports, where there are any."""
-    body, (world,) = scene.object, root.iter("worldbody")
+def _surroundings(scene: Scene) -> dict[str, object]:
+    """Words of the object and its supports, which there need not be."""
+    body, finger = scene.object, _FINGER if scene.object is not None else _NOTHING
     if body is None:
-        return
+        return {"touching": finger.items(), "body": None, "meshes": (), "supports": ()}
     cos, sin = math.cos(body.angle), math.sin(body.angle)
     x = body.position[0] + cos * body.com[0] - sin * body.com[1]
     y = body.position[1] + sin * body.com[0] + cos * body.com[1]
-    element = ET.SubElement(world, "body", name="object", pos=numbers(x, y, 0.0))
-    if scene.object_moves:
-        table = scene.table if scene.out_of_plane_gravity else None  # one in the plane is a wall
-        friction_limit = 0.0 if table is None else table.friction * body.mass * scene.out_of_plane_gravity
-        for name, kind, axis in (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("angle", "hinge", "0 0 1")):
-            joint = ET.SubElement(element, "joint", name=f"object_{name}", type=kind, axis=axis)
-            if kind == "slide" and table is not None:
-                joint.set("frictionloss", numbers(friction_limit))
-            elif table is not None and table.friction_radius > 0.0:
-                joint.set("frictionloss", numbers(friction_limit * table.friction_radius))
-        inertia = numbers(*[scene.inertia] * 3)
-        ET.SubElement(element, "inertial", pos="0 0 0", mass=numbers(body.mass), diaginertia=inertia)
-    asset = ET.Element("asset")
     # 0.1: half the width of flat bodies out of the plane, per length of the finger: wider than links are thick
     width = 0.1 * scene.finger.profile.length
-    for k, part in enumerate(body.pieces):
-        placed = part.placed((body.position[0] - x, body.position[1] - y), body.angle)
-        element.append(_geometry(asset, f"part_{k + 1}", placed, width))
-    if len(asset):
-        root.insert([*root].index(world) + 1, asset)
-    in_plane = None if scene.table is None else scene.table.wall
-    for wall in (*scene.walls, *(() if in_plane is None else (in_plane,))):
-        world.append(_wall(wall, width, _friction(scene, wall.friction)))
+    meshes: list[tuple[str, str]] = []
+    offset = (body.position[0] - x, body.position[1] - y)
+    parts = [
+        _geometry(meshes, f"part_{k + 1}", part.placed(offset, body.angle), width) for k, part in enumerate(body.pieces)
+    ]
+    table = scene.table
+    walls = (*scene.walls, *(() if table is None or table.wall is None else (table.wall,)))
+    supports = [_wall(wall, width, _friction(scene, wall.friction)) for wall in walls]
     for peg in scene.pegs:
         # 1e-4: radius in place of a point, per length of the finger
         radius = max(peg.radius, 1e-4 * scene.finger.profile.length)
-        geom = ET.SubElement(world, "geom", name=f"support_{peg.name}", type="sphere", pos=numbers(*peg.position, 0.0))
-        geom.attrib |= {"size": numbers(radius), **_SUPPORT, **_friction(scene, peg.friction)}
-
-
-def _geometry(asset: ET.Element, name: str, part: Part, width: float) -> ET.Element:
-    """A convex part: a sphere, a capsule, or the prism over its outline."""
-    # Of two geometries the larger friction counts: the finger's and the supports' are those of the pairs.
-    geom = ET.Element("geom", {"name": name, **_OBJECT, "friction": "0 0 0"})
-    if isinstance(part, OffsetPolygon) and len(part.vertices) == 1:
-        geom.attrib |= {"type": "sphere", "pos": numbers(*part.vertices[0], 0.0), "size": numbers(part.radius)}
-    elif isinstance(part, OffsetPolygon) and len(part.vertices) == 2:
-        (x0, y0), (x1, y1) = part.vertices
-        geom.attrib |= {"type": "capsule", "fromto": numbers(x0, y0, 0.0, x1, y1, 0.0), "size": numbers(part.radius)}
-    else:
-        corners = [z for x, y in part.outline(_CORNERS) for side in (-width, width) for z in (x, y, side)]
-        ET.SubElement(asset, "mesh", name=name, vertex=numbers(*corners), inertia="convex")
-        geom.attrib |= {"type": "mesh", "mesh": name}
-    return geom
-
-
-def _wall(wall: Wall, width: float, friction: dict[str, str]) -> ET.Element:
-    """A half plane, or a box behind an edge of finite length."""
-    (x, y), (nx, ny) = wall.point, wall.normal
-    geom = ET.Element("geom", {"name": f"support_{wall.name}", **_SUPPORT, **friction})
-    if math.isinf(wall.half_length):
-        geom.attrib |= {"type": "plane", "pos": numbers(x, y, 0.0), "zaxis": numbers(nx, ny, 0.0), "size": "0 0 1"}
-        return geom
-    deep = wall.half_length
-    geom.attrib |= {
-        "type": "box",
-        "pos": numbers(x - deep * nx, y - deep * ny, 0.0),
-        "euler": numbers(0.0, 0.0, wall.normal_angle),
-        "size": numbers(deep, wall.half_length, width),
+        geom = {"name": f"support_{peg.name}", "type": "sphere", "pos": numbers(*peg.position, 0.0)}
+        supports.append({**geom, "size": numbers(radius), **_SUPPORT, **_friction(scene, peg.friction)})
+    return {
+        "touching": (finger | _friction(scene, None)).items(),
+        "body": body,
+        "place": numbers(x, y, 0.0),
+        "joints": _joints(scene, body.mass) if scene.object_moves else (),
+        "object_inertia": scene.inertia if scene.object_moves else 0.0,
+        "parts": [part.items() for part in parts],
+        "meshes": meshes,
+        "supports": [[(name, escape(value)) for name, value in support.items()] for support in supports],
     }
-    return geom
+
+
+def _joints(scene: Scene, mass: float) -> list[tuple[str, str, str, str]]:
+    """Joints of an object that moves: name, kind, axis, and the friction of a table that it stands on."""
+    # A table in the plane is a wall.
+    table = scene.table if scene.out_of_plane_gravity else None
+    limit = 0.0 if table is None else table.friction * mass * scene.out_of_plane_gravity
+    slides = "" if table is None else numbers(limit)
+    turns = "" if table is None or table.friction_radius <= 0.0 else numbers(limit * table.friction_radius)
+    return [("x", "slide", "1 0 0", slides), ("y", "slide", "0 1 0", slides), ("angle", "hinge", "0 0 1", turns)]
+
+
+def _geometry(meshes: list[tuple[str, str]], name: str, part: Part, width: float) -> dict[str, str]:
+    """A convex part: a sphere, a capsule, or the prism over its outline, which is one of the meshes."""
+    # Of two geometries the larger friction counts: the finger's and the supports' are those of the pairs.
+    geom = {"name": name, **_OBJECT, "friction": "0 0 0"}
+    if isinstance(part, OffsetPolygon) and len(part.vertices) == 1:
+        return {**geom, "type": "sphere", "pos": numbers(*part.vertices[0], 0.0), "size": numbers(part.radius)}
+    if isinstance(part, OffsetPolygon) and len(part.vertices) == 2:
+        (x0, y0), (x1, y1) = part.vertices
+        ends = numbers(x0, y0, 0.0, x1, y1, 0.0)
+        return {**geom, "type": "capsule", "fromto": ends, "size": numbers(part.radius)}
+    corners = [z for x, y in part.outline(_CORNERS) for side in (-width, width) for z in (x, y, side)]
+    meshes.append((name, numbers(*corners)))
+    return {**geom, "type": "mesh", "mesh": name}
+
+
+def _wall(wall: Wall, width: float, friction: dict[str, str]) -> dict[str, str]:
+    """A half plane, or a box behind an edge of finite length."""
+    (x, y), (nx, ny), deep = wall.point, wall.normal, wall.half_length
+    geom = {"name": f"support_{wall.name}", **_SUPPORT, **friction}
+    if math.isinf(deep):
+        place = {"pos": numbers(x, y, 0.0), "zaxis": numbers(nx, ny, 0.0)}
+        return {**geom, "type": "plane", **place, "size": "0 0 1"}
+    place = {"pos": numbers(x - deep * nx, y - deep * ny, 0.0), "euler": numbers(0.0, 0.0, wall.normal_angle)}
+    return {**geom, "type": "box", **place, "size": numbers(deep, deep, width)}
 
 
 def _friction(scene: Scene, coefficient: float | None) -> dict[str, str]:
@@ -158,12 +154,11 @@ def written(
         "qvel": [*rates, *rest],
         "ctrl": values,
         "act": [value for control, value in zip(controls, values, strict=True) if control.lag],
-        "touching": touching(scene).items(),
+        **_surroundings(scene),
     }
     root = ET.fromstring(fill("mjcf/chain.xml", words))
     root.set("model", title)
     root.insert(0, ET.Comment(_explanation(scene, links, controls, frequency, differences)))
-    add_surroundings(root, scene)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
 
