@@ -355,78 +355,78 @@ function outlines() {
   return OBJECT.parts.map((part) => part.map(([a, b]) => [x + cos * a - sin * b, y + sin * a + cos * b]));
 }
 
+// Where a point of the world is on the canvas [px]; a way through several.
+const onCanvas = (x, y) => [world.origin[0] + scale * x, world.origin[1] - scale * y];
+const line = (...points) => points.forEach((point, k) => pen[k ? "lineTo" : "moveTo"](...point));
+function path(points, close) {
+  line(...points.map(([x, y]) => onCanvas(x, y)));
+  if (close) pen.closePath();
+}
+const circle = (x, y, radius) => pen.arc(x, y, radius, 0, 2 * Math.PI);
+
+function stroke(color, width, trace, dash = []) {
+  pen.strokeStyle = color;
+  pen.lineWidth = width;
+  pen.setLineDash(dash);
+  pen.beginPath();
+  trace();
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+function fill(color, trace) {
+  pen.fillStyle = color;
+  pen.beginPath();
+  trace();
+  pen.fill();
+}
+
 function draw(passed) {
   const [w, h, ratio] = fit(canvas);
   look(passed);
   const [left, bottom, right, top] = view.box;
   scale = Math.min(w / (right - left), h / (top - bottom));
-  const ox = 0.5 * (w - scale * (right + left)), oy = 0.5 * (h + scale * (top + bottom));
-  world.origin = [ox, oy];
+  world.origin = [0.5 * (w - scale * (right + left)), 0.5 * (h + scale * (top + bottom))];
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, w, h);
   pen.lineJoin = pen.lineCap = "round";
-  const at = (x, y) => [ox + scale * x, oy - scale * y];
-  const path = (points, close) => {
-    pen.beginPath();
-    points.forEach(([x, y], k) => pen[k ? "lineTo" : "moveTo"](...at(x, y)));
-    if (close) pen.closePath();
-  };
   const far = (w + h) / scale;
   for (const zone of PLANT.zones ?? []) {
-    pen.fillStyle = colors.zone;
-    pen.beginPath();
-    if (zone.center) pen.arc(...at(...zone.center), scale * zone.radius, 0, 2 * Math.PI);
-    else {
+    fill(colors.zone, () => {
+      if (zone.center) return circle(...onCanvas(...zone.center), scale * zone.radius);
       const [x, y] = zone.point, [a, b] = zone.normal;
       path([[x - far * b, y + far * a], [x + far * b, y - far * a], [x + far * (b - a), y - far * (a + b)], [x - far * (a + b), y + far * (a - b)]], true);
-    }
-    pen.fill();
+    });
   }
   for (const [x, y, a, b, half] of PLANT.walls ?? []) {
     const d = half > 5 * PLANT.length ? far : 0.08 * PLANT.length;
-    path([[x - half * b, y + half * a], [x + half * b, y - half * a], [x + half * b - d * a, y - half * a - d * b], [x - half * b - d * a, y + half * a - d * b]], true);
-    pen.fillStyle = mix(colors.support, 0.55);
-    pen.fill();
+    fill(mix(colors.support, 0.55), () => path(
+      [[x - half * b, y + half * a], [x + half * b, y - half * a], [x + half * b - d * a, y - half * a - d * b], [x - half * b - d * a, y + half * a - d * b]], true));
   }
-  for (const [x, y, radius] of PLANT.pegs ?? []) {
-    pen.beginPath();
-    pen.arc(...at(x, y), Math.max(3, scale * radius), 0, 2 * Math.PI);
-    pen.fillStyle = colors.support;
-    pen.fill();
-  }
+  for (const [x, y, radius] of PLANT.pegs ?? []) fill(colors.support, () => circle(...onCanvas(x, y), Math.max(3, scale * radius)));
   drawWind(w, h);
   const parts = outlines();
-  pen.strokeStyle = colors.edge;
-  pen.lineWidth = 4;
-  for (const part of parts) { path(part, true); pen.stroke(); }
-  pen.fillStyle = colors.object;
-  for (const part of parts) { path(part, true); pen.fill(); }
-  drawTrails(path);
-  drawPlan(at, path);
-  drawFinger(at, path);
-  drawForces(at);
+  for (const part of parts) stroke(colors.edge, 4, () => path(part, true));
+  for (const part of parts) fill(colors.object, () => path(part, true));
+  drawTrails();
+  drawPlan();
+  drawFinger();
+  drawForces();
   if (world.target) {
-    const [x, y] = at(...world.target);
-    pen.strokeStyle = colors.target;
-    pen.lineWidth = 2.5;
-    pen.beginPath();
-    pen.arc(x, y, 13, 0, 2 * Math.PI);
-    pen.moveTo(x - 19, y); pen.lineTo(x + 19, y);
-    pen.moveTo(x, y - 19); pen.lineTo(x, y + 19);
-    pen.stroke();
+    const [x, y] = onCanvas(...world.target);
+    stroke(colors.target, 2.5, () => {
+      circle(x, y, 13);
+      line([x - 19, y], [x + 19, y]);
+      line([x, y - 19], [x, y + 19]);
+    });
   }
-  if (!world.touched && !calm.matches) beckon(at);
+  if (!world.touched && !calm.matches) beckon();
   if (hand && hand.at && hand.kind !== "target" && hand.kind !== "wind") {
     const from = hand.kind === "finger" ? pushed(hand.station) : objectPose().slice(0, 2).map((v, i) => v + hand.grip[i]);
-    pen.strokeStyle = colors.second;
-    pen.lineWidth = 2.5;
-    pen.setLineDash([6, 5]);
-    path([from, hand.at]);
-    pen.stroke();
-    pen.setLineDash([]);
-    if (world.push[2]) label(...at(...hand.at), `${digits(world.push[2])} N`, colors.second, 16);
+    stroke(colors.second, 2.5, () => path([from, hand.at]), [6, 5]);
+    if (world.push[2]) label(...onCanvas(...hand.at), `${digits(world.push[2])} N`, colors.second, 16);
   }
-  drawHeight(w, h);
+  drawHeight(h);
   drawScale(w, h);
 }
 
@@ -442,31 +442,23 @@ function label(x, y, text, color, up = 0) {
 }
 
 // A ring that spreads from what can be dragged, until something is.
-function beckon(at) {
+function beckon() {
   const to = world.target ?? (moves ? objectPose() : null);
   if (!to) return;
-  const share = (performance.now() / 1600) % 1, [x, y] = at(to[0], to[1]);
-  pen.strokeStyle = mix(world.target ? colors.target : colors.edge, 0.8 * (1 - share));
-  pen.lineWidth = 3;
-  pen.beginPath();
-  pen.arc(x, y, 16 + 34 * share, 0, 2 * Math.PI);
-  pen.stroke();
+  const share = (performance.now() / 1600) % 1, color = mix(world.target ? colors.target : colors.edge, 0.8 * (1 - share));
+  stroke(color, 3, () => circle(...onCanvas(to[0], to[1]), 16 + 34 * share));
 }
 
 // Where tip and target have been.
 const LASTED = 2; // s
-function drawTrails(path) {
+function drawTrails() {
   for (const [name, color] of [["tip", colors.finger], ["target", colors.target]]) {
     const trail = world.trails[name], now = name === "tip" ? section(memory.section_x.length - 1) : world.target;
     if (now && (!trail.length || world.time > trail[trail.length - 1][0] + 0.02)) trail.push([world.time, ...now]);
     while (trail.length && trail[0][0] < world.time - LASTED) trail.shift();
     for (let part = 0; part < 4; ++part) {
       const points = trail.slice(Math.floor((part * trail.length) / 4), Math.floor(((part + 1) * trail.length) / 4) + 1);
-      if (points.length < 2) continue;
-      pen.strokeStyle = mix(color, 0.12 * (part + 1));
-      pen.lineWidth = 2;
-      path(points.map(([, x, y]) => [x, y]));
-      pen.stroke();
+      if (points.length > 1) stroke(mix(color, 0.12 * (part + 1)), 2, () => path(points.map(([, x, y]) => [x, y])));
     }
   }
 }
@@ -480,7 +472,7 @@ function foresee(k) {
 }
 
 // The plan of the controller: the finger at thirds of its horizon, and the way of the tip.
-function drawPlan(at, path) {
+function drawPlan() {
   if (!controller || world.played >= 0 || !world.calls && !world.time) return;
   const nodes = LOOP.plan[1], last = memory.ahead_x.length - 1, way = [];
   pen.lineCap = "round";
@@ -489,18 +481,9 @@ function drawPlan(at, path) {
     if (!third && k % 3) continue;
     foresee(k);
     way.push([memory.ahead_x[last], memory.ahead_y[last]]);
-    if (!third || !Number.isFinite(memory.ahead_x[last])) continue;
-    pen.strokeStyle = mix(colors.ink, 0.45 - (0.25 * k) / nodes);
-    pen.lineWidth = 4;
-    path(foresee(k));
-    pen.stroke();
+    if (third && Number.isFinite(memory.ahead_x[last])) stroke(mix(colors.ink, 0.45 - (0.25 * k) / nodes), 4, () => path(foresee(k)));
   }
-  pen.strokeStyle = mix(colors.ink, 0.7);
-  pen.lineWidth = 1.5;
-  pen.setLineDash([2, 5]);
-  path(way);
-  pen.stroke();
-  pen.setLineDash([]);
+  stroke(mix(colors.ink, 0.7), 1.5, () => path(way), [2, 5]);
 }
 
 // Place, angle and half thickness at a share of the length: between sections a cubic with their tangents.
@@ -513,81 +496,55 @@ function along(share) {
 }
 
 // A line at a distance from the center line, with cubics between sections.
-function beside(at, away, first = 0, last = memory.section_x.length - 1, begin = true) {
+function beside(away, first = 0, last = memory.section_x.length - 1, begin = true) {
   const way = Math.sign(last - first) || 1, point = (k) => {
     const a = memory.section_angle[k], [x, y] = section(k);
     return [x - away(k) * Math.cos(a), y - away(k) * Math.sin(a), -Math.sin(a), Math.cos(a)];
   };
   let [x0, y0, a0, b0] = point(first);
-  pen[begin ? "moveTo" : "lineTo"](...at(x0, y0));
+  pen[begin ? "moveTo" : "lineTo"](...onCanvas(x0, y0));
   for (let k = first + way; way * k <= way * last; k += way) {
     const [x1, y1, a1, b1] = point(k), chord = (way * Math.hypot(x1 - x0, y1 - y0)) / 3;
-    pen.bezierCurveTo(...at(x0 + chord * a0, y0 + chord * b0), ...at(x1 - chord * a1, y1 - chord * b1), ...at(x1, y1));
+    pen.bezierCurveTo(...onCanvas(x0 + chord * a0, y0 + chord * b0), ...onCanvas(x1 - chord * a1, y1 - chord * b1), ...onCanvas(x1, y1));
     [x0, y0, a0, b0] = [x1, y1, a1, b1];
   }
 }
 
-function drawFinger(at, path) {
+function drawFinger() {
   const last = memory.section_x.length - 1, thick = (k) => Math.max(PLANT.half[k], 1.2 / scale);
   const discs = PLANT.discs, links = discs[0] === 0;
   const a = memory.section_angle[0], [x, y] = section(0), w = Math.max(0.06 * PLANT.length, 1.6 * PLANT.half[0]), d = 0.035 * PLANT.length;
-  const tx = -Math.sin(a), ty = Math.cos(a);
-  path([[-w, 0], [w, 0], [w, -d], [-w, -d]].map(([across, back]) => [x + across * ty + back * tx, y - across * tx + back * ty]), true);
-  pen.fillStyle = colors.faint;
-  pen.fill();
-  pen.beginPath();
-  beside(at, thick);
-  beside(at, (k) => -thick(k), last, 0, false);
-  pen.closePath();
-  pen.fillStyle = discs.length ? mix(colors.finger, 0.28) : colors.finger;
-  pen.fill();
-  if (discs.length) {
-    pen.beginPath();
-    beside(at, () => 0);
-    pen.strokeStyle = colors.finger;
-    pen.lineWidth = Math.max(2.5, 0.12 * scale * PLANT.half[0]);
-    pen.stroke();
-  }
-  drawTendons(at);
+  const tx = -Math.sin(a), ty = Math.cos(a), base = [[-w, 0], [w, 0], [w, -d], [-w, -d]];
+  fill(colors.faint, () => path(base.map(([across, back]) => [x + across * ty + back * tx, y - across * tx + back * ty]), true));
+  fill(discs.length ? mix(colors.finger, 0.28) : colors.finger, () => {
+    beside(thick);
+    beside((k) => -thick(k), last, 0, false);
+    pen.closePath();
+  });
+  if (discs.length) stroke(colors.finger, Math.max(2.5, 0.12 * scale * PLANT.half[0]), () => beside(() => 0));
+  drawTendons();
   const wide = Math.max(4, 0.55 * scale * Math.max(...PLANT.half));
   pen.lineCap = "butt";
   for (let i = 0; i < discs.length; ++i) {
     const [px, py, angle, half] = along(discs[i]), cos = half * Math.cos(angle), sin = half * Math.sin(angle);
     if (links && i) {
       const [qx, qy, turn, other] = along(0.12 * discs[i] + 0.88 * discs[i - 1]), c1 = other * Math.cos(turn), s1 = other * Math.sin(turn);
-      path([[px - cos, py - sin], [px + cos, py + sin], [qx + c1, qy + s1], [qx - c1, qy - s1]], true);
-      pen.fillStyle = mix(colors.finger, 0.75);
-      pen.fill();
-    } else if (!links) {
-      path([[px - cos, py - sin], [px + cos, py + sin]]);
-      pen.strokeStyle = colors.finger;
-      pen.lineWidth = wide;
-      pen.stroke();
-    }
+      fill(mix(colors.finger, 0.75), () => path([[px - cos, py - sin], [px + cos, py + sin], [qx + c1, qy + s1], [qx - c1, qy - s1]], true));
+    } else if (!links) stroke(colors.finger, wide, () => path([[px - cos, py - sin], [px + cos, py + sin]]));
   }
   pen.lineCap = "round";
-  for (const [share, mass] of PLANT.masses) {
-    if (!mass) continue;
-    pen.beginPath();
-    pen.arc(...at(...along(share)), 5, 0, 2 * Math.PI);
-    pen.fillStyle = colors.ink;
-    pen.fill();
-  }
+  for (const [share, mass] of PLANT.masses) if (mass) fill(colors.ink, () => circle(...onCanvas(...along(share)), 5));
 }
 
 // Tendons are the redder and thicker the more they pull.
-function drawTendons(at) {
+function drawTendons() {
   PLANT.tendons.forEach((tendon, k) => {
     const share = Math.max(0, Math.min(1, memory.tension[k] / tendon.most));
-    pen.beginPath();
-    beside(at, (i) => tendon.offset[i], 0, tendon.offset.length - 1);
     const color = mix(colors.force, Math.sqrt(share), colors.faint);
-    pen.strokeStyle = color;
-    pen.lineWidth = 1.5 + 5 * share;
-    pen.stroke();
+    stroke(color, 1.5 + 5 * share, () => beside((i) => tendon.offset[i], 0, tendon.offset.length - 1));
     const a = memory.section_angle[0], [x, y] = section(0), e = Math.sign(tendon.offset[0]);
     const out = e * Math.max(tendon.offset[0] * e, 34 / scale), back = 0.035 * PLANT.length + 26 / scale;
-    const place = at(x - out * Math.cos(a) + back * Math.sin(a), y - out * Math.sin(a) - back * Math.cos(a));
+    const place = onCanvas(x - out * Math.cos(a) + back * Math.sin(a), y - out * Math.sin(a) - back * Math.cos(a));
     if (PLANT.tendons.length < 3) label(...place, `${memory.tension[k].toFixed(1)} N`, color);
   });
 }
@@ -597,61 +554,32 @@ const WIND = 32; // px
 const corner = () => [sizes.get(canvas)[0] - WIND - 30, WIND + 14];
 function drawWind(w, h) {
   const [x, y] = corner(), most = PLANT.pushes.most, [wx, wy] = world.wind, size = Math.hypot(wx, wy);
-  pen.strokeStyle = mix(colors.second, 0.9);
   if (size > 0.02 * most) {
     const share = size / most, [dx, dy] = [wx / size, -wy / size], long = 26 + 50 * share, moved = calm.matches ? 0 : 0.5 * world.time * (0.3 + share);
-    pen.lineWidth = 1.5;
-    pen.strokeStyle = mix(colors.second, 0.15 + 0.3 * share);
-    pen.beginPath();
-    for (let k = 0; k < 26; ++k) {
-      const sx = (((k * 0.618 + moved * dx) % 1) + 1) % 1, sy = (((k * 0.381 + 0.07 * k + moved * dy) % 1) + 1) % 1;
-      pen.moveTo(sx * w, sy * h);
-      pen.lineTo(sx * w + long * dx, sy * h + long * dy);
-    }
-    pen.stroke();
+    stroke(mix(colors.second, 0.15 + 0.3 * share), 1.5, () => {
+      for (let k = 0; k < 26; ++k) {
+        const sx = (((k * 0.618 + moved * dx) % 1) + 1) % 1, sy = (((k * 0.381 + 0.07 * k + moved * dy) % 1) + 1) % 1;
+        line([sx * w, sy * h], [sx * w + long * dx, sy * h + long * dy]);
+      }
+    });
   }
-  pen.strokeStyle = pen.fillStyle = colors.second;
-  pen.lineWidth = 1.5;
-  pen.setLineDash([3, 4]);
-  pen.beginPath();
-  pen.arc(x, y, WIND, 0, 2 * Math.PI);
-  pen.stroke();
-  pen.setLineDash([]);
-  const ex = x + (WIND * wx) / most, ey = y - (WIND * wy) / most;
-  pen.lineWidth = 4;
-  pen.beginPath();
-  pen.moveTo(x, y);
-  pen.lineTo(ex, ey);
-  pen.stroke();
-  pen.beginPath();
-  pen.arc(ex, ey, 7, 0, 2 * Math.PI);
-  pen.fill();
+  const end = [x + (WIND * wx) / most, y - (WIND * wy) / most];
+  stroke(colors.second, 1.5, () => circle(x, y, WIND), [3, 4]);
+  stroke(colors.second, 4, () => line([x, y], end));
+  fill(colors.second, () => circle(...end, 7));
   label(x, y + WIND + 12, size > 0.02 * most ? `wind ${digits(size)} N` : "drag the wind", colors.second);
 }
 
 // An object that stands on nothing is seen from the side too.
-function drawHeight(w, h) {
+function drawHeight(h) {
   if (!OBJECT || OBJECT.height === null || !(world.sunk > 1e-3)) return;
   const x = 14, y = h - 96, per = 2.2; // px per mm, but no more than the frame
-  pen.fillStyle = mix(colors.paper, 0.85);
-  pen.strokeStyle = colors.line;
-  pen.lineWidth = 1;
-  pen.beginPath();
-  pen.rect(x, y, 92, 82);
-  pen.fill();
-  pen.stroke();
-  pen.fillStyle = colors.object;
-  pen.strokeStyle = colors.edge;
-  pen.lineWidth = 2;
-  pen.beginPath();
-  pen.rect(x + 30, y + 8 + Math.min(46, per * 1000 * world.sunk), 34, 30);
-  pen.fill();
-  pen.stroke();
-  pen.strokeStyle = colors.finger;
-  pen.lineWidth = 5;
-  pen.beginPath();
-  pen.moveTo(x + 18, y + 22); pen.lineTo(x + 70, y + 22);
-  pen.stroke();
+  const frame = () => pen.rect(x, y, 92, 82), object = () => pen.rect(x + 30, y + 8 + Math.min(46, per * 1000 * world.sunk), 34, 30);
+  fill(mix(colors.paper, 0.85), frame);
+  stroke(colors.line, 1, frame);
+  fill(colors.object, object);
+  stroke(colors.edge, 2, object);
+  stroke(colors.finger, 5, () => line([x + 18, y + 22], [x + 70, y + 22]));
   label(x + 46, y + 72, `${digits(1000 * world.sunk)} mm`, colors.ink);
 }
 
@@ -659,12 +587,8 @@ function drawHeight(w, h) {
 function drawScale(w, h) {
   const most = (0.2 * w) / scale, power = 10 ** Math.floor(Math.log10(most));
   const length = power * (most >= 5 * power ? 5 : most >= 2 * power ? 2 : 1), x = w - 12, y = h - 12;
-  pen.strokeStyle = pen.fillStyle = colors.faint;
-  pen.lineWidth = 1.5;
-  pen.beginPath();
-  pen.moveTo(x - scale * length, y - 5); pen.lineTo(x - scale * length, y);
-  pen.lineTo(x, y); pen.lineTo(x, y - 5);
-  pen.stroke();
+  stroke(colors.faint, 1.5, () => line([x - scale * length, y - 5], [x - scale * length, y], [x, y], [x, y - 5]));
+  pen.fillStyle = colors.faint;
   pen.font = "13px system-ui, sans-serif";
   pen.textAlign = "right";
   pen.textBaseline = "alphabetic";
@@ -675,32 +599,23 @@ function drawScale(w, h) {
 const limit = (k) => ROUGH.of[k] * memory.p[ROUGH.parameter];
 const used = (k) => Math.hypot(memory.friction[k], memory.lift[k]) / Math.max(limit(k) * memory.normal_force[k], 1e-9);
 const SEEN = 0.02; // N
-function drawForces(at) {
+function drawForces() {
   if (!memory.force_x) return;
   world.unit = Math.max(0.97 * (world.unit ?? 0), 4 * PLANT.pushes.most, ...memory.normal_force);
   PLANT.touches.forEach((name, k) => {
     const fx = memory.force_x[k], fy = memory.force_y[k], size = Math.hypot(fx, fy);
     if (name === "table" || memory.normal_force[k] < SEEN) return;
     const reach = 0.24 * PLANT.length * scale * Math.min(size / world.unit, 1.2), slips = used(k) > 0.98;
-    const [x, y] = at(memory.point_x[k], memory.point_y[k]), color = slips ? colors.second : colors.force;
+    const [x, y] = onCanvas(memory.point_x[k], memory.point_y[k]), color = slips ? colors.second : colors.force;
     const out = Math.atan2(-memory.normal_y[k], memory.normal_x[k]), half = Math.atan(limit(k)), turn = Math.atan2(-fy, fx);
-    pen.beginPath();
-    pen.moveTo(x, y);
-    pen.arc(x, y, reach + 12, out - half, out + half);
-    pen.closePath();
-    pen.fillStyle = mix(color, slips ? 0.35 : 0.16);
-    pen.fill();
-    const tail = [x - reach * Math.cos(turn), y - reach * Math.sin(turn)];
-    pen.strokeStyle = pen.fillStyle = color;
-    pen.lineWidth = 3.5;
-    pen.beginPath();
-    pen.moveTo(...tail);
-    pen.lineTo(x - 8 * Math.cos(turn), y - 8 * Math.sin(turn));
-    pen.stroke();
-    pen.beginPath();
-    pen.moveTo(x, y);
-    for (const sign of [-1, 1]) pen.lineTo(x - 14 * Math.cos(turn + 0.42 * sign), y - 14 * Math.sin(turn + 0.42 * sign));
-    pen.fill();
+    const back = (long, angle = turn) => [x - long * Math.cos(angle), y - long * Math.sin(angle)], tail = back(reach);
+    fill(mix(color, slips ? 0.35 : 0.16), () => {
+      pen.moveTo(x, y);
+      pen.arc(x, y, reach + 12, out - half, out + half);
+      pen.closePath();
+    });
+    stroke(color, 3.5, () => line(tail, back(8)));
+    fill(color, () => line([x, y], back(14, turn - 0.42), back(14, turn + 0.42)));
     label(tail[0] - 24 * Math.cos(turn), tail[1] - 16 * Math.sin(turn), `${size.toFixed(1)} N`, color);
   });
 }
@@ -1063,7 +978,7 @@ await reset();
 help();
 // For tests and for those who look: what moves, and what it can be given.
 window.page = { world, memory, plant: PLANT, record: RECORD, rate: () => rate, advance, play, takeOver, reset, tick, foresee, section, controller: LOOP, toScreen: (x, y) => {
-  const box = canvas.getBoundingClientRect(), [ox, oy] = world.origin;
-  return [box.left + canvas.clientLeft + ox + scale * x, box.top + canvas.clientTop + oy - scale * y];
+  const box = canvas.getBoundingClientRect(), [left, top] = onCanvas(x, y);
+  return [box.left + canvas.clientLeft + left, box.top + canvas.clientTop + top];
 } };
 requestAnimationFrame(frame);
