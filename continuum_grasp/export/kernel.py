@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -107,7 +108,7 @@ class Kernel:
         for operation in set(self._operations) - {*_C, *_CALLS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
             raise InputError(f"{name}: there is no strict C for the operation {_NAMES[operation]} of its expressions")
         # Arguments and results, asked for once: that takes longer than the arithmetic on many rows.
-        self._program = [
+        self._program: list[tuple[int, list[Any], list[int]]] = [
             (o, [f.instruction_constant(k)] if o == ca.OP_CONST else f.instruction_input(k), f.instruction_output(k))
             for k, o in enumerate(self._operations)
         ]

@@ -212,7 +212,8 @@ def write_package(folder: Path, files: Mapping[str, str]) -> None:
     earlier = _earlier(folder)
     for name, text in files.items():
         path = folder / name
-        if path.exists() and not (_digest(path) in earlier.get(name, ()) or _is_begin(path, text)):
+        begun = path.is_file() and text.encode().startswith(path.read_bytes())
+        if path.exists() and not begun and _digest(path) not in earlier.get(name, ()):
             raise InputError(f"{path} is not as an export left it: move it away, or take another folder", key="folder")
     for name in earlier.keys() - files.keys():
         path = folder / name
@@ -242,11 +243,6 @@ def _earlier(folder: Path) -> dict[str, list[str]]:
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
     return digests | {MANIFEST: [_digest(path)]} if "configuration_hash" in listed else {}
-
-
-def _is_begin(path: Path, text: str) -> bool:
-    """Whether a file is the text that it is to have, as far as it goes."""
-    return path.is_file() and text.encode().startswith(path.read_bytes())
 
 
 def _digest(path: Path) -> str:

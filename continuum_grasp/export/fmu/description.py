@@ -52,7 +52,7 @@ def _variables(unit: Unit, old: bool) -> list[tuple[str, str, str]]:
         time = Variable("time", "s", "time", kind="output")
         rows.append(("Float64", time, {"causality": "independent", "variability": "continuous"}, {"unit": "s"}))
     return [
-        (kind, _attributes({"name": v.name, "valueReference": k, **_described(v), **roles}), _attributes(values))
+        (kind, _attributes({"name": v.name, "valueReference": k, "description": v.text, **roles}), _attributes(values))
         for k, (kind, v, roles, values) in enumerate(rows)
     ]
 
@@ -78,11 +78,9 @@ def _structure(unit: Unit, old: bool) -> list[tuple[str, str, list[str]]]:
 
 
 def _attributes(values: Mapping[str, object]) -> str:
-    return " ".join(f"{name}={quoteattr(str(value))}" for name, value in values.items())
-
-
-def _described(variable: Variable) -> dict[str, str]:
-    return {"description": variable.text} if variable.text else {}
+    """Attributes of an element; none of an empty text."""
+    texts = ((name, str(value)) for name, value in values.items())
+    return " ".join(f"{name}={quoteattr(text)}" for name, text in texts if text or name != "description")
 
 
 def _number(value: float) -> str:

@@ -91,12 +91,8 @@ class Page:
 
     def _repr_html_(self) -> str:
         """The page in a notebook."""
-        text = html.escape(self.text)
-        return f'<iframe srcdoc="{text}" title="{self._title}" style="width:100%;height:860px;border:0"></iframe>'
-
-    @property
-    def _title(self) -> str:
-        return self.text.partition("<title>")[2].partition("</title>")[0]
+        text, title = html.escape(self.text), self.text.partition("<title>")[2].partition("</title>")[0]
+        return f'<iframe srcdoc="{text}" title="{title}" style="width:100%;height:860px;border:0"></iframe>'
 
 
 @interrupt.computing()
