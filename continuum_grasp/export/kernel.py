@@ -18,7 +18,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.lanes import OPERATORS
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import Real, fill
+from continuum_grasp.export.fields import Real
 from continuum_grasp.export.strict_math import FUNCTIONS, reference
 
 _NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP_")}
@@ -38,12 +38,6 @@ _C: dict[int, str] = OPERATORS | {
     ca.OP_IF_ELSE_ZERO: "{0} < {zero} || {0} > {zero} ? {1} : {zero}",
 }
 """C by operation; arguments are names or literals."""
-_VECTORS = {*OPERATORS, ca.OP_INV}
-"""Operations that C has for vectors, a literal among the arguments included."""
-_EACH = {o: (_NAMES[o].removeprefix("OP_").lower(), 2 if "{1}" in c else 1) for o, c in _C.items() if o not in _VECTORS}
-"""Operations that go lane by lane, with their count of arguments."""
-_LANES = _C | {o: f"each_{name}({', '.join(f'{{{k}}}' for k in range(n))})" for o, (name, n) in _EACH.items()}
-"""C by operation on vectors."""
 _NUMPY: dict[int, Callable[..., Array]] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: np.add,
@@ -134,49 +128,28 @@ class Kernel:
         names = (_NAMES[o].removeprefix("OP_") for o in self._operations)
         return Counter(_SHOWN.get(n, n.lower()) for n in names if n not in ("INPUT", "OUTPUT", "CONST", "ASSIGN"))
 
-    def prototype(self, prefix: str | None) -> str:
-        """The C declaration, without the semicolon; without a prefix that on vectors of lanes."""
-        kind = "lanes" if prefix is None else f"{prefix}_real"
-        arguments = [f"const {kind} *{name}" for name in self.inputs] + [f"{kind} *{name}" for name in self.outputs]
-        return f"{'static ' if prefix is None else ''}void {self._symbol(prefix)}({', '.join(arguments)})"
+    def prototype(self, prefix: str) -> str:
+        """The C declaration, without the semicolon."""
+        arguments = [f"const {prefix}_real *{name}" for name in self.inputs]
+        arguments += [f"{prefix}_real *{name}" for name in self.outputs]
+        return f"void {prefix}_kernel_{self.name}({', '.join(arguments)})"
 
-    def call(self, prefix: str | None, **arguments: str) -> str:
+    def call(self, prefix: str, **arguments: str) -> str:
         """C that calls it, with an expression for each input and output, its own name where none is given."""
         operands = ", ".join(arguments.get(name, name) for name in (*self.inputs, *self.outputs))
-        return f"{self._symbol(prefix)}({operands});"
-
-    def _symbol(self, prefix: str | None) -> str:
-        return f"{self.name}_lanes" if prefix is None else f"{prefix}_kernel_{self.name}"
+        return f"{prefix}_kernel_{self.name}({operands});"
 
     def c_source(self, prefix: str, real: Real) -> str:
-        return "\n".join([f"/* {self.text} */", self.prototype(prefix), *self._body(f"{prefix}_real", real, _C), ""])
-
-    def lane_source(self, real: Real) -> str:
-        """C source on vectors of the type ``lanes``, which ``batch.c`` declares, each lane with the same bits."""
-        return "\n".join([self.prototype(None), *self._body("lanes", real, _LANES), ""])
-
-    def lane_helpers(self, real: Real) -> str:
-        """C of the functions that its lanes need one by one."""
-        words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
-        used = set(self._operations)
-        rows = [(name, n, _C[o].format("a[k]", "b[k]", **words)) for o, (name, n) in _EACH.items() if o in used]
-        pairs = {name: name in ("atan2", "pow") for name in sorted(self.calls)}
-        rows += [(name, 1 + pair, f"strict_{name}(a[k]{', b[k]' * pair})") for name, pair in pairs.items()]
-        return fill("lanes.c", {"functions": [(name, n == 2, text) for name, n, text in rows]})
-
-    def _body(self, kind: str, real: Real, expressions: dict[int, str]) -> list[str]:
-        """C between the braces, in single assignments of the type ``kind``."""
-        f, lanes = self._function, kind == "lanes"
+        """C in single assignments."""
+        f, kind = self._function, f"{prefix}_real"
         # By places of CasADi's work vector, which are used again: each holds the name that was written to it last.
         values: dict[int, str] = {}
-        constants: set[int] = set()  # places of literals, which functions of lanes take as vectors
         loads: dict[tuple[int, int], str] = {}
         lines: list[str] = []
         left = list(self.outputs.values())  # entries that are not written yet
         words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
         for k, (operation, arguments, results) in enumerate(self._program):
             if operation == ca.OP_CONST:
-                constants.add(results[0])
                 values[results[0]] = real.literal(arguments[0])
                 continue
             if operation == ca.OP_INPUT:
@@ -184,10 +157,8 @@ class Kernel:
                 if self._called and at not in loads:
                     lines.append(f"  const {kind} {f.name_in(at[0])}{at[1]} = {f.name_in(at[0])}[{at[1]}];")
                 values[results[0]] = loads.setdefault(at, f"{f.name_in(at[0])}{at[1]}")
-                constants.discard(results[0])
                 continue
-            wide = lanes and (operation not in _VECTORS or all(a in constants for a in arguments))
-            operands = [f"same({values[a]})" if wide and a in constants else values[a] for a in arguments]
+            operands = [values[a] for a in arguments]
             if operation == ca.OP_OUTPUT:
                 lines.append(f"  {f.name_out(results[0])}[{results[1]}] = {operands[0]};")
                 left[results[0]] -= 1
@@ -195,16 +166,16 @@ class Kernel:
                     lines.append(f"  if (!{f.name_out(results[0] + 1)}) return;")
                 continue
             if operation in _CALLS:
-                text = f"{'each' if lanes else 'strict'}_{_CALLS[operation]}({', '.join(operands)})"
+                text = f"strict_{_CALLS[operation]}({', '.join(operands)})"
             else:
-                text = expressions[operation].format(*operands, **words)
+                text = _C[operation].format(*operands, **words)
             lines.append(f"  const {kind} a{k} = {text};")
             values[results[0]] = f"a{k}"
-            constants.discard(results[0])
         # All inputs are read before the first output is written, so that outputs may be the inputs themselves. Where
         # they are apart, each is read where it is needed: with few registers, it would be stored and loaded again.
         inputs = [f"  const {kind} {name} = {f.name_in(i)}[{j}];" for (i, j), name in sorted(loads.items())]
-        return ["{", *(() if self._called else inputs), *lines, "}"]
+        head = [f"/* {self.text} */", self.prototype(prefix), "{"]
+        return "\n".join([*head, *(() if self._called else inputs), *lines, "}", ""])
 
     def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
         """Evaluate as the C does, to the last bit, for rows (count, size) of inputs by name; outputs of the same

@@ -63,37 +63,24 @@ class SweptKernel(Kernel):
     def c_source(self, prefix: str, real: Real) -> str:
         """The C definition, with those of its parts."""
         parts = [part.c_source(prefix, real).replace("\nvoid ", "\nstatic void ", 1) for part in self._parts.values()]
-        return "\n".join([*parts, self._loop(prefix, f"{prefix}_real", real)])
+        return "\n".join([*parts, self._loop(prefix, real)])
 
-    def lane_source(self, real: Real) -> str:
-        """C source on vectors of the type ``lanes``."""
-        return "\n".join(
-            [*(part.lane_source(real) for part in self._parts.values()), self._loop(None, real.name, real)]
-        )
-
-    def lane_helpers(self, real: Real) -> str:
-        """C of the functions that its lanes need one by one, each once."""
-        texts = [part.lane_helpers(real) for part in self._parts.values()]
-        functions = dict.fromkeys(text for helpers in texts for text in helpers.split("\n\n") if text)
-        return "".join(f"{text}\n\n" for text in functions)
-
-    def _arguments(self, key: str, *, wide: bool) -> dict[str, str]:
+    def _arguments(self, key: str) -> dict[str, str]:
         """C of the arguments of a part."""
         made = self._made
         window = f"k * {made.stride}"
         arguments = {"lag": f"x + {2 * made.unknowns}", "spin": "spins[k]", "spun": "spins[k + 1]"}
-        arguments |= {"q": f"q + {window}", "qd": f"qd + {window}", "row": "row" if wide else "rows[k]"}
+        arguments |= {"q": f"q + {window}", "qd": f"qd + {window}", "row": "rows[k]"}
         arguments |= {"shape": "shape[k]", "body": "body[k]", "gain": "gain[k]", "turn": "turns[k]"}
         arguments |= {"turned": "turns[k + 1]", "turns": "before", "handed": "end", "following": "start"}
         arguments |= {"rates": f"rates + {made.shared} + {window}", "force": "acting" if key == "loads" else "force[k]"}
         return arguments | ({"spin": f"spins[{made.links}]"} if key == "tip" else {})
 
-    def _loop(self, prefix: str | None, plain: str, real: Real) -> str:
-        made, lanes, sizes = self._made, prefix is None, dict[str, int]()
+    def _loop(self, prefix: str, real: Real) -> str:
+        made, sizes = self._made, dict[str, int]()
         for of in self._sizes.values():
             sizes |= of
-        calls = {key: part.call(prefix, **self._arguments(key, wide=lanes)) for key, part in self._parts.items()}
-        zero, unity = (f"same({v})" if lanes else v for v in (real.literal(0.0), real.literal(1.0)))
+        calls = {key: part.call(prefix, **self._arguments(key)) for key, part in self._parts.items()}
         tip = sizes["tip"]
         rows = made.rows.tolist()
         return fill(
@@ -104,13 +91,11 @@ class SweptKernel(Kernel):
                 "driven_call": f"\n  {calls['driven']}" if "driven" in calls else "",
                 "text": self.text,
                 "head": self.prototype(prefix),
-                "t": "lanes" if lanes else plain,
-                "real": plain,
-                "zero": zero,
-                "one": unity,
+                "real": f"{prefix}_real",
+                "zero": real.literal(0.0),
+                "one": real.literal(1.0),
                 "rows": ",\n    ".join(f"{{{', '.join(map(real.literal, row))}}}" for row in rows if row),
                 "row": made.rows.shape[1],
-                "wide": lanes and made.rows.size,
                 "made": made,
                 "drive": max(sizes["drive"], 1),
                 "lags": self.outputs["xd"] - 2 * made.unknowns,

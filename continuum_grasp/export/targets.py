@@ -113,7 +113,7 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     loop = subject.loop
     if "step" in names:
         words = _step_words(subject)
-        sources = {name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")}
+        sources = {name: name for name in ("examples/loop.c", "examples/cuda/batch.cu")}
         files |= {path: contents.fill(name, **words) for path, name in sources.items()}
     if "mpc" in names and loop is not None:
         wanted = ", ".join(subject.real.literal(float(v)) for v in loop.wanted)
@@ -135,7 +135,6 @@ def _step_words(subject: Subject) -> dict[str, object]:
         "onset": "" if subject.model.structure.moment_is_constant else real.literal(0.1),
         "first_input": first.name,
         "first_state": state[0].name,
-        "reach": real.literal(0.5 * state[0].high),
     }
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from continuum_grasp.export.part import Code
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
-from tests.marks import but, few
+from tests.marks import few
 
 FINGER, LOOP, MOTION = (
     ("dynamics", "step", "tip", "section_at", "statics"),
@@ -39,7 +39,6 @@ PACKAGES = {
     ("many elements, winches", "double"): MOTION,
 }
 """Packages of ``export_cases`` by name and type, with the functions of which they have test vectors."""
-STEPPED = but([("winches", "double"), ("motor", "float")], list(PACKAGES)[:4])
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
 TURNS = [(*case, ("gcc", "clang")[k % 2]) for k, case in enumerate(PACKAGES)]
 """Both compilers in turns."""
@@ -121,7 +120,7 @@ def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packag
 def test_cppcheck_finds_nothing(name, real, packages):  # noqa: F811
     package = packages(name, real)
     flags = ("--enable=warning,style,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
-    own = [package / "src/finger_control.c"] if name == "observed" else [package / "src", package / "tests/batch.c"]
+    own = [package / "src/finger_control.c"] if name == "observed" else [package / "src"]
     assert run("cppcheck", *flags, "--error-exitcode=3", f"-I{package / 'include'}", *own) == ""
 
 
@@ -154,11 +153,8 @@ def test_a_vector_that_is_changed_fails(packages, tmp_path):  # noqa: F811
 @needs("cc")
 @pytest.mark.parametrize("name", ["tendons", "contact", "direct", "arcs"])
 def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, packages, tmp_path):  # noqa: F811
-    """Of 20,000 steps up to every limit, those with the warning and no others end where the next one is refused.
-
-    So do single steps and lanes, to the bit.
-    """
-    module, library = shared_library(packages(name, "double"), tmp_path, "-DFINGER_BATCH")
+    """Of 20,000 steps up to every limit, those with the warning and no others end where the next one is refused."""
+    module, library = shared_library(packages(name, "double"), tmp_path)
     limits = json.loads((packages(name, "double") / "MANIFEST.json").read_text())["structs"]
     rng, count, h = np.random.default_rng(5), 20_000, 1e-3
     usual = {"tip_moment": 0.1, "tip_moment_rate": 1.0}
@@ -172,12 +168,11 @@ def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, pack
 
     def steps(given):
         following, codes = np.zeros_like(given), np.zeros(count, dtype=np.intc)
-        arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in (given, inputs, *forces)]
-        out = [array.ctypes.data_as(ctypes.c_void_p) for array in (following, codes)]
-        said = library._c.finger_step_batch(
-            ctypes.byref(library.model), *arrays, module.Real(h), *out, ctypes.c_long(count)
-        )
-        assert said == (codes < 0).sum()
+        rows = [
+            array.ctypes.data + array.strides[0] * np.arange(count) for array in (given, inputs, *forces, following)
+        ]
+        for k, (*arrays, out) in enumerate(zip(*(map(ctypes.c_void_p, at.tolist()) for at in rows), strict=True)):
+            codes[k] = library._c.finger_step(ctypes.byref(library.model), *arrays, module.Real(h), out)
         return following, codes
 
     following, codes = steps(states)
@@ -197,17 +192,3 @@ def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, pack
         assert (bytes(single), library.code) == (following[k].tobytes(), codes[k])
         assert np.isfinite([library.tip(single, acting).x, library.section_at(single, acting, 0.05).y]).all()
         assert library.code == (Code.WARN_LEFT_RANGE if warned[k] else Code.OK)
-
-
-@pytest.mark.parametrize(
-    "native", [("-march=native",), pytest.param((), marks=pytest.mark.deep)], ids=["as wide as there are", "16 bytes"]
-)
-@pytest.mark.parametrize("compiler", COMPILERS)
-@pytest.mark.parametrize(
-    ("name", "real"), [*STEPPED, pytest.param("many elements, everything", "double", marks=pytest.mark.deep)]
-)
-def test_lanes_give_the_bits_of_single_steps(name, real, compiler, native, packages, tmp_path):  # noqa: F811
-    package, flags = packages(name, real), (*STRICT, *WARNINGS, "-O1", "-DFINGER_BATCH", *native)
-    sources = [*sorted((package / "src").glob("*.c")), package / "tests/batch.c"]
-    run(compiler, *flags, f"-I{package / 'include'}", *sources, "-o", tmp_path / "batch")
-    assert run(tmp_path / "batch").startswith("0 states of batches are not those of single steps")

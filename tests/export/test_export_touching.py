@@ -190,13 +190,11 @@ def test_ranges_of_objects_that_are_none_are_refused(ranges, message):
 @needs("gcc")
 @pytest.mark.parametrize("name", ["disc", "on_table", "fixed"])
 def test_its_programs_run(name, tmp_path):
-    """Vectors, lanes, and the loop of the examples, which begins with the object where the scene has it."""
+    """Vectors, and the loop of the examples, which begins with the object where the scene has it."""
     package = tmp_path / "package"
     export_c(scene(name), package, what=["step", "kinematics", "contact"], real="double")
-    flags = (*STRICT, *WARNINGS, "-O1", "-DFINGER_BATCH")
-    vectors, batch = compile_programs("gcc", package, tmp_path, "main batch", *(f for f in flags if f != "-Wpedantic"))
+    (vectors,) = compile_programs("gcc", package, tmp_path, "main", *STRICT, *WARNINGS, "-O1")
     assert " 0 of" in run(vectors)
-    assert "0 states of batches are not those" in run(batch)
     sources = sorted((package / "src").glob("*.c"))
     run("gcc", *STRICT, f"-I{package / 'include'}", package / "examples/loop.c", *sources, "-o", tmp_path / "loop")
     lines = run(tmp_path / "loop").splitlines()

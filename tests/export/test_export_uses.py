@@ -76,9 +76,9 @@ def test_options_by_cmake(packages, tmp_path):  # noqa: F811
 
 
 @needs("cmake", "make", "cc")
-def test_lanes_are_for_packages_that_step(packages, tmp_path):  # noqa: F811
-    line = ("cmake", "-S", packages("given", "double"), "-B", tmp_path, "-DFINGER_BATCH=ON")
-    assert "FINGER_BATCH: this package has no step" in run(*line, expect=1)
+def test_what_is_gone_says_what_does_it_now(packages, tmp_path):  # noqa: F811
+    line = ("cmake", "-S", packages("tendons", "double"), "-B", tmp_path, "-DFINGER_BATCH=ON")
+    assert "call finger_step for each" in " ".join(run(*line, expect=1).split())
 
 
 @needs("cc")

@@ -15,7 +15,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Struct, fill, outside
 from continuum_grasp.export.kernel import Kernel, check_size
 from continuum_grasp.export.part import Argument, Call, Code, Part, Rows
-from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.model import FingerModel, System
@@ -259,12 +258,12 @@ _STEP = "State after a step of h under constant input and forces, by the Runge-K
 
 
 def step(subject: Subject) -> Part:
-    """Write the step in time, for one state and for many."""
+    """Write the step in time."""
     kernel, real = _dynamics_kernel(subject), subject.real
     coarse, longest = subject.accurate_step, subject.longest_step
 
     def runge_kutta(rows: Rows) -> tuple[Array, Array, Array]:
-        # The order of operations is that of step.c and batch.c, for the same bits.
+        # The order of operations is that of step.c, for the same bits.
         t = real.dtype
         x, part = rows["x"], rows["h"] / t(subject.substeps)
         half, sixth = t(0.5) * part, part / t(6)
@@ -278,14 +277,13 @@ def step(subject: Subject) -> Part:
                 x = x + sixth * total
         return x, codes_of(x), rows["h"][:, 0] > t(coarse)
 
-    numbers = {"zero": 0.0, "half": 0.5, "one": 1.0, "two": 2.0, "six": 6.0}
+    numbers = {"half": 0.5, "one": 1.0, "two": 2.0, "six": 6.0}
     numbers |= {"substeps": subject.substeps, "accurate": coarse}
     words: dict[str, object] = {
         "p": subject.prefix,
         "dynamics": kernel.call(subject.prefix, x="point", xd="rate"),
         **{name: real.literal(value) for name, value in numbers.items()},
         "left_range": subject.left_range("result"),
-        "forces": subject.forces is not None,
     }
     call = stepping(subject, "step", _STEP, longest, fill("step.c", words), runge_kutta)
     constants = {
@@ -293,31 +291,4 @@ def step(subject: Subject) -> Part:
         "LONGEST_STEP": real.literal(longest),
         "ACCURATE_STEP": real.literal(coarse),
     }
-    return Part(
-        "step",
-        (kernel, *subject.kernels),
-        (call,),
-        constants,
-        definitions=_batch(subject, kernel, words),
-        declarations=fill("batch.h", words),
-    )
-
-
-def _batch(subject: Subject, kernel: Kernel, words: dict[str, object]) -> str:
-    """Many steps at once."""
-    fields = {"x": subject.state, "u": subject.input, "w": subject.forces, "p": subject.parameters}
-    held = {name: struct.size for name, struct in fields.items() if struct is not None}
-    narrow = [name for name in kernel.inputs if name != "p"]
-    more = {
-        "strict": c_source(kernel.calls, subject.real, subject.prefix),
-        "helpers": kernel.lane_helpers(subject.real),
-        "kernel": kernel.lane_source(subject.real),
-        "arrays": held.items(),
-        "lanes": [(name, size) for name, size in held.items() if name in kernel.inputs or name == "x"],
-        "gathered": [(name, held[name]) for name in dict.fromkeys(["x", *narrow])],
-        "spread": held["p"] if "p" in kernel.inputs else 0,
-        "passed": [name for name in "pxuw" if name in held],
-        "again": subject.guard and "u" in subject.guard.inputs,
-        "call": ", ".join([*("point" if name == "x" else f"v{name}" for name in kernel.inputs), "rate"]),
-    }
-    return fill("batch.c", {**words, **more})
+    return Part("step", (kernel, *subject.kernels), (call,), constants)

@@ -2,12 +2,11 @@
 <<head>>
 {<<if rows>>
   static const <<real>> rows[<<made.links>>][<<row>>] = {<<rows>>};<<end>>
-  <<t>> drive[<<drive>>], <<if tip>>tip[1], tip_rate[1], <<end>><<if lags>>lagging[<<lags>>], <<end>>base[2], q[<<full>>], qd[<<full>>], rates[<<full>>];
-  <<t>> spins[<<made.links>> + 1][<<spun>>], shape[<<made.links>>][<<shape>>], body[<<made.links>>][<<body>>], gain[<<made.links>>][<<gain>>];
-  <<t>> start[<<start>>], end[<<end_size>>];<<if wide>>
-  <<t>> row[<<row>>];<<end>><<if loads>>
+  <<real>> drive[<<drive>>], <<if tip>>tip[1], tip_rate[1], <<end>><<if lags>>lagging[<<lags>>], <<end>>base[2], q[<<full>>], qd[<<full>>], rates[<<full>>];
+  <<real>> spins[<<made.links>> + 1][<<spun>>], shape[<<made.links>>][<<shape>>], body[<<made.links>>][<<body>>], gain[<<made.links>>][<<gain>>];
+  <<real>> start[<<start>>], end[<<end_size>>];<<if loads>>
   static const int loaded[<<loads>>] = {<<loaded>>};
-  <<t>> turns[<<made.links>> + 1][2], before[2 * <<loads>>], force[<<made.links>>][<<force>>], acting[<<loads>> * <<force>>];<<end>>
+  <<real>> turns[<<made.links>> + 1][2], before[2 * <<loads>>], force[<<made.links>>][<<force>>], acting[<<loads>> * <<force>>];<<end>>
   int i, k;
   <<head_call>>
   for (i = 0; i < <<made.unknowns>>; ++i) {
@@ -17,8 +16,7 @@
   q[<<made.unknowns>>] = tip[0];
   qd[<<made.unknowns>>] = tip_rate[0];<<end>>
   for (i = 0; i < <<spun>>; ++i) spins[0][i] = <<zero>>;
-  for (k = 0; k < <<made.links>>; ++k) {<<if wide>>
-    for (i = 0; i < <<row>>; ++i) row[i] = same(rows[k][i]);<<end>>
+  for (k = 0; k < <<made.links>>; ++k) {
     <<carry_call>>
     <<outward_call>>
   }<<if loads>>
@@ -33,14 +31,12 @@
   for (k = 0; k < <<loads>>; ++k)
     for (i = 0; i < <<force>>; ++i) force[loaded[k]][i] = force[loaded[k]][i] + acting[k * <<force>> + i];<<end>>
   <<tip_call>>
-  for (k = <<made.links>> - 1; k >= 0; --k) {<<if wide>>
-    for (i = 0; i < <<row>>; ++i) row[i] = same(rows[k][i]);<<end>>
+  for (k = <<made.links>> - 1; k >= 0; --k) {
     <<inward_call>>
   }
   <<root_call>>
   for (i = 0; i < <<made.shared>>; ++i) rates[i] = start[<<section>> + i];
-  for (k = 0; k < <<made.links>>; ++k) {<<if wide>>
-    for (i = 0; i < <<row>>; ++i) row[i] = same(rows[k][i]);<<end>>
+  for (k = 0; k < <<made.links>>; ++k) {
     <<onward_call>>
   }
   for (i = 0; i < <<made.unknowns>>; ++i) {
