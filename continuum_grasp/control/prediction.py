@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -19,12 +19,11 @@ from continuum_grasp.model.contacts import friction_parameter
 from continuum_grasp.model.functions import Remade
 from continuum_grasp.model.winches import Motor, Winch
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import CommandedScene
 from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, ForceLoad, MomentLoad
 from continuum_grasp.scene.methods import FAMILIES, default_family
-from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
-from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.spectrum import SLIDING, rates_sprung_back, sample_shapes
 
@@ -38,38 +37,6 @@ SLACK_STIFFNESS = 3e-3
 """Share of their stiffness that tendons of drives with slack keep while they are slack [1]. Without any, no derivative
 says that winding up bends the finger, and it stays where it is; with a third, 1 mm of slack takes 0.4 s in place of
 0.2 s. A cable of 20 N/mm that is 1 mm slack seems to push by 0.06 N."""
-
-
-@runtime_checkable
-class ModelScene(Protocol):
-    """The part of a scene that a model is built from: that of a controller or of a plan.
-
-    ``surroundings`` has object and supports, if there is an object; ``input_limits`` are the least and the greatest
-    inputs, ``rest_input`` is that which leaves the finger alone; ``lag`` is the shortest time constant of the drive
-    [s], None where an input acts at once or by a motor; ``disturbances`` names those that are parameters:
-    ``tip_force``, ``tip_moment``, ``object_position``, ``contact_friction``.
-    """
-
-    @property
-    def finger(self) -> Finger: ...
-    @property
-    def gravity(self) -> tuple[float, float]: ...
-    @property
-    def contacts(self) -> tuple[float, ...]: ...
-    @property
-    def fidelity(self) -> Fidelity: ...
-    @property
-    def model_parameters(self) -> tuple[str, ...]: ...
-    @property
-    def surroundings(self) -> Surroundings | None: ...
-    @property
-    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]: ...
-    @property
-    def rest_input(self) -> tuple[float, ...]: ...
-    @property
-    def lag(self) -> float | None: ...
-    @property
-    def disturbances(self) -> frozenset[str]: ...
 
 
 class DriveState(NamedTuple):
@@ -105,7 +72,7 @@ class Prediction(Remade):
     """
 
     @check_arguments
-    def __init__(self, scene: ModelScene) -> None:
+    def __init__(self, scene: CommandedScene) -> None:
         self.scene = scene
         finger, fidelity = scene.finger, scene.fidelity
         self._couple = "tip_moment" in scene.disturbances
@@ -378,7 +345,7 @@ def _symbols(names: Sequence[str]) -> ca.SX:
     return ca.vertcat(ca.SX(0, 1), *map(ca.SX.sym, names))
 
 
-def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:
+def _drives(scene: CommandedScene) -> list[tuple[tuple[float, ...], float | None]]:
     """Arms and time constant [s] of each moment that the inputs exert, or of each tension or pressure."""
     finger = scene.finger
     inputs = len(finger.input_keys)
@@ -414,7 +381,7 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
 
 
 def start_state(
-    scene: ModelScene, model: Prediction, initial: Initial, u: Sequence[float], loads: Sequence[ForceLoad] = ()
+    scene: CommandedScene, model: Prediction, initial: Initial, u: Sequence[float], loads: Sequence[ForceLoad] = ()
 ) -> Array:
     """Compute the state (nx) of an initial pose under an input (nu) and loads; raises what ``initial_state`` does."""
     finger = model.system.finger_model

@@ -10,6 +10,7 @@ combination of Stumpff functions; the table of the project's design (section 2.2
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -30,41 +31,28 @@ _MEANS = ((1.0,), (1.0, -2.0), (1.0, -4.0, 6.0))
 """Weights of c_2, c_3, ... in the cosine part of G_0, G_1, G_2."""
 
 
+@dataclass(frozen=True, eq=False)
 class Arc(Link):
-    """A circular arc of a bending angle [rad], a length [m], rho A [kg/m] and rho I [kg m].
+    """A circular arc."""
 
-    ``accuracy`` is the truncation error up to an angle of ``angle_range`` [rad].
-    """
+    theta: Scalar  # [rad]
+    length: Scalar  # [m]
+    linear_density: Scalar  # rho A [kg/m]
+    rotary_inertia: Scalar  # rho I [kg m]
+    angle_range: float  # greatest angle at which the series are as accurate as asked [rad]
+    accuracy: float  # truncation error up to it
 
-    def __init__(
-        self,
-        theta: Scalar,
-        length: Scalar,
-        linear_density: Scalar,
-        rotary_inertia: Scalar,
-        angle_range: float,
-        accuracy: float,
-    ) -> None:
-        self._theta = theta
-        self._length = length
-        self._linear_density = linear_density
-        self._rotary_inertia = rotary_inertia
-        self.angle_range = angle_range
-        self.accuracy = accuracy
+    @cached_property
+    def _c(self) -> list[Scalar]:
         # All integrals are combinations of these few: no sine, no division, and exact at theta = 0.
-        self._c = stumpff(theta, angle_range, accuracy)
-
-    @property
-    def numbers(self) -> tuple[Scalar, ...]:
-        """Angle [rad], length [m], rho A [kg/m] and rho I [kg m]."""
-        return self._theta, self._length, self._linear_density, self._rotary_inertia
+        return stumpff(self.theta, self.angle_range, self.accuracy)
 
     @cached_property
     def end(self) -> Section:
         return Section(
-            position=self._moment(0, self._length),
-            rotation=Rotation(self._c[0], self._theta * self._c[1]),
-            arms=(self._moment(1, self._length),),
+            position=self._moment(0, self.length),
+            rotation=Rotation(self._c[0], self.theta * self._c[1]),
+            arms=(self._moment(1, self.length),),
             angles=(1.0,),
         )
 
@@ -76,33 +64,26 @@ class Arc(Link):
         return Section(part.position, part.rotation, (part.arms[0].scaled(fraction),), (fraction,))
 
     def bend(self, fraction: Scalar) -> Scalar:
-        return self._theta if is_end(fraction) else fraction * self._theta
+        return self.theta if is_end(fraction) else fraction * self.theta
 
     @property
     def curvatures(self) -> list[Scalar]:
-        return [self._theta / self._length]
+        return [self.theta / self.length]
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         if is_end(fraction):
-            return self._weighted(self._length, omega, rates[0], self._moment)
+            return self._weighted(self.length, omega, rates[0], self._moment)
         return self._part(fraction).section_bias(1.0, omega, [fraction * rates[0]])
 
     def _part(self, fraction: Scalar) -> Arc:
-        return Arc(
-            fraction * self._theta,
-            fraction * self._length,
-            self._linear_density,
-            self._rotary_inertia,
-            self.angle_range,
-            self.accuracy,
-        )
+        return replace(self, theta=fraction * self.theta, length=fraction * self.length)
 
     @cached_property
     def inertia(self) -> Inertia:
-        mass = self._linear_density * self._length
-        per_length = mass * self._length
-        per_square = per_length * self._length
-        rotary = self._rotary_inertia * self._length
+        mass = self.linear_density * self.length
+        per_length = mass * self.length
+        per_square = per_length * self.length
+        rotary = self.rotary_inertia * self.length
         # Per rho A L^3: int |r|^2 = 2 c_3, int r . arm = c_3 - c_4, int |arm|^2 = 2 c_4 - 4 c_5.
         return Inertia(
             mass=mass,
@@ -115,9 +96,9 @@ class Arc(Link):
         )
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        theta, rate = self._theta, rates[0]
-        per_length = self._linear_density * self._length * self._length
-        per_square = per_length * self._length * theta
+        theta, rate = self.theta, rates[0]
+        per_length = self.linear_density * self.length * self.length
+        per_square = per_length * self.length * theta
         square = rate * rate
         # Y_i x Y_j per theta: odd in the angle, so they vanish on the straight finger without a branch.
         y0y1 = self._sum(4, (1.0, -3.0))
@@ -125,7 +106,7 @@ class Arc(Link):
         y1y2 = self._sum(5, (1.0, -6.0, 10.0))
         whirl, mixed = omega * omega, 2.0 * (omega * rate)
         return Bias(
-            end=self._weighted(self._length, omega, rate, self._moment),
+            end=self._weighted(self.length, omega, rate, self._moment),
             force=self._weighted(per_length, omega, rate, self._mean),
             moment=per_square * (mixed * y0y1 + square * y0y2),
             generalized=(per_square * (square * y1y2 - whirl * y0y1),),
@@ -146,7 +127,7 @@ class Arc(Link):
 
     def _pair(self, first: int, weights: Sequence[float], scale: Scalar) -> Vec:
         """An integral of the tangent, whose sine part is the cosine part with every index one higher, times theta."""
-        return Vec(self._sum(first, weights, scale), self._theta * self._sum(first + 1, weights, scale))
+        return Vec(self._sum(first, weights, scale), self.theta * self._sum(first + 1, weights, scale))
 
     def _sum(self, first: int, weights: Sequence[float], scale: Scalar = 1.0) -> Scalar:
         """Scale * (w_0 c_first + w_1 c_first+1 + ...)."""

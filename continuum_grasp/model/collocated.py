@@ -19,7 +19,6 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
@@ -67,28 +66,25 @@ class CollocatedLink(Link):
         """The bending angle [rad] there with all coordinates at zero."""
         return 0.0
 
-    def _reaches(self, fraction: Scalar) -> list[Scalar]:
-        """Per piece of the rule, the share of it that a part of the link has."""
-        if len(self.rule.pieces) == 1 or is_end(fraction):
-            return [fraction for _ in self.rule.pieces]
-        return [ca.fmin(ca.fmax((fraction - a) / (b - a), 0.0), 1.0) for a, b in self.rule.pieces]
+    def _pieces(self, fraction: Scalar) -> list[tuple[Scalar, list[Scalar]]]:
+        """Per piece of the rule the share of it that a part of the link has; fractions of its start, nodes and end."""
+        pieces, whole = [], len(self.rule.pieces) == 1 or is_end(fraction)
+        for piece, (a, b) in enumerate(self.rule.pieces):
+            reach = fraction if whole else ca.fmin(ca.fmax((fraction - a) / (b - a), 0.0), 1.0)
+            nodes = [u for u, on in zip(self.rule.nodes.tolist(), self.rule.piece, strict=True) if on == piece]
+            end = b if is_end(reach) else a + reach * (b - a)
+            pieces.append((reach, [a, *(a + reach * (u - a) for u in nodes), end]))
+        return pieces
 
     def _places(self, fraction: Scalar) -> list[tuple[Scalar, int]]:
         """Nodes of a part of the link: fractions of the length, and pieces of the rule."""
-        reaches, nodes = self._reaches(fraction), zip(self.rule.nodes.tolist(), self.rule.piece, strict=True)
-        starts = [a for a, _ in self.rule.pieces]
-        return [(starts[piece] + reaches[piece] * (u - starts[piece]), piece) for u, piece in nodes]
-
-    def _ends(self, fraction: Scalar) -> list[tuple[Scalar, Scalar]]:
-        """Start and end of each piece of a part of the link."""
-        spans = zip(self.rule.pieces, self._reaches(fraction), strict=True)
-        return [(a, b if is_end(reach) else a + reach * (b - a)) for (a, b), reach in spans]
+        return [(at, piece) for piece, (_, [_, *nodes, _]) in enumerate(self._pieces(fraction)) for at in nodes]
 
     def _turned(self, fraction: Scalar) -> tuple[list[Scalar], Scalar]:
         """Per local coordinate the bending angle at the end of a part of the link, per length; the rest angle [rad]."""
         angles: list[Scalar] = [0.0 for _ in self._local]
         rest: Scalar = 0.0
-        for piece, (start, end) in enumerate(self._ends(fraction)):
+        for piece, (_, [start, *_, end]) in enumerate(self._pieces(fraction)):
             steps = zip(angles, self._angles(start, piece), self._angles(end, piece), strict=True)
             angles = [total + (after - before) for total, before, after in steps]
             rest += self._rest(end, piece) - self._rest(start, piece)
@@ -102,9 +98,7 @@ class CollocatedLink(Link):
         """Bending angles from node to node of a part of the link [rad], from its start and to its end."""
         # Stop by stop what each coordinate adds; between pieces, to the end of one and from the start of the next.
         steps: list[list[Scalar]] = [[0.0 for _ in range(len(self._local) + 1)]]
-        places = self._places(fraction)
-        for piece, (start, end) in enumerate(self._ends(fraction)):
-            stops = [start, *(at for at, on in places if on == piece), end]
+        for piece, (_, stops) in enumerate(self._pieces(fraction)):
             rows = [[*self._angles(at, piece), self._rest(at, piece)] for at in stops]
             turns = [[b - a for a, b in zip(*pair, strict=True)] for pair in itertools.pairwise(rows)]
             joined = [a + b for a, b in zip(steps[-1], turns[0], strict=True)]
@@ -190,10 +184,15 @@ class CollocatedLink(Link):
     def _integral(self, fraction: Scalar, factors: Sequence[Scalar], tangents: Sequence[Vec], scale: Scalar) -> Vec:
         """Scale times the integral of factor times tangent over the fractions of a part of the link."""
         total, first = ZERO, 0
-        for piece, reach in enumerate(self._reaches(fraction)):
+        for piece, (reach, _) in enumerate(self._pieces(fraction)):
             last = first + self.rule.piece.count(piece)
             part = slice(first, last)
-            total = total + _weigh_products(self.rule.weights[part], factors[part], tangents[part], reach * scale)
+            whole = reach * scale
+            constant, weighed = whole if isinstance(whole, float) else 1.0, ZERO
+            # The scalars meet first.
+            for w, factor, tangent in zip(self.rule.weights[part].tolist(), factors[part], tangents[part], strict=True):
+                weighed += tangent.scaled(w * constant * factor)
+            total = total + (weighed if isinstance(whole, float) else weighed.scaled(whole))
             first = last
         return total
 
@@ -219,14 +218,3 @@ class CollocatedLink(Link):
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
         return self._whole.bias(omega, rates)
-
-
-def _weigh_products(
-    weights: NDArray[np.float64], factors: Sequence[Scalar], vectors: Sequence[Vec], scale: Scalar
-) -> Vec:
-    """Scale * sum of weight times factor times vector; the scalars meet first."""
-    constant = scale if isinstance(scale, float) else 1.0
-    total = ZERO
-    for w, factor, vector in zip(weights, factors, vectors, strict=True):
-        total += vector.scaled(float(w) * constant * factor)
-    return total if isinstance(scale, float) else total.scaled(scale)

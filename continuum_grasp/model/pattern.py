@@ -43,7 +43,8 @@ def pattern_of(family: Family, rod: Rod) -> Pattern | None:
             theta = local[0] + (row[0] if rod.rest is None else row[1] * rod.rest)
             return Arc(theta, row[1], density * row[2], rotary * row[3], reach, accuracy)
 
-        return Pattern(np.array([arc.numbers for arc in arcs], dtype=float), arc)
+        rows = [(arc.theta, arc.length, arc.linear_density, arc.rotary_inertia) for arc in arcs]
+        return Pattern(np.array(rows, dtype=float), arc)
     collocated = [link for link in links if isinstance(link, CollocatedLink)]
     if len(collocated) < len(links):
         return None

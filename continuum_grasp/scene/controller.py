@@ -198,6 +198,16 @@ class CommandedScene(FingerScene):
         known = [lag for lag in lags if lag is not None]
         return min(known) if len(known) == len(lags) else None
 
+    @property
+    def model_parameters(self) -> tuple[str, ...]:
+        """Parameters of the model."""
+        return self.parameters
+
+    @property
+    def disturbances(self) -> frozenset[str]:
+        """Disturbances that are parameters of the model: tip_force, tip_moment, object_position, contact_friction."""
+        return frozenset()
+
 
 class Horizon(Value):
     """Time grid of the prediction."""

@@ -304,11 +304,6 @@ class PlanScene(CommandedScene):
         return self.method or ("single_shooting" if self.sudden else "collocation")
 
     @property
-    def model_parameters(self) -> tuple[str, ...]:
-        """Parameters of the model."""
-        return self.parameters
-
-    @property
     def disturbances(self) -> frozenset[str]:
         """A known force at the tip is a parameter of the model; with ``contacts``, the tip is one of these."""
         return frozenset({"tip_force"} if self.loads and not self.contacts else ())
