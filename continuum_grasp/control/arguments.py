@@ -26,7 +26,7 @@ def named(key: str, value: Mapping[str, Any], names: Sequence[str], default: Arr
     missing = [name for name in order if name not in value] if default is None else []
     if unknown or missing:
         odd = f"there is no {', '.join(map(shown, unknown))}" if unknown else f"{', '.join(missing)} missing"
-        raise InputError(f"{odd}: expected {', '.join(order)}", key=key)
+        raise InputError(f"{odd}: expected {', '.join(order) or 'none'}", key=key)
     entries = np.zeros(len(order)) if default is None else np.array(default, dtype=float)
     for k, name in enumerate(order):
         if name in value:

@@ -64,52 +64,30 @@ _FAR = 0.1
 
 
 class Calls(NamedTuple):
-    """Calls of a controller: numbers that its C needs beside the problem.
+    """Calls of a controller: numbers that its C needs beside the problem."""
 
-    Period [s]; safe input (nu), to which the command goes where there is no plan, and the time in which that ramp
-    crosses the whole range of an input [s]; iterations per call and from a plan at rest, and calls over which the
-    latter are spread; cap of a QP's factorizations.
-    """
-
-    period: float
-    safe: Array
-    ramp: float
-    sqp_iterations: int
-    start_iterations: int
-    start_calls: int
-    iterations: int
+    period: float  # [s]
+    safe: Array  # input (nu) to which the command goes where there is no plan
+    ramp: float  # time in which it crosses the whole range of an input [s]
+    sqp_iterations: int  # per call
+    start_iterations: int  # from a plan at rest
+    start_calls: int  # over which these are spread
+    iterations: int  # most factorizations of a QP
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlParts:
-    """Parts that a controller is compiled from: a problem, and of a scene what estimates and supervises.
-
-    Attributes
-    ----------
-    stages : Stages
-    calls : Calls
-    ranges : Ranges
-        Limits beyond which what is given to it is implausible.
-    rate : (nu,) ndarray
-        Greatest change of the command per time.
-    supervisor, filter : dict
-        Members of ``supervisor_settings`` and ``ekf_settings``; no filter without an estimator.
-    estimation : Estimation or None
-    contact : ContactModel or None
-        Without ``estimator.contact_detection`` there is none.
-    periods : int
-        Age of a measurement when it arrives, in periods.
-    """
+    """Parts that a controller is compiled from: a problem, and of a scene what estimates and supervises."""
 
     stages: Stages
     calls: Calls
-    ranges: Ranges
-    rate: Array
-    supervisor: Settings
-    filter: Settings
+    ranges: Ranges  # beyond which what is given to it is implausible
+    rate: Array  # (nu,) greatest change of the command per time
+    supervisor: Settings  # members of ``supervisor_settings``
+    filter: Settings  # members of ``ekf_settings``, none without an estimator
     estimation: Estimation | None = None
-    contact: ContactModel | None = None
-    periods: int = 0
+    contact: ContactModel | None = None  # by ``estimator.contact_detection``
+    periods: int = 0  # age of a measurement when it arrives
 
     @staticmethod
     def of_scene(scene: ControlScene, model: Prediction) -> ControlParts:

@@ -35,20 +35,9 @@ def optimality_error(problem: NLP, start: Start, x: Array, multipliers: Multipli
     grad f + J' lam + z = 0, lower <= g <= upper, low <= x <= high, and each multiplier times the slack that is left to
     its end is 0. The error is that of IPOPT (A. Waechter, L. T. Biegler, doi:10.1007/s10107-004-0559-y, equations 5 and
     6, section 3.8): the greatest of dual, primal and complementarity errors, of functions whose gradients at the start
-    are scaled down to 100, dual and complementarity divided by the mean multiplier per 100, where that exceeds one.
-
-    Parameters
-    ----------
-    problem : NLP
-    start : Start
-        Where the solver began: its bounds, parameters, and the point that scales the functions.
-    x : (n,) ndarray
-    multipliers : Multipliers
-
-    Returns
-    -------
-    float
-        Infinite where something is not finite.
+    are scaled down to 100, dual and complementarity divided by the mean multiplier per 100, where that exceeds one. It
+    is infinite where something is not finite. The start is that of the solver: it has bounds, parameters, and the point
+    that scales the functions.
     """
     by_f, by_g = _scales(problem, start)
     _, gradient = (np.array(v).ravel() for v in problem.functions["grad_f"](x, start.p))

@@ -189,18 +189,17 @@ def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], N
 
 @dataclass(frozen=True)
 class SmallMotions:
-    """Mass, stiffness and damping of the bending coordinates; and these where all sticks, and where drives turn.
+    """Mass, stiffness and damping (n, n) of the bending coordinates; and these where all sticks, and where drives turn.
 
-    ``stuck`` (n, n) is a stiffness; None where nothing has friction, or what it is stiff by is not known, as that of
-    tendons whose tension is commanded.
-    ``free`` is None where drives do not turn.
+    ``stuck`` is None where nothing has friction, or what it is stiff by is not known, as that of tendons whose tension
+    is commanded.
     """
 
     mass: Array
     stiffness: Array
     damping: Array
-    stuck: Array | None = None
-    free: tuple[Array, Array] | None = None
+    stuck: Array | None = None  # stiffness (n, n)
+    free: tuple[Array, Array] | None = None  # mass and stiffness with the angles of motors; None where none turn
 
 
 def small_motions(equilibrium: Equilibrium) -> SmallMotions:

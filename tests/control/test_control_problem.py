@@ -142,7 +142,7 @@ GOOD = {"states": X, "inputs": U, "dynamics": U - X, "cost": {"x": (X, 1.0), "u"
         ({"bounds": {"x": (0, 1)}, "rows": {"x_2": (X, 0, 1), "x_": (ca.vertcat(X, X), 0, 1)}}, None),
         ({"bounds": {"x": (0, 1)}, "rows": {"x": (X, 0, 1)}}, "there is more than one x"),
         ({"cost": {1: (X, 1.0)}}, "cost: expected words"),
-        ({"parameters": OTHER}, "nominal: expected a value of each parameter"),
+        ({"parameters": OTHER}, "nominal: other missing: expected other"),
         ({"stages": 0}, "stages"),
         ({"method": "euler"}, "method"),
     ],

@@ -43,29 +43,15 @@ _MOST = 4000
 
 @dataclass(frozen=True)
 class ContactModel:
-    """The model of a contact detector.
-
-    Attributes
-    ----------
-    finger : FreeFinger
-    measured : casadi.Function
-        (y, u, before, h) -> length (winches), pull (winches): what winches have wound up [m], and what motors or
-        sensors pull them with [N].
-    measurement_names : tuple of str
-        Name and unit of each entry of y.
-    members : (M, np) ndarray
-        Parameters of the first member, and of those at all combinations of the ends of uncertain numbers.
-    groups : tuple of int
-        Of each member, what it is uncertain in; -1: the first member.
-    scene : ControlScene
-        The scene.
-    """
+    """The model of a contact detector."""
 
     finger: FreeFinger
     measured: ca.Function
-    measurement_names: tuple[str, ...]
-    members: Array
-    groups: tuple[int, ...]
+    """(y, u, before, h) -> length (winches), pull (winches): what winches have wound up [m], and what motors or sensors
+    pull them with [N]."""
+    measurement_names: tuple[str, ...]  # name and unit of each entry of y
+    members: Array  # (M, np) parameters of the first, and at all combinations of the ends of uncertain numbers
+    groups: tuple[int, ...]  # what each member is uncertain in; -1: the first
     scene: ControlScene
 
     @cached_property

@@ -27,16 +27,8 @@ class FreeFinger:
     """The finger of a control scene without its surroundings, whose winches are where they are measured.
 
     Its state is s = [q, qd, friction states]. ``wound`` is what each winch has wound up, ``[length, rate]`` per winch
-    [m, m/s], counted from where its drive is at zero.
-
-    Parameters
-    ----------
-    scene : ControlScene
-        Its finger, gravity and fidelity.
-    parameters : tuple of str
-        Model parameters that are arguments.
-    places : tuple of float
-        Positions along the finger where a contact is considered [m].
+    [m, m/s], counted from where its drive is at zero. ``parameters`` of the model are arguments p; at ``places`` along
+    the finger [m] a contact is considered.
     """
 
     def __init__(self, scene: ControlScene, parameters: tuple[str, ...], places: tuple[float, ...]) -> None:

@@ -50,56 +50,33 @@ class Estimation:
     Its state z = [x, d] has the nx continuous states of the prediction and the disturbances d: world forces [N] and tip
     moment [N m] in addition to those in p, and the relative error of the bending stiffness [1].
 
-    Attributes
-    ----------
-    step : casadi.Function
-        (z, u, p, h) -> zn, F, G (nz, nz): one step of length h, its derivative by z, and that of half the step, all by
-        the variational equations; calls of straight-line functions, as flow.
-    flow : casadi.Function
-        (z, u, p, h) -> zn: the step alone.
-    single : casadi.Function or None
-        (z, u, p, h) -> zn, F: the step with its own derivative. Of methods without a continuous extension, of which
-        half a step is a step of its own; vector lanes make both side by side.
-    outputs : casadi.Function
-        (z, u, p) -> y (ny), H (ny, nz): what the filter compares, and its derivative.
-    parameters : casadi.Function
-        (z, p) -> p (np): parameters with the disturbances.
-    contact_forces : casadi.Function or None
-        (z, u, p) -> f (C), H (C, nz): normal forces on the object [N] at parameters with the disturbances, and their
-        derivative; None without an object.
-    z_names, y_names, measurement_names : tuple of str
-        Name and unit of each state with disturbances (nz), compared quantity (ny) and measurement (nm).
-    drifts : (nz - nx,) ndarray
-        Drift of each disturbance per square root of a second.
-    spreads : (nz - nx,) ndarray
-        Standard deviation of each disturbance at the start.
-    mixing : (ny, nm) ndarray
-        Compared quantities as sums of measurements: of two opposed tensions, their difference.
-    sensors : tuple of str
-        Device of each compared quantity, by its key in ``estimator.measured``, such as tip, tension or bending. The
-        gate acts on devices, since the rows of one fail together.
-    friction : tuple of int
-        Which of z are friction, of tendons, motors or contacts, as a share of its limit: from -1 to 1.
-    adapted : tuple of AdaptedState
-        Parameters of ``estimator.adapt``.
+    Derivatives are by the variational equations, and functions of steps calls of straight-line functions.
     """
 
     step: ca.Function
+    """(z, u, p, h) -> zn, F, G (nz, nz): one step of length h, its derivative by z, and that of half the step."""
     flow: ca.Function
+    """(z, u, p, h) -> zn: the step alone."""
     single: ca.Function | None
-    outputs: ca.Function
-    parameters: ca.Function
+    """(z, u, p, h) -> zn, F: the step with its own derivative. Of methods without a continuous extension, of which half
+    a step is a step of its own; vector lanes make both side by side."""
+    outputs: ca.Function  # (z, u, p) -> y (ny), H (ny, nz): what the filter compares, and its derivative
+    parameters: ca.Function  # (z, p) -> p (np): with the disturbances
     contact_forces: ca.Function | None
+    """(z, u, p) -> f (C), H (C, nz): normal forces on the object [N] at parameters with the disturbances, and their
+    derivative; None without an object."""
     nx: int
-    z_names: tuple[str, ...]
-    drifts: Array
-    spreads: Array
-    y_names: tuple[str, ...]
+    z_names: tuple[str, ...]  # states, then disturbances, with their units; so are the others
+    drifts: Array  # (nz - nx,) of each disturbance per square root of a second
+    spreads: Array  # (nz - nx,) standard deviations at the start
+    y_names: tuple[str, ...]  # compared quantities
     measurement_names: tuple[str, ...]
-    mixing: Array
+    mixing: Array  # (ny, nm) compared quantities as sums of measurements: of two opposed tensions, their difference
     sensors: tuple[str, ...]
-    friction: tuple[int, ...]
-    adapted: tuple[AdaptedState, ...]
+    """Device of each compared quantity, by its key in ``estimator.measured``, such as tip, tension or bending. The gate
+    acts on devices, since the rows of one fail together."""
+    friction: tuple[int, ...]  # which of z are that of tendons, motors or contacts, a share of its limit from -1 to 1
+    adapted: tuple[AdaptedState, ...]  # parameters of ``estimator.adapt``
 
     @property
     def nz(self) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
 from continuum_grasp.arrays import Array
-from continuum_grasp.control.arguments import vector
+from continuum_grasp.control.arguments import named, vector
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
@@ -118,44 +118,25 @@ class ControlProblem(Summarized):
         substeps: int = 1,
         name: str = "",
     ) -> None:
-        self.name = name
-        x, u, p = _symbols("states", states), _symbols("inputs", inputs), _symbols("parameters", parameters)
-        held = _symbols("previous", previous)
-        if not x.numel() or not u.numel():
-            raise InputError("expected at least one symbol", key="inputs" if x.numel() else "states")
-        if held.numel() not in (0, u.numel()):
-            raise InputError(f"expected {u.numel()} symbols, one per input, got {held.numel()}", key="previous")
-        known = ca.vertcat(x, u, p, held)
-        for key, symbols in (("states", x), ("inputs", u), ("parameters", p)):
-            _once(key, [name_of(label) for label in _names(symbols)])
-        hashes = [known[k].element_hash() for k in range(known.numel())]
-        twice = [known[k].name() for k in range(len(hashes)) if hashes[k] in hashes[:k]]
-        if twice:
-            raise InputError(f"a symbol is given twice among states, inputs, parameters and previous: {twice[0]}")
-        reader = _Reader(known, u, held)
-        tracked = reader.cost(cost)
-        limits = dict(bounds or {})
-        u_min, u_max = _input_bounds(limits, [name_of(label) for label in _names(u)])
-        of_states = _state_bounds(limits, x)
-        _once("rows", [*of_states, *(rows or {})])
-        bounded, ns = reader.rows(of_states | dict(rows or {}))
-        if limits:
-            raise InputError(f"expected names of states and inputs, got {', '.join(limits)}", key="bounds")
-        arguments = {"x": ca.vertcat(x, held), "u": u, "p": p}
-        targets = ca.vertcat(*[residual.value for residual in tracked.values()])
+        self.name, read = name, _Reader(states, inputs, parameters, previous)
+        tracked = read.cost(cost)
+        u_min, u_max, bounded, ns = read.limits(dict(bounds or {}), dict(rows or {}))
+        nx, size = read.held.numel() + read.x.numel(), {key: len(term.names) for key, term in tracked.items()}
+        nt = sum(size[key] for key, term in tracked.items() if term.final is not None)
+        arguments = {"x": ca.vertcat(read.x, read.held), "u": read.u, "p": read.p}
         functions = {
             name: ca.Function(name, [*arguments.values()], [ca.densify(ca.cse([value])[0])], [*arguments], [output])
             for name, output, value in (
-                ("outputs", "y", targets),
+                ("outputs", "y", ca.vertcat(*[term.value for term in tracked.values()])),
                 ("rows", "c", bounded.column),
-                ("dynamics", "xd", reader.column("dynamics", dynamics, x.numel())),
+                ("dynamics", "xd", read.column("dynamics", dynamics, read.x.numel())),
             )
         }
-        nt = sum(len(residual.names) for residual in tracked.values() if residual.final is not None)
         method, stage = choice("method", method, CONTROL_METHODS), positive("stage", stage)
         running, terminal = cost_functions(functions["outputs"], functions["rows"], stage, nt, ns)
+        p_names = _names(read.p)
         self.stages = Stages(
-            step=step_function(functions["dynamics"], x.numel() + held.numel(), method),
+            step=step_function(functions["dynamics"], nx, method),
             cost=running,
             terminal=terminal,
             **functions,
@@ -165,13 +146,13 @@ class ControlProblem(Summarized):
             stage=stage,
             substeps=whole("substeps", substeps),
             method=method,
-            nd=x.numel(),
+            nd=read.x.numel(),
             ns=ns,
             nt=nt,
-            x_names=(*_names(x), *_names(held)),
-            u_names=tuple(_names(u)),
-            p_names=tuple(_names(p)),
-            r_names=tuple(label for residual in tracked.values() for label in residual.names),
+            x_names=tuple(_names(arguments["x"])),
+            u_names=tuple(_names(read.u)),
+            p_names=tuple(p_names),
+            r_names=tuple(label for term in tracked.values() for label in term.names),
             c_names=tuple(bounded.names),
             u_min=u_min,
             u_max=u_max,
@@ -179,16 +160,13 @@ class ControlProblem(Summarized):
             c_max=np.array(bounded.most),
             linear=bounded.linear,
             quadratic=bounded.quadratic,
-            weights=np.concatenate([residual.weight for residual in tracked.values()]),
+            weights=np.concatenate([term.weight for term in tracked.values()]),
             terminal_weights=np.concatenate(
-                [
-                    np.zeros(len(residual.names)) if residual.final is None else residual.final
-                    for residual in tracked.values()
-                ]
+                [np.zeros(size[key]) if term.final is None else term.final for key, term in tracked.items()]
             ),
-            p_nominal=_nominal(nominal or {}, [name_of(label) for label in _names(p)]),
+            p_nominal=vector("nominal", named("nominal", nominal or {}, p_names), len(p_names)),
         )
-        self.cost_names = tuple((key, len(residual.names)) for key, residual in tracked.items())
+        self.cost_names = tuple(size.items())
 
     def headline(self) -> str:
         """Sizes of the problem."""
@@ -206,22 +184,28 @@ class ControlProblem(Summarized):
 
 
 class _Reader:
-    """Reads expressions of known symbols, of which some are not of the states alone."""
+    """Reads expressions of symbols, of which some are not of the states alone."""
 
-    def __init__(self, known: ca.SX, inputs: ca.SX, previous: ca.SX) -> None:
-        self._known, self._inputs, self._previous = known, inputs, previous
+    def __init__(self, states: Any, inputs: Any, parameters: Any, previous: Any) -> None:
+        given = {"states": states, "inputs": inputs, "parameters": parameters, "previous": previous}
+        self.x, self.u, self.p, self.held = (_symbols(key, symbols) for key, symbols in given.items())
+        if not self.x.numel() or not self.u.numel():
+            raise InputError("expected at least one symbol", key="inputs" if self.x.numel() else "states")
+        if self.held.numel() not in (0, self.u.numel()):
+            count = self.held.numel()
+            raise InputError(f"expected {self.u.numel()} symbols, one per input, got {count}", key="previous")
+        for key, symbols in (("states", self.x), ("inputs", self.u), ("parameters", self.p)):
+            _once(key, [name_of(label) for label in _names(symbols)])
+        self._known = ca.vertcat(self.x, self.u, self.p, self.held)
+        hashes = [self._known[k].element_hash() for k in range(self._known.numel())]
+        twice = [self._known[k].name() for k in range(len(hashes)) if hashes[k] in hashes[:k]]
+        if twice:
+            raise InputError(f"a symbol is given twice among states, inputs, parameters and previous: {twice[0]}")
 
     def column(self, key: str, given: Any, size: int | None = None) -> ca.SX:
         """A column of expressions, of a size."""
-        try:
-            value = ca.SX(ca.vertcat(*given)) if isinstance(given, Sequence) else ca.SX(given)
-        except (NotImplementedError, TypeError, RuntimeError) as error:
-            raise InputError(
-                f"expected an SX expression, got {shown(given)}; an MX one becomes SX by calling its Function, made "
-                "with expand(), on SX symbols",
-                key=key,
-            ) from error
-        value = ca.densify(ca.vec(value))
+        hint = "; an MX one becomes SX by calling its Function, made with expand(), on SX symbols"
+        value = ca.densify(ca.vec(_stacked(key, given, "an SX expression", hint)))
         if size is not None and value.numel() != size:
             raise InputError(f"expected {size} expressions, got {value.numel()}", key=key)
         probe = ca.Function("own", [self._known], [value], {"allow_free": True})
@@ -231,7 +215,7 @@ class _Reader:
 
     def of_state(self, value: ca.SX) -> bool:
         """Whether an expression depends on states and parameters alone."""
-        return not ca.depends_on(value, ca.vertcat(self._inputs, self._previous))
+        return not ca.depends_on(value, ca.vertcat(self.u, self.held))
 
     def cost(self, given: Mapping[str, Any]) -> dict[str, Residual]:
         """Terms of the cost, first those that the end of the horizon has, which alone have a final weight; value,
@@ -250,7 +234,7 @@ class _Reader:
                 for name, cost_weight in (("weight", residual.weight), ("final", residual.final))
             )
             # At the end the inputs are those held, which are states where the ones before are; they do not change.
-            held = residual.final is not None and self._previous.numel() and not ca.depends_on(value, self._previous)
+            held = residual.final is not None and self.held.numel() and not ca.depends_on(value, self.held)
             ends = held or self.of_state(value)
             if np.any(final) and not ends:
                 raise InputError(
@@ -261,11 +245,22 @@ class _Reader:
             residuals[key] = Residual(value, weight, final if ends else None, names)
         return dict(sorted(residuals.items(), key=lambda item: item[1].final is None))
 
-    def rows(self, given: Mapping[str, Any]) -> tuple[BoundedRows, int]:
-        """Rows relative to their bounds, those of the states alone first, and how many those are."""
+    def limits(self, bounds: dict[str, Any], given: dict[str, Any]) -> tuple[Array, Array, BoundedRows, int]:
+        """Least and greatest inputs; bounds of states and rows, relative to these, those of the states alone first, and
+        how many those are.
+        """
+        names, free = [name_of(label) for label in _names(self.u)], (-math.inf, math.inf)
+        inputs = np.array([_pair(f"bounds.{name}", bounds.pop(name, free)) for name in names])
+        states = {}
+        for k, label in enumerate(_names(self.x)):
+            if (name := name_of(label)) in bounds:
+                states[name] = Row(self.x[k], *_pair(f"bounds.{name}", bounds.pop(name)))
+        if bounds:
+            raise InputError(f"expected names of states and inputs, got {', '.join(bounds)}", key="bounds")
+        _once("rows", [*states, *given])
         read = {}
         _words("rows", given)
-        for key, entry in given.items():
+        for key, entry in (states | given).items():
             row = _tuple(Row, f"rows.{key}", entry, "(expression, least, most)")
             value = self.column(f"rows.{key}", row.value)
             read[key] = row._replace(value=value, names=row.names or _numbered(key, value.numel()))
@@ -275,22 +270,28 @@ class _Reader:
             row = read[key]
             penalty = _penalty(f"rows.{key}", row.penalty)
             size = len(row.names)
-            pairs = zip(*(_spread(f"rows.{key}", bound, size) for bound in (row.least, row.most)), strict=True)
-            for k, (least, greatest) in enumerate(_bounds(f"rows.{key}", *pair) for pair in pairs):
+            ends = (_per_entry(f"rows.{key}", bound, size, check=False) for bound in (row.least, row.most))
+            for k, pair in enumerate(zip(*map(list, ends), strict=True)):
+                least, greatest = _bounds(f"rows.{key}", *map(float, pair))
                 scale = max([abs(bound) for bound in (least, greatest) if abs(bound) < ABSENT] or [0.0]) or 1.0
                 value = row.value[k] if scale == 1.0 else row.value[k] / scale
                 low, high = (bound if abs(bound) >= ABSENT else bound / scale for bound in (least, greatest))
                 bounded.add([row.names[k]], value, low, high, penalty)
         _once("rows", bounded.names)
-        return bounded, sum(len(read[key].names) for key in order if self.of_state(read[key].value))
+        ns = sum(len(read[key].names) for key in order if self.of_state(read[key].value))
+        return inputs[:, 0].copy(), inputs[:, 1].copy(), bounded, ns
+
+
+def _stacked(key: str, given: Any, what: str, hint: str = "") -> ca.SX:
+    try:
+        return ca.SX(ca.vertcat(*given)) if isinstance(given, Sequence) else ca.SX(given)
+    except (NotImplementedError, TypeError, RuntimeError) as error:
+        raise InputError(f"expected {what}, got {shown(given)}{hint}", key=key) from error
 
 
 def _symbols(key: str, given: Any) -> ca.SX:
     """A column of symbols."""
-    try:
-        symbols = ca.SX(ca.vertcat(*given)) if isinstance(given, Sequence) else ca.SX(given)
-    except (NotImplementedError, TypeError, RuntimeError) as error:
-        raise InputError(f"expected SX symbols, got {shown(given)}", key=key) from error
+    symbols = _stacked(key, given, "SX symbols")
     if not symbols.numel():
         return ca.SX(0, 1)
     if not (symbols.is_dense() and symbols.is_column() and symbols.is_valid_input()):
@@ -327,16 +328,13 @@ def _tuple(kind: Any, key: str, given: Any, expected: str) -> Any:
     return kind(*given)
 
 
-def _spread(key: str, given: ArrayLike, size: int) -> list[float]:
-    """Bounds per entry, from a number for all or from as many."""
-    bounds = np.full(size, given) if np.ndim(given) == 0 else given
-    return list(map(float, vector(key, bounds, size, check=False)))
+def _per_entry(key: str, given: ArrayLike, size: int, *, check: bool = True) -> Array:
+    """Numbers per entry, from one for all or from as many."""
+    return vector(key, np.full(size, given) if np.ndim(given) == 0 else given, size, check=check)
 
 
 def _weights(key: str, given: ArrayLike, size: int) -> Array:
-    """One weight per entry."""
-    weights = np.full(size, given) if np.ndim(given) == 0 else given
-    values = vector(key, weights, size)
+    values = _per_entry(key, given, size)
     if np.any(values < 0.0):
         raise InputError(f"expected no negative weight, got {values.tolist()}", key=key)
     return values
@@ -358,22 +356,6 @@ def _pair(key: str, given: Any) -> tuple[float, float]:
     return _bounds(key, least, greatest)
 
 
-def _input_bounds(limits: dict[str, Any], names: Sequence[str]) -> tuple[Array, Array]:
-    """Take the bounds of inputs from all; least and greatest."""
-    free = (-math.inf, math.inf)
-    pairs = np.array([_pair(f"bounds.{name}", limits.pop(name, free)) for name in names])
-    return pairs[:, 0].copy(), pairs[:, 1].copy()
-
-
-def _state_bounds(limits: dict[str, Any], x: ca.SX) -> dict[str, Row]:
-    """Take the bounds of states from all, as rows."""
-    rows = {}
-    for k, label in enumerate(_names(x)):
-        if (name := name_of(label)) in limits:
-            rows[name] = Row(x[k], *_pair(f"bounds.{name}", limits.pop(name)))
-    return rows
-
-
 def _penalty(key: str, given: Any) -> Penalty:
     if given is None or isinstance(given, Penalty):
         return HARD if given is None else given
@@ -381,14 +363,3 @@ def _penalty(key: str, given: Any) -> Penalty:
     if min(linear, quadratic) < 0.0:
         raise InputError(f"expected no negative penalty weight, got {given!r}", key=key)
     return Penalty(linear=linear, quadratic=quadratic)
-
-
-def _nominal(given: Mapping[str, float], names: Sequence[str]) -> Array:
-    """Nominal parameters in order."""
-    unknown, missing = set(given) - set(names), [name for name in names if name not in given]
-    if unknown or missing:
-        raise InputError(
-            f"expected a value of each parameter ({', '.join(names) or 'there are none'}), got {shown(dict(given))}",
-            key="nominal",
-        )
-    return vector("nominal", [given[name] for name in names], len(names))

@@ -50,23 +50,18 @@ class Residual(NamedTuple):
 class Quantities:
     """Quantities that terms and sensors are computed from: expressions of a controller's model or of a plant, made when
     asked for.
-
-    Length of the finger [m]; world position of the tip (2) [m]; of sections at positions along the finger [m] the world
-    positions (2, K) [m] and angles (K) [rad]; pose of an object that moves, x, y [m] and angle [rad]; bending angle of
-    each element of the controller's model [rad] and its rate [rad/s]; normal force at each tracked contact [N],
-    distance from the object [m] where that is tracked; tip moment [N m] or tensions [N] (nu) and their change per time.
     """
 
-    length: float
-    tip: Callable[[], Any]
-    sections: Callable[[Sequence[float]], Sequence[Any]]
-    object_pose: Callable[[], Any]
-    bending: Callable[[], Any]
-    bending_rate: Callable[[], Any]
-    contact_force: Callable[[], Any]
-    gap: Callable[[], Any]
-    input: Any
-    input_rate: Any
+    length: float  # of the finger [m]
+    tip: Callable[[], Any]  # world position (2) [m]
+    sections: Callable[[Sequence[float]], Sequence[Any]]  # world positions (2, K) [m], angles (K) [rad], of places [m]
+    object_pose: Callable[[], Any]  # of one that moves: x, y [m] and angle [rad]
+    bending: Callable[[], Any]  # of each element of the controller's model [rad]
+    bending_rate: Callable[[], Any]  # [rad/s]
+    contact_force: Callable[[], Any]  # normal force at each tracked contact [N]
+    gap: Callable[[], Any]  # distance from the object where that is tracked [m]
+    input: Any  # tip moment [N m], tensions [N] or what drives take (nu)
+    input_rate: Any  # its change per time
 
 
 def _near_base(finger: Finger) -> Limits:
@@ -98,22 +93,15 @@ def _one(cost: Cost, model: Prediction) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class CostTerm:
-    """Half the weighted squared distances of some entries from their setpoints.
+    """Half the weighted squared distances of some entries from their setpoints."""
 
-    ``key`` is its weight in ``controller.cost``, a ``Weight`` or for terms of the input a number. ``entry`` has name
-    and unit of an entry: ``{place}`` stands for one of ``places`` (numbers of elements, names of contacts), ``{axis}``
-    for x and y of a point. ``value`` is the expression of all entries; ``reference`` names the setpoint, always zero
-    where empty; ``limits`` has its least and greatest value, a pair for each axis. ``of_state``: it depends on the
-    state alone, so that the end of the horizon has it too.
-    """
-
-    key: str
-    entry: str
-    value: Callable[[Quantities, Cost], Any]
-    places: Callable[[Cost, Prediction], Sequence[str]] = _one
-    reference: str = ""
-    limits: Callable[[Finger], Limits] = lambda finger: ((-UNLIMITED, UNLIMITED),)
-    of_state: bool = True
+    key: str  # of its weight in ``controller.cost``, a ``Weight`` or for terms of the input a number
+    entry: str  # name and unit: ``{place}`` stands for one of ``places``, ``{axis}`` for x and y of a point
+    value: Callable[[Quantities, Cost], Any]  # expression of all entries
+    places: Callable[[Cost, Prediction], Sequence[str]] = _one  # numbers of elements, names of contacts
+    reference: str = ""  # name of the setpoint, always zero where empty
+    limits: Callable[[Finger], Limits] = lambda finger: ((-UNLIMITED, UNLIMITED),)  # of the setpoint, per axis
+    of_state: bool = True  # whether it depends on the state alone, so that the end of the horizon has it too
 
     @property
     def label(self) -> str:

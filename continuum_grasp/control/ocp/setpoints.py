@@ -117,25 +117,10 @@ class Setpoints:
 
 
 def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Function] | None = None) -> Setpoints:
-    """Collect the setpoints of what is tracked.
+    """Collect the setpoints of what is tracked; see ``Controller.setpoints``.
 
-    Parameters
-    ----------
-    outputs : Outputs
-        What is tracked.
-    reference : Reference
-        Setpoints; what it does not have is zero, and for inputs ``rest_input`` of the scene.
-    functions : mapping of str to callable, optional
-        Functions of time [s] that replace members of ``reference``, each returning all entries of one row.
-
-    Returns
-    -------
-    Setpoints
-
-    Raises
-    ------
-    InputError
-        If a reference has another number of entries than its cost term or is out of reach, or if no term tracks it.
+    What a reference does not have is zero, and for inputs ``rest_input`` of the scene. InputError if a reference has
+    another number of entries than its cost term or is out of reach, or if no term tracks it.
     """
     references: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
     scene = outputs.model.scene

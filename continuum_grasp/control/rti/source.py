@@ -222,16 +222,20 @@ def _row_functions(stages: Stages) -> str:
             hessian += [f"    G[{j}][{k}] += a * C[{i}][{k}];" for k in row if k <= j]
             hessian.append("  }")
     rows = max(stages.nc, 1)
-    functions = (
-        (f"values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W], real y[{rows}])", "cCzy", values),
-        (f"gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])", "Cwq", gradient),
-        (f"hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])", "CwG", hessian),
+    return _inline(
+        (f"row_values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W], real y[{rows}])", "c C z y", values),
+        (f"row_gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])", "C w q", gradient),
+        (f"row_hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])", "C w G", hessian),
     )
+
+
+def _inline(*functions: tuple[str, str, list[str]]) -> str:
+    """Write inline functions by head, arguments and body, which need not read all of them."""
     lines: list[str] = []
     for head, arguments, body in functions:
-        # Without rows the bodies are empty, and compilers warn of arguments that nothing reads.
-        unused = " ".join(f"(void){name};" for name in arguments)
-        lines += [f"static inline void rti_row_{head}", "{", f"  {unused}", *body, "}"]
+        # Compilers warn of arguments that nothing reads.
+        unused = " ".join(f"(void){name};" for name in arguments.split())
+        lines += [f"static inline void rti_{head}", "{", f"  {unused}", *body, "}"]
     return "\n".join([*lines, ""])
 
 
@@ -241,16 +245,11 @@ def _stores(stages: Stages) -> str:
     node = "at" if stages.scenarios is None else "rti_node(at)"
     cost = [f"  o->H[{node}][{i}][{j}] = RTI_AT(H[{i}][{j}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 2))]
     cost += [f"  o->C[{node}][{i}][{j}] = RTI_AT(C[{j}][{i}], l);" for i, j in np.argwhere(_nonzeros(stages.cost, 4))]
-    functions = {
-        "step": ("rti_wide (*M)[RTI_NX]", "M", step),
-        "cost": ("rti_wide (*H)[RTI_NZ], rti_wide (*C)[RTI_SIZE(RTI_NC)]", "HC", cost),
-    }
-    lines: list[str] = []
-    for name, (arguments, names, body) in functions.items():
-        unused = " ".join(f"(void){argument};" for argument in f"ol{names}")
-        head = f"static inline void rti_store_{name}(rti_work *o, int at, int l, {arguments})"
-        lines += [head, "{", f"  {unused} (void)at;", *body, "}"]
-    return "\n".join([*lines, ""])
+    by_cost = "rti_wide (*H)[RTI_NZ], rti_wide (*C)[RTI_SIZE(RTI_NC)]"
+    return _inline(
+        ("store_step(rti_work *o, int at, int l, rti_wide (*M)[RTI_NX])", "o l M at", step),
+        (f"store_cost(rti_work *o, int at, int l, {by_cost})", "o l H C at", cost),
+    )
 
 
 def _vector_products(stages: Stages, lanes: bool) -> str:
@@ -272,16 +271,11 @@ def _vector_products(stages: Stages, lanes: bool) -> str:
         for i, row in enumerate(reached)
         if row.any()
     ]
-    functions = (
-        ("add_hessian(real q[RTI_W], real (*H)[RTI_W], const real z[RTI_W])", "qHz", rows("H", hessian, "z")),
-        ("add_transposed(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])", "qMp", rows("M", reached, "p")),
-        ("following(real next[RTI_W], real (*M)[RTI_W], const real z[RTI_W])", "Mz", sums),
+    return _inline(
+        ("add_hessian(real q[RTI_W], real (*H)[RTI_W], const real z[RTI_W])", "q H z", rows("H", hessian, "z")),
+        ("add_transposed(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])", "q M p", rows("M", reached, "p")),
+        ("following(real next[RTI_W], real (*M)[RTI_W], const real z[RTI_W])", "M z", sums),
     )
-    lines: list[str] = []
-    for head, arguments, body in functions:
-        unused = " ".join(f"(void){name};" for name in arguments)
-        lines += [f"static inline void rti_{head}", "{", f"  {unused}", *body, "}"]
-    return "\n".join([*lines, ""])
 
 
 _BLOCK = 4
