@@ -198,17 +198,14 @@ class CollocatedLink(Link):
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         if is_end(fraction):
-            return self._whole.end_bias(omega, rates)
+            return self._whole.bias(omega, rates).end
         nodes = Directions(self._rotations(fraction))
-        spins = [self._spin(at, piece, omega, rates) for at, piece in self._places(fraction)]
-        return self._integral(fraction, spins, nodes.tangents, self._length)
-
-    def _spin(self, fraction: Scalar, piece: int, omega: Scalar, rates: Sequence[Scalar]) -> Scalar:
-        """Squared angular velocity of the section at a fraction of the length."""
-        total = omega
-        for rate, phi in zip(rates, self._angles(fraction, piece), strict=True):
-            total += phi * self._length * rate
-        return total * total
+        squares: list[Scalar] = []  # of angular velocities
+        for at, piece in self._places(fraction):
+            turning = zip(rates, self._angles(at, piece), strict=True)
+            spin = sum((phi * self._length * rate for rate, phi in turning), omega)
+            squares.append(spin * spin)
+        return self._integral(fraction, squares, nodes.tangents, self._length)
 
     # -- kinetics ------------------------------------------------------------------------------------------------
 

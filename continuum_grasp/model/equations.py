@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.model.acting import Acting
-from continuum_grasp.model.actuation import Drive, Source, lag_rates
+from continuum_grasp.model.actuation import Drive, lag_rates
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import Rod
@@ -28,7 +28,7 @@ from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.touching import Pair, Station
+from continuum_grasp.model.touching import Station
 from continuum_grasp.scene.loads import ForceLoad
 
 
@@ -102,17 +102,14 @@ class Equations:
                 drives[k] = self._drive(k, (states[0], *rates), couples[:1])
         return drives
 
-    def _drive(self, source: int, amplitudes: Sequence[Scalar], couples: Sequence[Scalar]) -> Drive:
+    def _drive(self, number: int, amplitudes: Sequence[Scalar], couples: Sequence[Scalar]) -> Drive:
         """Moments of a source by its own amplitude and that of its couples, with rates and accelerations as given."""
-        gain = self._gain(self._structure.sources[source])
+        source = self._structure.sources[number]
+        gain: Scalar = source.gain
+        if source.chamber and self._par.is_runtime("chamber_area"):
+            gain = gain / self._structure.finger.chambers[0].area * self._par["chamber_area"]
         total = [gain * a + c for a, c in zip_longest(amplitudes[1:3], couples[1:], fillvalue=0.0)]
         return Drive(gain * amplitudes[0], couples[0], *(*total, 0.0, 0.0)[:2])
-
-    def _gain(self, source: Source) -> Scalar:
-        """Moment per amplitude."""
-        if source.chamber and self._par.is_runtime("chamber_area"):
-            return source.gain / self._structure.finger.chambers[0].area * self._par["chamber_area"]
-        return source.gain
 
     # -- coordinates ---------------------------------------------------------------------------------------------
 
@@ -337,11 +334,6 @@ class Equations:
             stations.append((place, Station(name, center, radius, moved, spin if turns else 0.0, turns)))
         return stations
 
-    @property
-    def pairs(self) -> list[Pair]:
-        """Contact pairs: stations of the finger first, then supports, then the table."""
-        return self.contacts.pairs
-
     @cached_property
     def elastic(self) -> list[Scalar]:
         """Gradient of the elastic energy; equation (32), and what laws add to it."""
@@ -398,25 +390,23 @@ class Equations:
     @cached_property
     def resting(self) -> Acting:
         """Forces on a finger at rest under its command, with friction by ``history``."""
-        return self._at_rest(self._still, ca.vertsplit(self.u))
+        return self.at_rest()
 
-    @property
-    def commanding(self) -> Acting:
-        """Forces on a finger that moves while drives are where they rest, with friction by ``history``."""
-        return self._at_rest(self.full_rates, ca.vertsplit(self.u))
+    def at_rest(self, rates: Sequence[Scalar] | None = None, *, drawn: bool = False) -> Acting:
+        """Forces on a finger whose drives are where they rest, which may itself have ``rates``, with friction by
+        ``history``.
 
-    @property
-    def _still(self) -> list[Scalar]:
-        return [0.0] * self._family.size
-
-    def _at_rest(self, rates: Sequence[Scalar], commands: Sequence[Scalar | None]) -> Acting:
+        Winches are where their command leads, or ``drawn``: where (the first of) their tendons have the tension
+        ``pulled``.
+        """
+        commands: list[Scalar | None] = [None] * len(self._structure.winches) if drawn else [*ca.vertsplit(self.u)]
         # What is no friction has faded, or is where the command leads.
         history: list[Scalar] = [*ca.vertsplit(self.history)] if self.history.numel() else [0.0]
         *friction, moved = history
         left, names = iter(friction), self._structure.states
         states: dict[str, list[Scalar]] = {"winches": [], "relaxation": [0.0] * len(names["relaxation"])}
         states |= {group: list(islice(left, len(names[group]))) for group in ("tendons", "friction")}
-        at = self._instant(Memory(moved), rates)
+        at = self._instant(Memory(moved), [0.0] * self._family.size if rates is None else rates)
         return Acting(self._structure, at, self.commanded, states, commands, self.pulled)
 
     @cached_property
@@ -425,12 +415,8 @@ class Equations:
         entries = iter(ca.vertsplit(self.x[2 * self._structure.n :]))
         return {group: list(islice(entries, len(names))) for group, names in self._structure.states.items()}
 
-    @property
-    def drives_at_rest(self) -> list[Scalar]:
-        """States of the drives of a finger at rest under what is commanded."""
-        return self._drives_of(self.resting)
-
-    def _drives_of(self, resting: Acting) -> list[Scalar]:
+    def drives_of(self, resting: Acting) -> list[Scalar]:
+        """States of the drives of a finger at rest."""
         return [*self.lags_at_rest, *resting.tendons.drives_at_rest, *[0.0] * len(self._states["relaxation"])]
 
     @property
@@ -438,11 +424,6 @@ class Equations:
         """States of lags that have reached what is commanded."""
         sources = zip(self._structure.sources, self.amplitudes, strict=True)
         return [state for source, [(asked, _), *_] in sources for state in source.at_rest(asked)]
-
-    @property
-    def drives_drawn(self) -> list[Scalar]:
-        """Forces by winches that stand where (the first of) their tendons have the tension ``pulled``."""
-        return self._drives_of(self._at_rest(self._still, [None for _ in self._structure.winches]))
 
     def _bending_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """Elastic force and friction less actuation, where it is ``driven``."""

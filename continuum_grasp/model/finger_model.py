@@ -168,7 +168,7 @@ class FingerModel(Functions):
     # Equation numbers are those of the paper, doi:10.1155/2014/308283.
     inverse_dynamics = named(
         "q qd qdd u w p",
-        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force(eq.commanding)),
+        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force(eq.at_rest(eq.full_rates))),
         history=True,
     )
     mass_matrix = named("q u p", M=lambda eq: matrix(eq.mass_matrix))  # (37)
@@ -201,8 +201,8 @@ class FingerModel(Functions):
         K=lambda eq: ca.jacobian(-column(eq.force_at_rest), eq.q),
         history=True,
     )
-    _drives_at_rest = named("q u p", lag=lambda eq: eq.drives_at_rest, history=True)
-    _drives_drawn = named("q u pulled p", lag=lambda eq: eq.drives_drawn, history=True)
+    _drives_at_rest = named("q u p", lag=lambda eq: eq.drives_of(eq.resting), history=True)
+    _drives_drawn = named("q u pulled p", lag=lambda eq: eq.drives_of(eq.at_rest(drawn=True)), history=True)
     _tensions = named(
         "x u p",
         tensions=lambda eq: list(eq.moving.tendons.tensions),

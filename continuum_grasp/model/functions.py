@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import casadi as ca
@@ -31,7 +31,8 @@ class Remade:
         return made
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _remake, (type(self), *self._arguments), self.__getstate__()
+        arguments, named_arguments = self._arguments
+        return partial(type(self), *arguments, **named_arguments), (), self.__getstate__()
 
     def __getstate__(self) -> Any:
         """Changes since the object was made; for ``__setstate__`` of the copy, None for none."""
@@ -41,10 +42,6 @@ class Remade:
 def _own(value: Any) -> Any:
     """A copy of what the caller may change later."""
     return copy.copy(value) if isinstance(value, list | dict) or hasattr(value, "__array__") else value
-
-
-def _remake(cls: type[Remade], arguments: tuple[Any, ...], named: dict[str, Any]) -> Remade:
-    return cls(*arguments, **named)
 
 
 Output = ca.SX | Vec | Scalar | list[Scalar]

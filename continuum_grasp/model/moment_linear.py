@@ -70,13 +70,11 @@ class MomentLinearFamily(Family):
         ends = np.array(mesh.ends)
         self._at_nodes = mesh.stiffness(ends)
         self._moments = [moment(ends) for moment in mesh.moments]
-        self._left = [k for k, moment in enumerate(mesh.moments) if mesh.known and self._leaves_rest(moment)]
+        # Moments that are more than their values at the nodes.
+        known, every = mesh.moments if mesh.known else (), range(self.elements)
+        self._left = [k for k, moment in enumerate(known) if any(self._rest_of(moment, j) for j in every)]
         elements = [self._shapes(k) for k in range(self.elements)]
         self._elements, self._are_clothoids = [shapes for shapes, _ in elements], [uniform for _, uniform in elements]
-
-    def _leaves_rest(self, moment: Curve) -> bool:
-        """Whether a moment is more than its values at the nodes."""
-        return any(self._rest_of(moment, k) for k in range(self.elements))
 
     def _rest_of(self, moment: Curve, element: int) -> bool:
         start, end = self.mesh.span(element)

@@ -92,7 +92,9 @@ class Structure:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
         input_rates = choices["input_rates"]
         self.family_name = choices.family or self._default_family(scene, input_rates)
-        self.inputs = self._input_layout(input_rates, self._input_varies(scene))
+        commands = () if scene is None or scene.actuation is None else scene.actuation.values
+        varies = self._tip_couple_varies() or any(isinstance(value, Samples) for value in commands)
+        self.inputs = self._input_layout(input_rates, varies)
         self.sources = self._sources()
         self.mesh = self._mesh()
         self.family = family_class(self.family_name)(self.mesh, self.accuracy)
@@ -171,11 +173,6 @@ class Structure:
         return self.finger.has_tendon_friction or self.parameters.is_runtime("tendon_friction")
 
     @property
-    def needs_free_tip(self) -> bool:
-        """Whether what the input bends is not known beforehand."""
-        return bool(self.finger.free_tip_reasons or self._runtime_at_tip)
-
-    @property
     def _runtime_at_tip(self) -> str:
         """Run-time arguments that a matched tip cannot carry, in words."""
         runtime = self.parameters.is_runtime
@@ -237,16 +234,12 @@ class Structure:
         # whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
         jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
-        free = self.needs_free_tip or self._tip_couple_varies() or jumps or unknown
-        return default_family(free_tip=free)
+        reasons = self.finger.free_tip_reasons or self._runtime_at_tip or self._tip_couple_varies() or jumps or unknown
+        return default_family(free_tip=bool(reasons))
 
     def _tip_couple_varies(self) -> bool:
         couples = [load for load in self.loads if isinstance(load, MomentLoad) and self._is_input(load)]
         return any(isinstance(load.moment, Samples) for load in couples)
-
-    def _input_varies(self, scene: Scene | None) -> bool:
-        commands = () if scene is None or scene.actuation is None else scene.actuation.values
-        return self._tip_couple_varies() or any(isinstance(value, Samples) for value in commands)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         self.finger.check_family("family", self.family_name, self._runtime_at_tip)

@@ -122,16 +122,12 @@ class Builder:
         self._ports = [_rows(law.ports, len(made.lengths)) for law in self._laws]
         self._row, self.rows = self._described()
         self._numbers = self._row[: self._pattern.rows.shape[1]]
-        self._own = dict(zip(_OWN, ca.vertsplit(self._row[self._numbers.numel() :], self._splits), strict=True))
+        size, sources, links = self._local, len(made.sources), len(made.lengths)
+        sizes = (size * (size + 1) // 2, size * sources, size, 1, sum(ports.size for ports in self._ports) // links)
+        splits = [0, *np.cumsum(sizes).tolist()]
+        self._own = dict(zip(_OWN, ca.vertsplit(self._row[self._numbers.numel() :], splits), strict=True))
 
     # -- what differs from link to link ---------------------------------------------------------------------------
-
-    @property
-    def _splits(self) -> list[int]:
-        size, sources = self._local, len(self._made.sources)
-        links = len(self._made.lengths)
-        sizes = (size * (size + 1) // 2, size * sources, size, 1, sum(ports.size for ports in self._ports) // links)
-        return [0, *np.cumsum(sizes).tolist()]
 
     def _described(self) -> tuple[ca.SX, Array]:
         """The row of a link as expressions, and the rows of numbers of those entries that are not the same for all."""
@@ -325,10 +321,11 @@ class Builder:
         size, state, matched = self._local, SECTION + self._shared, self._made.matched
         packed = state * (state + 1) // 2
         end = ca.SX.sym("end", packed + state + 2 * matched)
-        shape, body = ca.SX.sym("shape", 4 + 2 * size + 2), ca.SX.sym("body", self._body_size)
+        total = SECTION + size
+        shape, body = ca.SX.sym("shape", 4 + 2 * size + 2), ca.SX.sym("body", total * (total + 1) // 2 - 3 + total)
         force = ca.SX.sym("force", (SECTION + size) * bool(self._loaded))
         inertia = self._pattern.link([0.0] * size, self._numbers).inertia
-        total, (turn, to_end, beta) = SECTION + size, self._along(shape)
+        turn, to_end, beta = self._along(shape)
         # What is beyond, with the mass at the end of the link, in the axes of the link.
         beyond = _symmetric(end[:packed], state) + self._own["mass"] * ca.diagcat(
             ca.SX.eye(2), ca.SX(state - 2, state - 2)
@@ -347,7 +344,11 @@ class Builder:
             gains.insert(0, ca.horzcat(inverse * row, constant))
             matrix = matrix[:b, :b] - (inverse * row).T @ row
             right = right[:b] - row.T * constant
-        handed: list[Scalar] = [*_lower(matrix), *ca.vertsplit(right), *[1.0, 0.0][: 2 * matched]]
+        handed: list[Scalar] = [
+            *ca.vertsplit(ca.triu(matrix.T).nz[:]),
+            *ca.vertsplit(right),
+            *[1.0, 0.0][: 2 * matched],
+        ]
         return self._function(
             "inward",
             {"end": end, "shape": shape, "body": body, "row": self.row, "p": self.equations.p, "force": force},
@@ -366,11 +367,6 @@ class Builder:
             ways.append(ca.horzcat(arm.T, angle, *[float(a == size - shared + k) for k in range(shared)]))
         turn = ca.diagcat(ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c)), ca.SX.eye(1 + shared))
         return turn, ca.vertcat(*ways), ca.vertcat(beta, ca.SX(1 + shared, 1))
-
-    @property
-    def _body_size(self) -> int:
-        total = SECTION + self._local
-        return total * (total + 1) // 2 - 3 + total
 
     def _root(self) -> ca.Function:
         state = SECTION + self._shared
@@ -420,11 +416,6 @@ def _digest(content: bytes) -> str:
 
 def _flat(vectors: Sequence[Vec]) -> list[Scalar]:
     return [entry for v in vectors for entry in (v.x, v.y)]
-
-
-def _lower(matrix: ca.SX) -> list[ca.SX]:
-    """Lower triangle by rows."""
-    return list(ca.vertsplit(ca.triu(matrix.T).nz[:]))
 
 
 def _symmetric(lower: ca.SX, size: int) -> ca.SX:

@@ -103,11 +103,6 @@ class TendonForces:
                 weights[a] = weights.get(a, 0.0) + factor * w * k
         return sum((w * values[a] for a, w in weights.items() if not is_zero(w)), total)
 
-    def _bends(self, cells: CellSet, scale: float) -> list[Scalar]:
-        """Bend of each cell [rad], with that at rest, without sign, times a scale."""
-        bends = [self._bent([(cell, cell.bend)], self._full, scale, rest=True) for cell in cells.cells]
-        return [rounded(bend, scale * cell.share) for bend, cell in zip(bends, cells.cells, strict=True)]
-
     def _sliding(
         self, cells: CellSet, values: Sequence[Scalar], *, rest: bool, grown: Sequence[Scalar] = ()
     ) -> list[Scalar]:
@@ -154,8 +149,10 @@ class TendonForces:
             scale, factor = (0.5 * mu, 1.0) if isinstance(mu, float) else (0.5, mu)
             halves: list[Scalar] = [0.0 for _ in cells.cells]
             if cells.has_friction:
-                inside = zip(ways[-len(cells.cells) :], self._bends(cells, scale), strict=True)
-                halves = [factor * (way * bend) for way, bend in inside]
+                # Bends with those at rest, without sign, times the scale.
+                bends = [self._bent([(cell, cell.bend)], self._full, scale, rest=True) for cell in cells.cells]
+                inside = zip(ways[-len(cells.cells) :], bends, cells.cells, strict=True)
+                halves = [factor * (way * rounded(bend, scale * cell.share)) for way, bend, cell in inside]
             conduit = ways[0] * (cells.conduit_bend * mu) if cells.conduit_bend else None
             per_set.append(shares(halves, conduit, cells.sides))
         return per_set
@@ -172,18 +169,14 @@ class TendonForces:
         return [drawn[tendon] for tendon in sorted(drawn)]
 
     @cached_property
-    def _paths(self) -> list[Scalar]:
-        """Length of each tendon that the bend draws in [m]."""
-        return self._drawn(self._full, rest=True)
-
-    @cached_property
     def _path_rates(self) -> list[Scalar]:
         """Rates of the path lengths of the tendons [m/s]."""
         return self._drawn(self._rates, rest=False)
 
     @cached_property
     def _cables(self) -> list[Cables]:
-        return [held.winch.cables(self.compliances, self._paths) for held in self.held]
+        paths = self._drawn(self._full, rest=True)
+        return [held.winch.cables(self.compliances, paths) for held in self.held]
 
     @cached_property
     def drums(self) -> list[Scalar]:
@@ -196,7 +189,7 @@ class TendonForces:
         rates: list[Scalar] = []
         for held, drum, cables in zip(self.held, self.drums, self._cables, strict=True):
             rate = held.winch.drum_rate(held.states, drum, cables, held.winch.of_its(self._path_rates))
-            rates += held.winch.wound_rates(rate)
+            rates += [(side * held.winch.radius) * rate for side in held.winch.sides]
         return rates
 
     @cached_property

@@ -82,10 +82,6 @@ class Winch(ABC):
         """Cable wound up of each tendon [m] at a position of what winds up."""
         return [self.start + (side * self.radius) * position for side in self.sides]
 
-    def wound_rates(self, speed: Scalar) -> list[Scalar]:
-        """Rate of the wound length [m/s]."""
-        return [(side * self.radius) * speed for side in self.sides]
-
     def position(self, drawn: Sequence[Scalar], tensions: Sequence[Scalar]) -> Scalar:
         """Position of what winds up where cables [m] are drawn in by tensions [N]; between them if both are slack."""
         first = (drawn[0] - self.start) / self.radius

@@ -223,7 +223,11 @@ def _row_functions(stages: Stages) -> str:
             hessian.append("  }")
     rows = max(stages.nc, 1)
     return _inline(
-        (f"row_values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W], real y[{rows}])", "c C z y", values),
+        (
+            f"row_values(const real c[{rows}], real (*C)[RTI_NZ], const real z[RTI_W], real y[{rows}])",
+            "c C z y",
+            values,
+        ),
         (f"row_gradient(real (*C)[RTI_NZ], const real w[{rows}], real q[RTI_W])", "C w q", gradient),
         (f"row_hessian(real (*C)[RTI_NZ], const real w[{rows}], real (*G)[RTI_W])", "C w G", hessian),
     )
