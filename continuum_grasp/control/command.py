@@ -192,14 +192,10 @@ class Command(Summarized):
     @property
     def adapted(self) -> dict[str, Adapted]:
         """Parameters of ``estimator.adapt`` by name: value, standard deviation, and whether measurements tell it."""
-        estimate, then, filtered = self.estimate, self._part("then"), self._control.estimation
-        return {
-            adapted_state.name: adapted_state.read(
-                estimate.p[adapted_state.parameter], then[adapted_state.state], estimate.std[adapted_state.state]
-            )
-            for adapted_state in (() if filtered is None else filtered.adapted)
-            if estimate.std is not None
-        }
+        estimate, filtered = self.estimate, self._control.estimation
+        if filtered is None or estimate.std is None:
+            return {}
+        return {each.name: each.read(estimate.p, self._part("then"), estimate.std) for each in filtered.adapted}
 
     @property
     def contact_forces(self) -> ContactForces | None:

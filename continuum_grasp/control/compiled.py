@@ -180,14 +180,11 @@ class Compiled:
         values = _values(settings)
         self.library.cg_settings(self.address, ctypes.c_void_p(values.ctypes.data))
 
-    def found(self) -> dict[str, Array]:
-        """Copy what the last call wrote, by name."""
+    def step(self) -> tuple[int, dict[str, Array]]:
+        """Call ``cg_step``; its status, and what it wrote, by name."""
+        status = self.library.cg_step(self.address, self.input_address, self.output_address)
         values = self.output.copy()
-        return {name: values[part] for name, part in self.parts.items()}
-
-    def start(self, *arguments: Array) -> None:
-        """Start again from the arguments of ``cg_start``."""
-        self.give("cg_start", *arguments)
+        return status, {name: values[part] for name, part in self.parts.items()}
 
     def give(self, function: str, *arguments: Array) -> None:
         """Call a function of the object that takes its arguments one after the other."""

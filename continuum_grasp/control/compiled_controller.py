@@ -92,7 +92,7 @@ class CompiledController(Remade, Summarized):
         """Start again from a state (nd) of the model, given or the usual one, with an input (nu) before."""
         z = np.zeros(self._nz)
         z[: x.size] = x
-        self._c.start(z, u, self.stages.p_nominal, np.array([float(given)]))
+        self._c.give("cg_start", z, u, self.stages.p_nominal, np.array([float(given)]))
         self._step, self._late, self._time = 0, False, math.nan
         self._own = {key: (value, 0.0) for key, (value, _) in self._own.items()}
         self._targets = None
@@ -119,7 +119,9 @@ class CompiledController(Remade, Summarized):
             if reference is None:
                 rows: Any = self._scheduled()
             elif isinstance(reference, Mapping):
-                rows = self._rows_with(reference)
+                # In this step alone.
+                asked = self._following().replaced(reference, self._now, self.stages.stage)
+                rows = asked.rows(self._now + self._ahead)
             else:
                 rows = reference
             _copy(self._setpoints, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
@@ -300,10 +302,6 @@ class CompiledController(Remade, Summarized):
     @property
     def _ahead(self) -> Array:
         return self.stages.stage * np.arange(self.stages.stages + 1.0)
-
-    def _rows_with(self, replacements: Mapping[str, Any]) -> Array:
-        """Rows of the next step with some setpoints replaced in this step alone."""
-        return self._following().replaced(replacements, self._now, self.stages.stage).rows(self._now + self._ahead)
 
     def _scheduled(self) -> Array:
         following = self._following()

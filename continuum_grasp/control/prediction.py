@@ -136,7 +136,13 @@ class Prediction(Remade):
         winches, limits = self.system.finger_model.structure.winches, self.scene.input_limits
         drives = [(arms, lag) for arms, lag in _drives(self.scene) if lag is not None]
         drive_states = [
-            DriveState(state, arms, _greatest(arms, limits), lag, self._rate_of(state))
+            DriveState(
+                state,
+                arms,
+                _greatest(arms, limits),
+                lag,
+                () if self.x_names[state].startswith("pressure_") else (state + 1,),
+            )
             for state, (arms, lag) in zip(states, drives, strict=False)
         ]
         wound = zip(winches, states[len(drives) :], strict=True)
@@ -154,9 +160,6 @@ class Prediction(Remade):
             elongation = winch.drive.torque_max / (winch.radius * float(winch.stiffness))
             reach = (max(paths) + elongation + abs(float(winch.start))) / winch.radius
         return DriveState(state, follows or (0.0,) * self.nu, reach, winch.time_constant, (state + 1,))
-
-    def _rate_of(self, state: int) -> tuple[int, ...]:
-        return () if self.x_names[state].startswith("pressure_") else (state + 1,)
 
     # -- what the system takes ----------------------------------------------------------------------------------------
 

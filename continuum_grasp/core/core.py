@@ -118,10 +118,6 @@ class Core(Remade, Summarized):
         return {"model": f"{type(self.model).__name__} {self.model.headline()}", **self.model.pairs()}
 
     @property
-    def _finger_model(self) -> FingerModel:
-        return self.model.finger_model if isinstance(self.model, System) else self.model
-
-    @property
     def compiled(self) -> bool:
         """Whether the code is compiled."""
         return self._compiler is not None
@@ -256,7 +252,7 @@ class Core(Remade, Summarized):
         steps, substeps, step = whole("steps", steps), whole("substeps", substeps), positive("step", step)
         rows = 2 * steps * substeps + 1
         inputs = signal("u", u, model.nu, rows, None if single else len(start))
-        check_moment(self._finger_model, inputs.rows)
+        check_moment(model.finger_model if isinstance(model, System) else model, inputs.rows)
         forces = signal("w", w, model.nw, rows, None if single else len(start))
         parameters = row("p", model.p_nominal if p is None else p, model.np)
         run = self.prepare_rollout(method, single)

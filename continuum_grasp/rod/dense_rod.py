@@ -106,10 +106,6 @@ class Mesh:
         """Legendre coefficients (P, count) on each panel."""
         return np.asarray(values.reshape(self.panels, self.count) @ self._to_series.T)
 
-    def tails(self, values: NDArray[np.inexact]) -> Array:
-        """The larger of the last two Legendre coefficients on each panel: how well it is resolved."""
-        return np.asarray(np.abs(self.series(values)[:, -2:]).max(axis=1))
-
     def evaluate(self, values: NDArray[np.inexact], at: Array) -> NDArray[np.inexact]:
         """A function given at the nodes, at other places; at an edge the value of the panel that begins there."""
         panel, local = self._locate(at)

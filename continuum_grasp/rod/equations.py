@@ -111,7 +111,9 @@ class RodEquations:
         if any(losses):
             way, _ = self._ways(curvature)
             functions.append(sum(losses) * _rounded_size(curvature)[0] * way)
-        return np.asarray(mesh.widths * np.max([mesh.tails(function) for function in functions], axis=0))
+        # The larger of the last two Legendre coefficients on each panel says how well it is resolved.
+        tails = [np.abs(mesh.series(function)[:, -2:]).max(axis=1) for function in functions]
+        return np.asarray(mesh.widths * np.max(tails, axis=0))
 
     def turn(self, change: Array) -> float:
         """Greatest turn of a section [rad] by a change of curvature."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any, NamedTuple
 
+from continuum_grasp.arrays import Array
+
 _KNOWN = 0.5
 """Share of the standard deviation at the start below which a parameter counts as observed [1]: measurements tell three
 times as much as was known before."""
@@ -53,8 +55,11 @@ class AdaptedState(NamedTuple):
         """Name without unit."""
         return self.label.split(" ")[0]
 
-    def read(self, value: float, error: float, std: float) -> Adapted:
-        """Put together what is known: the parameter with its error, the error, and its standard deviation."""
+    def read(self, p: Array, z: Array, deviations: Array) -> Adapted:
+        """Put together what is known: of parameters (np) with their errors, of the state (nz) and its standard
+        deviations.
+        """
+        value, error, std = p[self.parameter], z[self.state], deviations[self.state]
         # The deviation of a relative error is that per the parameter as it was given.
         scale = 1.0 if self.name in _ABSOLUTE else value / (1.0 + error)
         observability = Observability.NOT_YET

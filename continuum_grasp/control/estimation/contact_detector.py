@@ -103,16 +103,9 @@ class DetectedContact(Summarized):
 def contact_parts(model: ContactModel) -> dict[str, int]:
     """Sizes of what the C writes of a contact, by name."""
     nd, nl = model.sizes["ND"], model.sizes["NL"]
-    parts = {
-        "verdict": 1,
-        "residual": nd,
-        "low": nd,
-        "high": nd,
-        "gain": nd * nl,
-        "threshold": nl,
-        "least": nl,
-        "most": nl,
-    }
+    per_drive = dict.fromkeys(("residual", "low", "high"), nd)
+    per_place = dict.fromkeys(("threshold", "least", "most"), nl)
+    parts = {"verdict": 1, **per_drive, "gain": nd * nl, **per_place}
     return {f"contact_{name}": size for name, size in parts.items()}
 
 
@@ -202,7 +195,6 @@ class ContactDetector(Remade, Summarized):
         source, parts = detector_source(self.model, self.precision), contact_parts(self.model)
         self._c = Compiled(source, self.settings, {"y": sizes["NY"], "u": sizes["NU"]}, parts, "the contact detector")
         self._y, self._u = self._c.given
-        self._call = self._c.library.cg_step
         self.reset()
 
     def headline(self) -> str:
@@ -235,7 +227,7 @@ class ContactDetector(Remade, Summarized):
             wound = self.model.lengths if lengths is None else vector("lengths", lengths, self._drives)
             friction: Friction | None = None if reached_by is None else {"reached_by": reached_by}
             states = self.model.first(wound, friction)
-        self._c.start(states.ravel())
+        self._c.give("cg_start", states.ravel())
 
     @check_arguments
     def start(self, state: ArrayLike) -> None:
@@ -256,7 +248,7 @@ class ContactDetector(Remade, Summarized):
         states, free = np.tile(z[indices], (len(self.model.groups), 1)), self.model.finger.friction_states
         if free and not self.settings["history_known"]:
             states[-2, -free:], states[-1, -free:] = 1.0, -1.0
-        self._c.start(states.ravel())
+        self._c.give("cg_start", states.ravel())
 
     def step(self, measurement: ArrayLike, u: ArrayLike | None = None) -> DetectedContact:
         """Update with a measurement; call it once per period.
@@ -279,8 +271,7 @@ class ContactDetector(Remade, Summarized):
         """
         self._y[:] = vector("measurement", measurement, self._y.size, check=False)
         self._u[:] = 0.0 if u is None else vector("u", u, self._u.size)
-        self._call(self._c.address, self._c.input_address, self._c.output_address)
-        return detected_contact(self._c.found(), self.model.finger.places)
+        return detected_contact(self._c.step()[1], self.model.finger.places)
 
     def save_state(self) -> bytes:
         """Return all that the next step depends on."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
+from continuum_grasp.control.estimation.free_finger import FreeFinger
 from continuum_grasp.control.estimation.model import torque_name
 from continuum_grasp.control.estimation.noise import measurement_range
 from continuum_grasp.control.prediction import Prediction, first_state
@@ -24,7 +24,6 @@ from continuum_grasp.model.winches import SLOW, Motor, Winch, winches_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.estimator import Measured
-from continuum_grasp.scene.simulate import Initial
 from continuum_grasp.simulation.statics import Friction, friction_of
 
 _NOISE = 6.0
@@ -174,15 +173,20 @@ def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
     blend = -math.expm1(-period / asked.time_constant)
     motors = winches_of(scene.finger.tendon_list, scene.finger.rod.length)
     prediction = model.prediction
+    friction: Friction | None = None
+    if asked.history_known and scene.initial.reached_by is not None:
+        friction = friction_of(scene.initial, finger.model)
+    elif asked.history_known:  # it never slid
+        friction = {"reached_by": "state", "friction_states": [0.0] * finger.friction_states}
     names = (*prediction.x_names[: 2 * finger.n], *finger.model.friction_names)
     limits = [measurement_range(scene, prediction, name) for name in model.measurement_names]
     frictions = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
     return {
-        "first": model.first(model.lengths, _friction_at_start(scene.initial, finger) if asked.history_known else None),
+        "first": model.first(model.lengths, friction),
         "p": model.members,
         "group": model.groups,
         "period": period,
-        "substeps": steps_per_period(finger, model.members, period),
+        "substeps": finger.substeps(model.members, period),
         "blend": blend,
         "fade": math.exp(-period / (_FADING * asked.time_constant)),
         **{name: [each[name] for each in frictions] for name in _OF_MOTORS},
@@ -194,12 +198,6 @@ def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
         "from": [prediction.x_names.index(name) for name in names],
         "history_known": int(asked.history_known),
     }
-
-
-def _friction_at_start(initial: Initial, finger: FreeFinger) -> Friction:
-    if initial.reached_by is not None:
-        return friction_of(initial, finger.model)
-    return {"reached_by": "state", "friction_states": [0.0] * finger.friction_states}  # it never slid
 
 
 def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> dict[str, float]:

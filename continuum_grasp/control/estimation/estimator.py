@@ -61,13 +61,7 @@ class Filtered(Summarized):
         self.covariance = parts["covariance"].reshape(self.z.size, -1)
         self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
         self.verdict = tuple(Verdict(int(v)) for v in parts["verdict"])
-        std = self.std if adapted else ()
-        self.adapted = {
-            adapted_state.name: adapted_state.read(
-                self.p[adapted_state.parameter], self.z[adapted_state.state], std[adapted_state.state]
-            )
-            for adapted_state in adapted
-        }
+        self.adapted = {each.name: each.read(self.p, self.z, self.std) for each in adapted}
         self.anomaly = Anomaly.ESTIMATE_RESTARTED if restarted else Anomaly(0)
         self.anomaly |= Anomaly.ESTIMATE_LIMITED if parts["limited"][0] else Anomaly(0)
         for verdict in self.verdict:
@@ -161,7 +155,6 @@ class Estimator(Remade, Summarized):
         inputs = {"measurement": nm, "u": nu, "p": np_}
         self._c = Compiled(estimator_source(parts, self.precision), parts.filter, inputs, sizes, "the estimator")
         self._measurement, self._u, self._p = self._c.given
-        self._call = self._c.library.cg_step
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
         self.first = first_state(self.scene, self.prediction)
         self.detector = None if parts.contact is None else ContactDetector(self.scene, precision=precision)
@@ -195,7 +188,7 @@ class Estimator(Remade, Summarized):
         z = np.zeros(len(self.names))
         z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", self.scene.rest_input if u is None else u, self.prediction.nu)
-        self._c.start(z, before)
+        self._c.give("cg_start", z, before)
         if self.detector is not None:
             if state is None:
                 self.detector.reset()
@@ -229,12 +222,11 @@ class Estimator(Remade, Summarized):
             self._measurement[:] = vector("measurement", measurement, self._measurement.size, check=False)
         self._u[:] = vector("u", u, self._u.size)
         self._p[:] = self._nominal if p is None else vector("p", p, self._p.size)
-        status = self._call(self._c.address, self._c.input_address, self._c.output_address)
+        status, found = self._c.step()
         if status < 0:
             raise InputError("u or p is beyond what the precision can hold")
         contact = None if self.detector is None else self.detector.step(self._measurement[self._felt], self._u)
-        adapted = self.estimation.adapted
-        return Filtered(self.measurement_names, self._c.found(), status == _RESTARTED, contact, adapted)
+        return Filtered(self.measurement_names, found, status == _RESTARTED, contact, self.estimation.adapted)
 
     def save_state(self) -> bytes:
         """Return all that the next estimate depends on."""

@@ -152,9 +152,9 @@ class FreeFinger:
         equilibrium = equilibrium_under(self.model, lengths, np.zeros(self.model.nw), **friction)
         return np.concatenate([equilibrium.q, np.zeros(self.n), equilibrium.friction_states])
 
-    def substeps_per_second(self, members: Array) -> float:
-        """Steps per second that stay stable with each of the parameters (count, np) in all shapes, with tendons that
-        slide and that stick.
+    def substeps(self, members: Array, period: float) -> int:
+        """Runge-Kutta steps in a period [s] that stay stable with each of the parameters (count, np) in all shapes, of
+        tendons that slide and that stick.
         """
         jacobian = ca.Function(
             "jacobian", list(self._arguments), [ca.jacobian(self.rate(*self._arguments), self._arguments[0])]
@@ -172,14 +172,9 @@ class FreeFinger:
                     if not np.all(np.isfinite(matrix)):
                         raise NumericalError("the linearized motion is not finite", state=shape)
                     fastest = max(fastest, float(np.abs(np.linalg.eigvals(matrix)).max()))
-        return fastest / _STABLE
+        return max(1, math.ceil(fastest / _STABLE * period))
 
     def _tight(self, shape: Array, friction: Array) -> list[float]:
         """Lengths [m] at which each winch holds a fifth of what its tendon bears."""
         pull = 0.2 * min(tendon.max_tension for tendon in self.model.finger.tendon_list)
         return self.model.drives_at(shape, np.zeros(self.model.nu), friction, pulled=pull)[::2]
-
-
-def steps_per_period(finger: FreeFinger, members: Array, period: float) -> int:
-    """Runge-Kutta steps in a period [s]."""
-    return max(1, math.ceil(finger.substeps_per_second(members) * period))

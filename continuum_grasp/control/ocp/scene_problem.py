@@ -140,7 +140,10 @@ def _integration(
     parameters (np). Rounding adds no step.
     """
     per_stage = math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
-    longest = _longest_in_contact(model)
+    # Longest implicit step in which no contact closes, from touching to a firm press, within one stage of it.
+    longest, around = math.inf, model.system.surroundings
+    if around is not None and (law := around.contact_law) is not None:
+        longest = (law.rounding + PRESSED / law.stiffness) / (_IMPLICIT_STAGE * _APPROACH)
     closes_within = horizon.stage / per_stage > longest
     implicit = math.ceil(horizon.stage / longest) if closes_within else per_stage
     if horizon.method.startswith("sdirk2"):
@@ -156,12 +159,3 @@ def _integration(
     if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
     return stiff, implicit
-
-
-def _longest_in_contact(model: Prediction) -> float:
-    """Longest implicit step [s] in which no contact closes, from touching to a firm press, within one stage of it."""
-    around = model.system.surroundings
-    if around is None or around.contact_law is None:
-        return math.inf
-    law = around.contact_law
-    return (law.rounding + PRESSED / law.stiffness) / (_IMPLICIT_STAGE * _APPROACH)
