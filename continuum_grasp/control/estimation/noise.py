@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,7 +17,6 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.finger import Finger
 
 _DRIVE = 0.01
 """Standard deviation of a drive at rest from the model of its lag, as a share of the greatest tip moment [1]: four
@@ -43,9 +43,11 @@ _KNOWN = 10.0
 """Greatest known force or moment as a multiple of the greatest unknown one [1]: larger than an error."""
 
 
-_SENSORS = {"tip_x": "tip", "tip_y": "tip", "length_": "length", "motor_angle_": "angle"} | {
-    "motor_torque_": "torque",
+_SENSORS = {"tip_x": "tip", "tip_y": "tip", "length_": "length", "motor_angle_": "angle", "motor_torque_": "torque"} | {
     "pressure_": "pressure",
+    "angle_": "bending.std",
+    "object_angle": "object.angle",
+    "object_": "object.position",
 }
 """Key in ``estimator.measured`` by how a name of a measurement begins; others are tensions and moments."""
 
@@ -140,19 +142,12 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
 
 
 def measurement_std(scene: ControlScene, name: str) -> float:
-    """Return the standard deviation of a measurement, by its name."""
-    if scene.estimator is None:
-        return math.inf
-    asked = scene.estimator.measured
-    if name.startswith("angle_"):
-        return asked.bending.std if asked.bending is not None else math.inf
-    if name in OBJECT_POSE:
-        sensor = asked.object
-        return math.inf if sensor is None else sensor.angle if name.startswith("object_angle") else sensor.position
-    for start, key in _SENSORS.items():
-        if name.startswith(start):
-            return getattr(asked, key) or math.inf
-    return asked.tension or math.inf
+    """Return the standard deviation of a measurement, by its name; infinite where it is not measured."""
+    key = next((key for start, key in _SENSORS.items() if name.startswith(start)), "tension")
+    std: Any = scene.estimator and scene.estimator.measured
+    for part in key.split("."):
+        std = std and getattr(std, part)
+    return std or math.inf
 
 
 def _state_range(model: Prediction, stages: Stages) -> Array:
@@ -170,35 +165,30 @@ def _state_range(model: Prediction, stages: Stages) -> Array:
 
 def _unknown_range(model: Prediction, stages: Stages, name: str) -> tuple[float, float]:
     """Range of a disturbance or of the error of an adapted parameter."""
+    rod, nominal = model.scene.finger.profile, dict(zip(model.p_names, model.p_nominal, strict=True))
     if name == "drive_time_constant_error [1]":
         # From a quarter to four times the nominal one, as far as steps of the integrator are stable.
-        nominal = model.p_nominal[model.p_names.index("drive_time_constant [s]")]
-        stable = stages.stage / stages.substeps / (_STABLE * nominal) if stages.method == "rk4" else 0.0
+        limit = _STABLE * nominal["drive_time_constant [s]"]
+        stable = stages.stage / stages.substeps / limit if stages.method == "rk4" else 0.0
         return (max(0.25, stable) - 1.0, 3.0)
     if name == "tip_mass_error [kg]":
-        rod = model.scene.finger.profile
-        return (
-            -model.p_nominal[model.p_names.index("tip_mass [kg]")],
-            _PAYLOAD * float(rod.linear_density(0.0)) * rod.length,
-        )
-    return _disturbance_range(model, name)
+        return (-nominal["tip_mass [kg]"], _PAYLOAD * float(rod.linear_density(0.0)) * rod.length)
+    limits = {
+        "bending_stiffness": (-0.9, 9.0),  # from a tenth to ten times the nominal one
+        "tendon_friction": (-1.0, 9.0),  # from none to ten times the nominal one
+        "object_": (-rod.length, rod.length),
+        "unknown_contact_friction": (-1.0, 1.0),  # of its limit
+    }
+    greatest = _greatest_unknown(model, name)
+    return next((pair for start, pair in limits.items() if name.startswith(start)), (-greatest, greatest))
 
 
-def _disturbance_range(model: Prediction, name: str) -> tuple[float, float]:
+def _greatest_unknown(model: Prediction, name: str) -> float:
+    """Greatest unknown force [N] or moment [N m], by its name and unit."""
+    if name.endswith("[N m]"):
+        return _MOMENT * model.greatest_moment
     rod = model.scene.finger.profile
-    if name.startswith("bending_stiffness"):
-        return (-0.9, 9.0)  # from a tenth to ten times the nominal stiffness
-    if name.startswith("tendon_friction"):
-        return (-1.0, 9.0)  # from none to ten times the nominal friction
-    if name.startswith("object_"):
-        return (-rod.length, rod.length)
-    if name.startswith("unknown_contact_friction"):
-        return (-1.0, 1.0)  # of its limit
-    moment = name.endswith("[N m]")
-    greatest = (
-        _MOMENT * model.greatest_moment if moment else _FORCES * float(rod.bending_stiffness(0.0)) / rod.length**2
-    )
-    return (-greatest, greatest)
+    return _FORCES * float(rod.bending_stiffness(0.0)) / rod.length**2
 
 
 def _applicable(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
@@ -209,48 +199,39 @@ def _applicable(scene: ControlScene, model: Prediction, name: str) -> tuple[floa
     return (1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low)
 
 
-def _of_drive(model: Prediction, finger: Finger, name: str) -> tuple[float, float]:
-    """Range of a sensor of a winch or motor."""
-    number = int(name.split(" ")[0].rsplit("_", 1)[1]) - 1
-    if name.startswith(("length_", "motor_angle_")):
-        greatest = 2.0 * model.driven[number].most
-    else:
-        drive = finger.winches[number]
-        greatest = 2.0 * drive.torque_max if isinstance(drive, MotorDrive) else math.inf
-    return (-greatest, greatest)
-
-
 def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
     """Return the least and the greatest plausible measurement, by its name."""
-    finger = scene.finger
-    if name in ("tip_x [m]", "tip_y [m]"):
-        base = finger.base.position["xy".index(name[4])]
-        return (base - _MARGIN * finger.rod.length, base + _MARGIN * finger.rod.length)
-    if name == "object_angle [rad]":
-        return (-UNLIMITED, UNLIMITED)
-    if name in OBJECT_POSE:
-        base = finger.base.position["xy".index(name[7])]
-        return (base - _SEEN * finger.rod.length, base + _SEEN * finger.rod.length)
-    if name.startswith("tension_"):
-        greatest = finger.tendon_list[int(name.split(" ")[0].removeprefix("tension_")) - 1].max_tension
+    finger, middle = scene.finger, 0.0
+    word, _, last = name.split(" ")[0].rpartition("_")
+    number = int(last) - 1 if last.isdigit() else 0
+    if word == "tension":
+        greatest = finger.tendon_list[number].max_tension
         return (-0.5 * greatest, 2.0 * greatest)  # a slack tendon may read below zero, and a drive overshoot
-    if name.startswith("pressure_"):
-        chamber = finger.chambers[int(name.split(" ")[0].removeprefix("pressure_")) - 1]
+    if word == "pressure":
+        chamber = finger.chambers[number]
         reach = chamber.max_pressure - chamber.min_pressure
         return (chamber.min_pressure - reach, chamber.max_pressure + reach)
-    if finger.winches and not name.startswith("angle_"):
-        return _of_drive(model, finger, name)
-    if name.startswith("angle_"):
-        greatest = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
-        return (finger.base.angle - greatest, finger.base.angle + greatest)
-    greatest = 2.0 * model.greatest_moment
-    return (-greatest, greatest)
+    if word in ("tip", "object") and last in ("x", "y"):
+        reach = (_MARGIN if word == "tip" else _SEEN) * finger.rod.length
+        middle = finger.base.position["xy".index(last)]
+    elif word == "object":
+        reach = UNLIMITED
+    elif word == "angle":
+        middle, reach = finger.base.angle, math.pi + _MARGIN * sum(model.system.finger_model.ranges)
+    elif word in ("length", "motor_angle"):
+        reach = 2.0 * model.driven[number].most
+    elif finger.winches:
+        drive = finger.winches[number]
+        reach = 2.0 * drive.torque_max if isinstance(drive, MotorDrive) else math.inf
+    else:
+        reach = 2.0 * model.greatest_moment
+    return (middle - reach, middle + reach)
 
 
 def _parameter_range(model: Prediction, name: str, nominal: float) -> tuple[float, float]:
     unit = name[name.index("[") + 1 : -1]
     if unit in ("N", "N m"):
-        greatest = _KNOWN * _disturbance_range(model, name)[1]
+        greatest = _KNOWN * _greatest_unknown(model, name)
         return (-greatest, greatest)
     # Of either sign, or nominally zero.
     if name.startswith(("gravity", "base_", "rest_curvature", "object_")):
