@@ -37,17 +37,13 @@ class Load:
 _NONE: Scalar = 0.0
 
 
+@dataclass(frozen=True, eq=False)
 class Chain:
-    """A chain of flexible links, from base to tip.
+    """A chain of flexible links, from base to tip."""
 
-    ``coordinates`` names per link the global coordinate of each of its local ones; neighbors may share one. ``size`` is
-    the number of global coordinates.
-    """
-
-    def __init__(self, links: Sequence[LoadedLink], coordinates: Sequence[tuple[int, ...]], size: int) -> None:
-        self.links = tuple(links)
-        self.coordinates = tuple(coordinates)
-        self.size = size
+    links: Sequence[LoadedLink]
+    coordinates: Sequence[tuple[int, ...]]  # per link the global one of each local one; neighbors may share one
+    size: int  # number of global coordinates
 
     # -- kinematics ----------------------------------------------------------------------------------------------
 

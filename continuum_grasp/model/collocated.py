@@ -124,25 +124,38 @@ class CollocatedLink(Link):
     def _table(self, rest: Array, more: int = 0) -> LinkTable:
         """The link as numbers, with further nodes, and bends at rest from node to node [rad]."""
         (h, density, rotary), rule, end = self._numbers, self.rule, self._end_mass
-        bends = [phi * h for phi in self._turned(1.0)[0]]
-        places = np.column_stack([np.zeros(len(bends)), h * self._shape, np.array(bends, dtype=float)])
-        basis = np.vstack([np.ones(self.count), h * self._shape])
-        w, mean, kernel = rule.weights, density * h**2 * rule.mean_weights, density * h**3 * rule.kernel
+        bends = np.array([phi * h for phi in self._turned(1.0)[0]], dtype=float)
+        basis, w = np.vstack([np.ones(self.count), h * self._shape]), rule.weights
+        # Further nodes are where the last one is, and have nothing.
+        shape = np.pad(h * self._shape, [(0, 0), (0, more)], mode="edge")
+        weights = np.pad(h * w, (0, more))
+        mean = np.pad(density * h**2 * rule.mean_weights + end * h * w, (0, more))
+        # The end moves with the integral of all nodes' tangents: its kinetic energy is one more kernel, w w'.
+        kernel = np.pad(density * h**3 * rule.kernel + end * h**2 * np.outer(w, w), (0, more))
+        turning = (rotary * h * rule.rotary_weights * basis) @ basis.T
+        pairs, ones = list(itertools.combinations(range(len(weights)), 2)), np.ones(len(weights))
+        lower = [(a, b) for a in range(len(shape)) for b in range(a + 1)]
 
-        def longer(values: Array) -> Array:
-            """With nothing at further nodes, which are where the last one is."""
-            return np.pad(values, [(0, more)] * np.ndim(values))
+        def form(f: Array, g: Array) -> Array:
+            # cos is even: each pair once, with the weights of both orders.
+            whole = np.outer(f, g) * kernel
+            return np.array([np.trace(whole), *[whole[j, k] + whole[k, j] for j, k in pairs]])
 
-        last = np.repeat(places[:, -2:-1], more, axis=1)
-        return LinkTable.of(
-            np.column_stack([places[:, :-1], last, places[:, -1:]]),
-            np.concatenate([rest[:-1], np.zeros(more), rest[-1:]]),
-            longer(h * w),
-            # The end moves with the integral of all nodes' tangents: its kinetic energy is one more kernel, w w'.
-            longer(kernel + end * h**2 * np.outer(w, w)),
-            longer(mean + end * h * w),
-            density * h * rule.mass + end,
-            (rotary * h * rule.rotary_weights * basis) @ basis.T,
+        return LinkTable(
+            turns=np.diff(np.column_stack([np.zeros(len(bends)), shape, bends]), axis=1),
+            rest=np.concatenate([rest[:-1], np.zeros(more), rest[-1:]]),
+            shape=shape,
+            bends=bends,
+            position=weights,
+            arms=shape * weights,
+            mass=np.array([density * h * rule.mass + end]),
+            first=mean,
+            first_arms=shape * mean,
+            second=form(ones, ones),
+            swing=np.array([form(ones, f) for f in shape]),
+            matrix=np.array([form(shape[a], shape[b]) for a, b in lower]),
+            sines=np.array([kernel[pair] for pair in pairs]),
+            rotary=np.array([*turning[0], *[turning[1 + a, 1 + b] for a, b in lower]]),
         )
 
     def reach(self, count: int) -> list[float]:

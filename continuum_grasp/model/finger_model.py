@@ -267,16 +267,13 @@ class FingerModel(Functions):
         InputError
             For others, whose tensions are inputs.
         """
-        self._check_own_tensions()
-        return self._tensions
-
-    def _check_own_tensions(self) -> None:
         if not self.structure.own_tendons:
             raise InputError("the tensions of this finger are its inputs, all along: read them there", key="tensions")
+        return self._tensions
 
     def tensions_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> tensions`` at the drives of a finger at rest [N]; of the fingers of `tensions`."""
-        self._check_own_tensions()
+        self.tensions()  # raises where they are inputs
         return self._tensions_at_rest
 
     def tension_places(self) -> list[NDArray[np.float64]]:

@@ -83,41 +83,6 @@ class LinkTable:
     sines: Any  # (m (m - 1) / 2,) kernel of the kinetic energy
     rotary: Any  # (1 + L + L (L + 1) / 2,) rotary inertia: integrals of 1, of the shapes and of their products
 
-    @staticmethod
-    def of(
-        places: Array, rest: Array, weights: Array, kernel: Array, mean: Array, mass: float, rotary: Array
-    ) -> LinkTable:
-        """The table of bends ``places`` (L, m + 2) at the start, the nodes and the end, and of those at rest (m + 1,).
-
-        ``weights`` (m,) [m] integrate along the link, ``kernel`` (m, m) [kg m2] and ``mean`` (m,) [kg m] are those of
-        its kinetic energy and of its first moment, ``rotary`` (1 + L, 1 + L) [kg m2] the rotary inertia.
-        """
-        shape, pairs = places[:, 1:-1], list(itertools.combinations(range(len(weights)), 2))
-        ones = np.ones(len(weights))
-
-        def form(f: Array, g: Array) -> Array:
-            # cos is even: each pair once, with the weights of both orders.
-            whole = np.outer(f, g) * kernel
-            return np.array([np.trace(whole), *[whole[j, k] + whole[k, j] for j, k in pairs]])
-
-        lower = [(a, b) for a in range(len(shape)) for b in range(a + 1)]
-        return LinkTable(
-            turns=np.diff(places, axis=1),
-            rest=rest,
-            shape=shape,
-            bends=places[:, -1],
-            position=weights,
-            arms=shape * weights,
-            mass=np.array([mass]),
-            first=mean,
-            first_arms=shape * mean,
-            second=form(ones, ones),
-            swing=np.array([form(ones, f) for f in shape]),
-            matrix=np.array([form(shape[a], shape[b]) for a, b in lower]),
-            sines=np.array([kernel[pair] for pair in pairs]),
-            rotary=np.array([*rotary[0], *[rotary[1 + a, 1 + b] for a, b in lower]]),
-        )
-
     @property
     def numbers(self) -> Array:
         """All entries, one after the other."""
