@@ -64,10 +64,6 @@ class Source(Channel):
         """Number of states of its lag; 0 without one."""
         return 0 if self.time_constant is None else self.order
 
-    def at_rest(self, commanded: Scalar) -> list[Scalar]:
-        """States of its lag that have reached a command."""
-        return [commanded, 0.0][: self.lags]
-
     def amplitudes(self, values: Sequence[Any], drives: int, scale: Scalar = 1.0) -> tuple[Any, Any]:
         """Amplitudes by the drive, times a scale, and by the couples [N m], of a block of the input; numbers or
         arrays.

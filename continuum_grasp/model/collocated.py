@@ -66,25 +66,28 @@ class CollocatedLink(Link):
         """The bending angle [rad] there with all coordinates at zero."""
         return 0.0
 
-    def _pieces(self, fraction: Scalar) -> list[tuple[Scalar, list[Scalar]]]:
-        """Per piece of the rule the share of it that a part of the link has; fractions of its start, nodes and end."""
-        pieces, whole = [], len(self.rule.pieces) == 1 or is_end(fraction)
-        for piece, (a, b) in enumerate(self.rule.pieces):
-            reach = fraction if whole else ca.fmin(ca.fmax((fraction - a) / (b - a), 0.0), 1.0)
-            nodes = [u for u, on in zip(self.rule.nodes.tolist(), self.rule.piece, strict=True) if on == piece]
-            end = b if is_end(reach) else a + reach * (b - a)
-            pieces.append((reach, [a, *(a + reach * (u - a) for u in nodes), end]))
-        return pieces
+    def _reaches(self, fraction: Scalar) -> list[Scalar]:
+        """Per piece of the rule, the share of it that a part of the link has."""
+        if len(self.rule.pieces) == 1 or is_end(fraction):
+            return [fraction for _ in self.rule.pieces]
+        return [ca.fmin(ca.fmax((fraction - a) / (b - a), 0.0), 1.0) for a, b in self.rule.pieces]
 
     def _places(self, fraction: Scalar) -> list[tuple[Scalar, int]]:
         """Nodes of a part of the link: fractions of the length, and pieces of the rule."""
-        return [(at, piece) for piece, (_, [_, *nodes, _]) in enumerate(self._pieces(fraction)) for at in nodes]
+        reaches, nodes = self._reaches(fraction), zip(self.rule.nodes.tolist(), self.rule.piece, strict=True)
+        starts = [a for a, _ in self.rule.pieces]
+        return [(starts[piece] + reaches[piece] * (u - starts[piece]), piece) for u, piece in nodes]
+
+    def _ends(self, fraction: Scalar) -> list[tuple[Scalar, Scalar]]:
+        """Start and end of each piece of a part of the link."""
+        spans = zip(self.rule.pieces, self._reaches(fraction), strict=True)
+        return [(a, b if is_end(reach) else a + reach * (b - a)) for (a, b), reach in spans]
 
     def _turned(self, fraction: Scalar) -> tuple[list[Scalar], Scalar]:
         """Per local coordinate the bending angle at the end of a part of the link, per length; the rest angle [rad]."""
         angles: list[Scalar] = [0.0 for _ in self._local]
         rest: Scalar = 0.0
-        for piece, (_, [start, *_, end]) in enumerate(self._pieces(fraction)):
+        for piece, (start, end) in enumerate(self._ends(fraction)):
             steps = zip(angles, self._angles(start, piece), self._angles(end, piece), strict=True)
             angles = [total + (after - before) for total, before, after in steps]
             rest += self._rest(end, piece) - self._rest(start, piece)
@@ -98,7 +101,9 @@ class CollocatedLink(Link):
         """Bending angles from node to node of a part of the link [rad], from its start and to its end."""
         # Stop by stop what each coordinate adds; between pieces, to the end of one and from the start of the next.
         steps: list[list[Scalar]] = [[0.0 for _ in range(len(self._local) + 1)]]
-        for piece, (_, stops) in enumerate(self._pieces(fraction)):
+        places = self._places(fraction)
+        for piece, (start, end) in enumerate(self._ends(fraction)):
+            stops = [start, *(at for at, on in places if on == piece), end]
             rows = [[*self._angles(at, piece), self._rest(at, piece)] for at in stops]
             turns = [[b - a for a, b in zip(*pair, strict=True)] for pair in itertools.pairwise(rows)]
             joined = [a + b for a, b in zip(steps[-1], turns[0], strict=True)]
@@ -197,7 +202,7 @@ class CollocatedLink(Link):
     def _integral(self, fraction: Scalar, factors: Sequence[Scalar], tangents: Sequence[Vec], scale: Scalar) -> Vec:
         """Scale times the integral of factor times tangent over the fractions of a part of the link."""
         total, first = ZERO, 0
-        for piece, (reach, _) in enumerate(self._pieces(fraction)):
+        for piece, reach in enumerate(self._reaches(fraction)):
             last = first + self.rule.piece.count(piece)
             part = slice(first, last)
             whole = reach * scale
@@ -211,7 +216,7 @@ class CollocatedLink(Link):
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
         if is_end(fraction):
-            return self._whole.bias(omega, rates).end
+            return self._whole.end_bias(omega, rates)
         nodes = Directions(self._rotations(fraction))
         squares: list[Scalar] = []  # of angular velocities
         for at, piece in self._places(fraction):

@@ -423,7 +423,7 @@ class Equations:
     def lags_at_rest(self) -> list[Scalar]:
         """States of lags that have reached what is commanded."""
         sources = zip(self._structure.sources, self.amplitudes, strict=True)
-        return [state for source, [(asked, _), *_] in sources for state in source.at_rest(asked)]
+        return [state for source, [(asked, _), *_] in sources for state in [asked, 0.0][: source.lags]]
 
     def _bending_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """Elastic force and friction less actuation, where it is ``driven``."""

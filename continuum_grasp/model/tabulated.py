@@ -164,12 +164,18 @@ class TabulatedLink:
             matrix=tuple(tuple(entries[max(a, b), min(a, b)] for b in range(size)) for a in range(size)),
         )
 
+    def _squares(self, omega: Scalar, rates: Sequence[Scalar]) -> ca.SX:
+        """Squared angular velocities of the nodes."""
+        spins = omega + ca.mtimes(self._table.shape.T, ca.vertcat(*[self._length * rate for rate in rates]))
+        return spins * spins
+
+    def end_bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
+        """Reversed velocity-product acceleration of the end section."""
+        return self._weighed(self._table.position * self._squares(omega, rates), self._length)
+
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
         """Velocity-product terms."""
-        table, count = self._table, len(self.directions.tangents)
-        # Squared angular velocities of the nodes.
-        squares = omega + ca.mtimes(table.shape.T, ca.vertcat(*[self._length * rate for rate in rates]))
-        squares = squares * squares
+        table, squares, count = self._table, self._squares(omega, rates), len(self.directions.tangents)
         loads: list[Scalar] = [0.0] * count
         pairs = zip(itertools.combinations(range(count), 2), self.directions.between, strict=True)
         for at, ((j, k), turn) in enumerate(pairs):

@@ -51,30 +51,26 @@ class FreeFinger:
         self.nominal = np.array(self.model.p_nominal)
 
     @cached_property
-    def _arguments(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        names, sizes = ("s", "wound", "p"), (self.size, 2 * len(self.winches), self.model.np)
-        s, wound, p = (ca.SX.sym(name, size) for name, size in zip(names, sizes, strict=True))
-        return s, wound, p
+    def _symbols(self) -> dict[str, ca.SX]:
+        sizes = {"s": self.size, "wound": 2 * len(self.winches), "p": self.model.np}
+        return {name: ca.SX.sym(name, size) for name, size in sizes.items()}
 
     @property
     def _x(self) -> ca.SX:
-        s, wound, _ = self._arguments
+        s, wound, _ = self._symbols.values()
         return ca.vertcat(s[: 2 * self.n], wound, s[2 * self.n :])
 
     @property
     def _lengths(self) -> ca.SX:
-        return self._arguments[1][::2]
-
-    def _given(self) -> dict[str, ca.SX]:
-        return dict(zip(("s", "wound", "p"), self._arguments, strict=True))
+        return self._symbols["wound"][::2]
 
     @cached_property
     def rate(self) -> ca.Function:
         """``(s, wound, p) -> rate``: rate of the state."""
         n, x = self.n, self._x
-        xd = self.model.forward_dynamics(x, self._lengths, ca.DM.zeros(self.model.nw), self._arguments[2])
+        xd = self.model.forward_dynamics(x, self._lengths, ca.DM.zeros(self.model.nw), self._symbols["p"])
         indices = [*range(2 * n), *range(x.numel() - self.friction_states, x.numel())]
-        return straight_function("free_rate", self._given(), {"rate": xd[indices]})
+        return straight_function("free_rate", self._symbols, {"rate": xd[indices]})
 
     @cached_property
     def tension(self) -> ca.Function:
@@ -82,10 +78,10 @@ class FreeFinger:
         the sum of their tensions.
         """
         outputs = {"tension": self._pulls(signed=True), "all": self._pulls(signed=False)}
-        return straight_function("free_tension", self._given(), outputs)
+        return straight_function("free_tension", self._symbols, outputs)
 
     def _pulls(self, *, signed: bool) -> ca.SX:
-        tensions = self.model.tensions()(self._x, self._lengths, self._arguments[2])[0]
+        tensions = self.model.tensions()(self._x, self._lengths, self._symbols["p"])[0]
         return ca.vertcat(
             *[
                 sum(
@@ -104,7 +100,7 @@ class FreeFinger:
         that go on sliding. Those that stick stiffen the finger and feel more of the force, but no more than ``most``,
         which balances it at the base.
         """
-        s, _, p = self._arguments
+        s, _, p = self._symbols.values()
         q, lengths, base = s[: self.n], self._lengths, self.model.position(s[: self.n], self._lengths, 0.0, p)
         across, levers = [], []
         for at in self.places:
@@ -121,12 +117,12 @@ class FreeFinger:
         arms = [tendons[winch.tendons[0]].arms[winch.tendons[0]] for winch in self.winches]
         greatest = ca.DM([-1.0 / arm for arm in arms]) @ ca.horzcat(*levers)
         outputs = {"sliding": ca.densify(sliding), "most": ca.densify(greatest)}
-        return straight_function("free_gain", self._given(), outputs)
+        return straight_function("free_gain", self._symbols, outputs)
 
     @cached_property
     def step(self) -> ca.Function:
         """``(s, wound, p, h) -> end``: one Runge-Kutta step, in which the winches have a constant rate."""
-        symbols = self._given()
+        symbols = self._symbols
         wound, p = symbols["wound"], symbols["p"]
         count = len(self.winches)
         moved = ca.SX.sym("moved", self.size + count)
@@ -156,9 +152,8 @@ class FreeFinger:
         """Runge-Kutta steps in a period [s] that stay stable with each of the parameters (count, np) in all shapes, of
         tendons that slide and that stick.
         """
-        jacobian = ca.Function(
-            "jacobian", list(self._arguments), [ca.jacobian(self.rate(*self._arguments), self._arguments[0])]
-        )
+        symbols = list(self._symbols.values())
+        jacobian = ca.Function("jacobian", symbols, [ca.jacobian(self.rate(*symbols), symbols[0])])
         fastest = 1.0 / RETURN_TIME if self.friction_states else 0.0
         # In tension as far as the tendons bear: elastic cables make a finger stiffer, and tensions as well.
         for shape in sample_shapes(self.model, np.zeros(self.n)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import casadi as ca
@@ -15,15 +15,15 @@ from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
 __all__ = ["nearest", "outline_of", "surface_of"]
 
-_SURFACES: dict[type[Part], type[Surface[Any]]] = {
-    OffsetPolygon: PolygonSurface,
-    SuperellipsePart: SuperellipseSurface,
+_SURFACES: dict[type[Part], Callable[[Any], Surface[Any]]] = {
+    OffsetPolygon: lambda part: PolygonSurface(len(part.vertices)),
+    SuperellipsePart: lambda part: SuperellipseSurface(),
 }
 
 
 def surface_of(part: Part) -> Surface[Any]:
     """The surface of a part."""
-    return _SURFACES[type(part)].of(part)
+    return _SURFACES[type(part)](part)
 
 
 def outline_of(part: Part) -> Outline:

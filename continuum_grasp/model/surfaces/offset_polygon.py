@@ -64,10 +64,6 @@ class PolygonSurface(Surface[OffsetPolygon]):
     def number_count(self) -> int:  # type: ignore[override]
         return 2 * self.corners + 1
 
-    @classmethod
-    def of(cls, part: OffsetPolygon) -> PolygonSurface:
-        return cls(len(part.vertices))
-
     # -- contact in motion
 
     def nearest(self, part: OffsetPolygon, at: Vec) -> Nearest:

@@ -45,10 +45,6 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
     feature_count = 6
     is_smooth = True
 
-    @classmethod
-    def of(cls, part: SuperellipsePart) -> SuperellipseSurface:
-        return cls()
-
     # -- contact in motion
 
     def nearest(self, part: SuperellipsePart, at: Vec) -> Nearest:

@@ -191,11 +191,6 @@ class Surface(ABC, Generic[P]):
     feature_count: int  # numbers of a feature
     is_smooth = False  # whether it is one feature, of which each place has its own normal
 
-    @classmethod
-    @abstractmethod
-    def of(cls, part: P) -> Surface[P]:
-        """The surface of a part."""
-
     # -- contact in motion
 
     @abstractmethod
