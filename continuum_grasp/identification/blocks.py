@@ -105,6 +105,8 @@ class Block:
     """Finger whose laws predict the measurements; None: the scene's."""
     own: Sequence[Unknown] = ()
     """Unknowns of this set alone, behind those that all blocks have."""
+    plane: float | None = None
+    """Direction in which it bends [rad], where fingers bend in several planes."""
     moves = False
     """Whether the entries go along a motion."""
     kinked = False
@@ -119,6 +121,7 @@ class Block:
 
     def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown], by: Sequence[int] | None = None) -> None:
         self.name, self.data, self.scene, self.finger = data.name, data, scene, scene.finger
+        self.plane = data.plane
 
     def again(
         self,

@@ -113,6 +113,8 @@ class Poses:
     name : str
     sequence : bool
         Whether the rows follow one another, so that the friction of each comes from those before it.
+    plane : float, optional
+        Direction in which the finger bends, about its straight axis [rad], for estimates ``per: plane``.
     """
 
     measured: Sequence[Reading]
@@ -121,6 +123,7 @@ class Poses:
     scene: Scene | None = None
     name: str = "poses"
     sequence: bool = False
+    plane: float | None = None
 
     def __post_init__(self) -> None:
         _check_readings(self.name, self.measured)
@@ -160,6 +163,8 @@ class TipPath:
     scene : Scene, optional
         Where it differs from that of the identification.
     name : str
+    plane : float, optional
+        Direction in which the finger bends, about its straight axis [rad], for estimates ``per: plane``.
     """
 
     t: ArrayLike
@@ -170,6 +175,7 @@ class TipPath:
     start: str = "scene"
     before: Sequence[Reading] = ()
     start_sigma: tuple[float, float] | None = None
+    plane: float | None = None
 
     def __post_init__(self) -> None:
         t = column(f"{self.name}.t", self.t)

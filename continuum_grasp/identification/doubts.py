@@ -291,7 +291,7 @@ def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:
         starts.append(1.0 if added else unknown[0].start)
     sought = [*problem.sought, *unknown]
     for k, start, scene in zip(ranges, starts, of_one_code(pairs, sought) if pairs else (), strict=True):
-        block, part, columns = problem.parts[k]
-        at = np.insert(solution.values[columns], count, start)
+        block, part, mix = problem.parts[k]
+        at = np.insert(mix @ solution.values, count, start)
         slope[part] = block.again(sought, scene=scene, by=[count]).predict(at)[1][:, 0]
     return [(candidate, slope) for candidate in unknown]

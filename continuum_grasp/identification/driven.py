@@ -187,7 +187,7 @@ class MeasuredStart:
         sizes = [self._reach] * model.n + [self._reach / self._slow] * model.n
         rows = zip(model.x_names[: 2 * model.n], np.append(*self.state()).tolist(), sizes, known, strict=True)
         return [
-            Unknown(*split_unit(label), START, start=value, typical=size, per_set=True, sigma=sigma)
+            Unknown(*split_unit(label), START, start=value, typical=size, per="set", sigma=sigma)
             for label, value, size, sigma in rows
         ]
 

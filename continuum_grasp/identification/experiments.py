@@ -19,7 +19,7 @@ from continuum_grasp.identification.fit import applied, estimate_texts, table_of
 from continuum_grasp.identification.fitting import Measurements, posed, resolved, sources_of
 from continuum_grasp.identification.inference import allotted, infer, information
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Progress, with_sets
+from continuum_grasp.identification.problem import Progress, shared_of, with_sets
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
 from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
 from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
@@ -210,7 +210,8 @@ def design_experiments(
         if any(isinstance(place, Column) for reading in data_set.measured for place in (reading.at, reading.offset)):
             raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
     plain, names = plain_scene(scene), [data_set.name or f"data[{k}]" for k, data_set in designed]
-    known, offered = _Known(scene, data, names, progress or (lambda share: None)), list[dict[str, str]]()
+    named = [(name, data_set.plane) for name, (_, data_set) in zip(names, designed, strict=True)]
+    known, offered = _Known(scene, data, named, progress or (lambda share: None)), list[dict[str, str]]()
     each, cautious, budgets = list[Array](), list[Array](), list[tuple[NDArray[np.intp], int]]()
     for number, (k, data_set) in enumerate(proposed):
         cells, jacobians = _possible(number, data_set, plain, known, f"data[{k}]")
@@ -256,9 +257,8 @@ def _possible(
     These are (values, K, readings, n), at the values that are known and some about them.
     """
     headings, cells, poses = choices_of(data_set, scene, key)
-    block = PosesBlock(poses.scene or scene, poses, known.sought)
-    unknowns = [known.unknowns[k] for k in known.columns[number]]
-    at = known.values[known.columns[number]]
+    block, unknowns = PosesBlock(poses.scene or scene, poses, known.sought), known.sought
+    at = known.mixes[number] @ known.values
     about = _ABOUT * np.array([min(unknown.sigma, unknown.typical) for unknown in unknowns])
     free = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
     turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
@@ -327,17 +327,23 @@ def plan_of(
 
 
 class _Known:
-    """Knowledge before the design of sets with some names.
+    """Knowledge before the design of sets, by their names and the directions of their planes.
 
     ``values`` (n,) are those of all unknowns, ``sizes`` typical ones, ``rows`` (rows, n) the derivatives of what is
-    known already, per standard deviation. ``sought`` are the unknowns of each set, ``columns`` those of each set that
-    is designed, among all, of which all sets have the first ``shared``; ``sets`` are the data that are measured
-    already, ``scales`` the standard deviations of their readings, by group.
+    known already, per standard deviation. ``sought`` are the unknowns of each set, which follow from all by ``mixes``
+    of each that is designed; all sets have the first ``shared``; ``sets`` are the data that are measured already,
+    ``scales`` the standard deviations of their readings, by group.
     """
 
-    def __init__(self, scene: IdentifyScene, data: Measurements, names: Sequence[str], report: Progress) -> None:
+    def __init__(
+        self,
+        scene: IdentifyScene,
+        data: Measurements,
+        sets: Sequence[tuple[str, float | None]],
+        report: Progress,
+    ) -> None:
         sought = read_unknowns(scene, scene.estimate)
-        unknowns, self.scales = [unknown for unknown in sought if not unknown.per_set], dict[str, float]()
+        unknowns, self.scales = shared_of(sought), dict[str, float]()
         rows: Array = np.zeros((0, len(unknowns)))
         paths, arrays = sources_of(data)
         if paths:
@@ -350,10 +356,10 @@ class _Known:
             rows = problem.weighted(solution)[0][: problem.fitted.sum()]
             groups = (entry.group for entry in problem.entries)
             self.scales = dict(zip(groups, solution.sigma.tolist(), strict=True))
-        self.shared = sum(not unknown.per_set for unknown in unknowns)
+        self.shared = sum(unknown.per != "set" for unknown in unknowns)
         fresh = iter(unknowns[: self.shared])
-        self.sought = [unknown if unknown.per_set else next(fresh) for unknown in sought]
-        self.unknowns, self.columns = with_sets(unknowns, self.sought, [(name, ()) for name in names])
+        self.sought = [unknown if unknown.per == "set" else next(fresh) for unknown in sought]
+        self.unknowns, self.mixes = with_sets(unknowns, self.sought, [(*named, ()) for named in sets])
         self.values = np.array([unknown.start for unknown in self.unknowns])
         self.sizes = np.array([unknown.typical for unknown in self.unknowns])
         self.sets: tuple[DataSet, ...] = scene.data if paths else ()
@@ -372,9 +378,7 @@ class _Known:
                     why if self.scales else f"{why}, or give data whose scatter shows it (--data)", key=where
                 )
             sigma.append(deviation)
-        whole = np.zeros((*slopes.shape[:-1], len(self.unknowns)))
-        whole[..., self.columns[number]] = slopes / np.array(sigma)[:, None]
-        return whole
+        return np.asarray(slopes / np.array(sigma)[:, None] @ self.mixes[number])
 
 
 def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Known) -> Array:
@@ -385,7 +389,7 @@ def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Kno
         Reading(m.quantity, none, m.place, m.sigma, m.since, m.of, cast(float, m.offset)) for m in data_set.measured
     ]
     block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
-    _, slopes = block.predict(known.values[known.columns[-1]])
+    _, slopes = block.predict(known.mixes[-1] @ known.values)
     return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, f"data[{k}]")
 
 

@@ -13,7 +13,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.comparison import Predicted
 from continuum_grasp.identification.inference import Inference
 from continuum_grasp.identification.searches import LawTrial
-from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
+from continuum_grasp.identification.unknowns import ALONG, DELAY, LAG, Unknown
 from continuum_grasp.model.parameters import at_tip, numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.plain import yaml_text
@@ -241,7 +241,7 @@ def applied(scene: Any, targets: Sequence[tuple[str, float, bool]], values: Arra
             scene = scene.changed({"estimator.delay": period * round(value / period)})
         elif target == LAG and not (scene.finger.tendons or scene.finger.chambers):
             scene = scene.changed({"controller.input.time_constant": value})
-        elif target != DELAY:
+        elif target not in (DELAY, ALONG):
             changes = _changes(scene.finger, target, factor * value, added)
             scene = scene.changed({f"finger.{key}": new for key, new in changes.items()})
     return scene

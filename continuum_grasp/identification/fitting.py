@@ -239,14 +239,14 @@ def posed(
 def _finer(problem: Problem, values: Array) -> Array | None:
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
     predictions = []
-    for block, _, columns in problem.parts:
+    for block, _, mix in problem.parts:
         model = FingerModel(block.scene)
         # the start that was estimated is in coordinates of the coarser one
         if len(model.lengths) > _MOST or block.own:
             return None
         try:
             finer = block.again(problem.sought, scene=refined(block.scene, model), by=())
-            predictions.append(finer.predict(values[columns])[0])
+            predictions.append(finer.predict(mix @ values)[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None
     return np.concatenate(predictions)

@@ -161,9 +161,9 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     message, farthest = "", 0.0
-    for block, part, columns in problem.parts:
+    for block, part, mix in problem.parts:
         readings, finger = block.data.measured, block.scene.finger
-        sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, values[columns], strict=False)}
+        sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, mix @ values, strict=False)}
         base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
         length = finger.rod.length
         markers: dict[Any, list[int]] = {}

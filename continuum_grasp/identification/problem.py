@@ -13,7 +13,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.least_squares import Minimum, least_squares
-from continuum_grasp.identification.unknowns import Unknown, prior
+from continuum_grasp.identification.unknowns import ALONG, DIRECTIONS, Unknown, prior
 
 Progress = Callable[[float], None]
 
@@ -43,30 +43,53 @@ class Solution(NamedTuple):
     evaluations: int
 
 
-def with_sets(
-    shared: Sequence[Unknown], sought: Sequence[Unknown], sets: Sequence[tuple[str, Sequence[Unknown]]]
-) -> tuple[list[Unknown], list[NDArray[np.intp]]]:
-    """Unknowns of all sets, behind them those of single ones, and the numbers of those that each set has.
+def shared_of(sought: Sequence[Unknown]) -> list[Unknown]:
+    """Unknowns of all sets: those that have one value, then the parts of their vectors across the finger."""
+    parts = [
+        unknown._replace(
+            name=f"{unknown.name} at {at} deg", target=ALONG, start=0.0, lower=-math.inf, upper=math.inf, per="all"
+        )
+        for unknown in sought
+        if unknown.per == "plane"
+        for at in DIRECTIONS
+    ]
+    return [unknown for unknown in sought if unknown.per != "set"] + parts
 
-    ``sought`` are in every set, as they are, in the order of those that come first in ``shared``, or as one of its own;
-    ``sets`` are their names with further ones.
+
+def with_sets(
+    shared: Sequence[Unknown], sought: Sequence[Unknown], sets: Sequence[tuple[str, float | None, Sequence[Unknown]]]
+) -> tuple[list[Unknown], list[Array]]:
+    """Unknowns (n) of all sets, behind them those of single ones, and by which matrix (k, n) each set has its own.
+
+    ``sought`` are in every set, in the order of ``shared`` (`shared_of`), or as one of its own; ``sets`` are their
+    names with the directions of their planes and further unknowns.
     """
-    unknowns, columns = list(shared), []
-    for name, further in sets:
-        every = (*sought, *further)
-        mine = [unknown._replace(name=f"{unknown.name} of {name}") for unknown in every if unknown.per_set]
-        common, separate = iter(range(len(shared))), iter(range(len(unknowns), len(unknowns) + len(mine)))
-        columns.append(np.array([next(separate if unknown.per_set else common) for unknown in every], np.intp))
-        unknowns += mine
-    return unknowns, columns
+    unknowns, mixed = list(shared), list[list[dict[int, float]]]()
+    for name, plane, further in sets:
+        rows = list[dict[int, float]]()
+        common, parts = iter(range(len(shared))), iter(range(sum(u.per != "set" for u in sought), len(shared)))
+        for unknown in (*sought, *further):
+            if unknown.per == "set":
+                rows.append({len(unknowns): 1.0})
+                unknowns.append(unknown._replace(name=f"{unknown.name} of {name}"))
+                continue
+            rows.append({next(common): 1.0})
+            if unknown.per == "plane":
+                if plane is None:
+                    raise InputError(f"{unknown.name} is estimated per plane: state the plane of {name}", key="data")
+                rows[-1] |= {next(parts): math.cos(plane - math.radians(at)) for at in DIRECTIONS}
+        mixed.append(rows)
+    return unknowns, [np.array([[row.get(k, 0.0) for k in range(len(unknowns))] for row in rows]) for rows in mixed]
 
 
 class Part(NamedTuple):
-    """A set of measurements, and where its entries and its unknowns are among those of all sets."""
+    """A set of measurements, where its entries are among those of all sets, and the matrix by which its unknowns follow
+    from theirs.
+    """
 
     block: Block
     rows: slice
-    columns: NDArray[np.intp]
+    mix: Array
 
 
 class Problem:
@@ -77,11 +100,11 @@ class Problem:
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> None:
         self.blocks, self.sought = list(blocks), tuple(unknowns)
-        shared = [unknown for unknown in unknowns if not unknown.per_set]
-        self.unknowns, columns = with_sets(shared, unknowns, [(block.name, block.own) for block in blocks])
+        shared, sets = shared_of(unknowns), [(block.name, block.plane, block.own) for block in blocks]
+        self.unknowns, mixes = with_sets(shared, unknowns, sets)
         self.shared, ends = len(shared), np.cumsum([len(block.entries) for block in blocks]).tolist()
         rows = [slice(end - len(block.entries), end) for block, end in zip(blocks, ends, strict=True)]
-        self.parts = [Part(*part) for part in zip(blocks, rows, columns, strict=True)]
+        self.parts = [Part(*part) for part in zip(blocks, rows, mixes, strict=True)]
         self.entries = [entry for block in blocks for entry in block.entries]
         self.measured = np.array([entry.value for entry in self.entries])
         self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
@@ -90,7 +113,7 @@ class Problem:
         self._sought = np.ones(len(self.unknowns), dtype=bool)
         for part in self.parts:
             # what only a set that is not fitted has would drift in a search that does not see it
-            self._sought[part.columns[part.columns >= self.shared]] = self.fitted[part.rows].any()
+            self._sought[self._own(part)] = self.fitted[part.rows].any()
         self.groups = {name: np.array([other == name for other in names]) for name in dict.fromkeys(names)}
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
@@ -128,21 +151,21 @@ class Problem:
             "entries": tuple(self.entries),
             "predictions": predictions,
             "blocks": tuple((block.name, len(block.entries)) for block in self.blocks),
-            "drawn": tuple(block.drawn(values[columns]) for block, _, columns in self.parts),
+            "drawn": tuple(block.drawn(mix @ values) for block, _, mix in self.parts),
         }
 
     def warnings(self, values: Array) -> list[str]:
         """Warnings of all sets about shapes beyond a limit."""
-        parts = self.parts
-        return [f"{block.name}: {text}" for block, _, columns in parts for text in block.warnings(values[columns])]
+        return [f"{block.name}: {text}" for block, _, mix in self.parts for text in block.warnings(mix @ values)]
 
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Predictions (m,) and their Jacobian (m, n) of all entries, or of those that are chosen alone."""
         y, jacobian = np.zeros(len(self.entries)), np.zeros((len(self.entries), len(values)))
-        for block, rows, columns in self.parts:
+        for block, rows, mix in self.parts:
             wanted = self._at[rows] if chosen is None else self._at[rows][chosen[rows]]
             if wanted.size:
-                y[rows], jacobian[rows, columns] = block.predict(values[columns], wanted.max())
+                y[rows], slopes = block.predict(mix @ values, wanted.max())
+                jacobian[rows] = slopes @ mix
         return y, jacobian
 
     def weighted(self, solution: Solution, further: Array | None = None) -> tuple[Array, Array]:
@@ -209,12 +232,16 @@ class Problem:
 
         What all sets have stays: a prediction is of the law, from a start that is estimated as that of any set.
         """
-        for _, rows, columns in self.parts:
-            chosen, sought = np.zeros(len(self.measured), dtype=bool), np.zeros(len(values), dtype=bool)
-            chosen[rows], sought[columns[columns >= self.shared]] = True, True
-            if sought.any() and not self.fitted[rows].any():
+        for part in self.parts:
+            chosen, sought = np.zeros(len(self.measured), dtype=bool), self._own(part)
+            chosen[part.rows] = True
+            if sought.any() and not self.fitted[part.rows].any():
                 values = self._search(values, chosen, 1.0 / sigma, sought).values
         return values
+
+    def _own(self, part: Part) -> NDArray[np.bool_]:
+        """Which unknowns (n,) are of a set alone."""
+        return np.asarray(part.mix.any(axis=0) & (np.arange(len(self.unknowns)) >= self.shared))
 
     def _search(
         self,

@@ -192,6 +192,7 @@ def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) ->
                 scene,
                 name if k == 0 else f"{name} ({k + 1})",
                 data_set.sequence,
+                data_set.plane,
             )
             for k, (have, rows) in enumerate(points.patterns(data_set.measured))
         ]
@@ -233,6 +234,7 @@ def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) ->
                 start=data_set.start,
                 before=earlier,
                 start_sigma=known,
+                plane=data_set.plane,
             )
         ]
     except InputError as error:
@@ -391,7 +393,7 @@ def _ring_downs(
         except InputError as error:
             raise InputError(f"{heading}: {error.message}", file=table.file) from None
     vibrations = [Reading(which, [getattr(sine, which) for sine in sines], of=ring_down.mode) for which in OF_MODES]
-    return Poses(vibrations, {}, np.full(len(sines), ring_down.use == "fit"), scene, name)
+    return Poses(vibrations, {}, np.full(len(sines), ring_down.use == "fit"), scene, name, plane=ring_down.plane)
 
 
 def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key: str) -> dict[str, Array]:

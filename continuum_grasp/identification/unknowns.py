@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import NamedTuple, cast
+from typing import Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -24,6 +24,10 @@ LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
 ADDED = {"clamp_angle": "base_angle", "base_x": "base_position_x", "base_y": "base_position_y"}
 """Parameters of the model to whose values in the scene unknowns are added, by the names of these."""
+ALONG = "along"
+"""Target of the part of a vector across the finger that goes along a direction of ``DIRECTIONS``."""
+DIRECTIONS = (0, 90)
+"""Directions along which vectors across the finger have their parts [deg]."""
 START = "start"
 """Target of coordinates and rates of a start that is estimated with the parameters."""
 _OWN = {
@@ -72,8 +76,8 @@ class Unknown(NamedTuple):
     upper: float = math.inf
     typical: float = 1.0
     """A typical size, against which it is judged whether the data see the parameter."""
-    per_set: bool = False
-    """Whether each set of data has a value of its own."""
+    per: Literal["all", "set", "plane"] = "all"
+    """Whether each set of data has a value of its own, or adds its part of a vector across the finger."""
     sigma: float = math.inf
     """Standard deviation about ``start`` with which it is known before anything is measured."""
 
@@ -129,8 +133,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
         raise InputError(f"{start:g} is outside {lower:g} to {upper:g}", key=f"{key}.start")
     typical = max(typical, abs(start)) if nominal == 0.0 else typical
     sigma = math.inf if asked.sigma is None else asked.sigma
-    added, per_set = name in ADDED, asked.per == "set"
-    return Unknown(name, unit, target, factor, added, start, lower, upper, typical, per_set, sigma)
+    return Unknown(name, unit, target, factor, name in ADDED, start, lower, upper, typical, asked.per, sigma)
 
 
 def prior(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, excludes, needs
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Interval, Length, ListOf, Positive, Real, Value
+from continuum_grasp.scene.value import Angle, Duration, Interval, Length, ListOf, Positive, Real, Value
 
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "frequency", "decay_rate"]
 _NUMBERED = ("tension", "length", "motor_angle", "torque", "frequency", "decay_rate")
@@ -123,6 +123,8 @@ class _Data(Value):
     """World axes along which the file's x and y count; [x, -y]: y down, as in images."""
     origin: Annotated[tuple[Real, Real], Field(strict=False), Unit("m")] = (0.0, 0.0)
     """World position of the origin of the file's x and y [m]."""
+    plane: Annotated[Angle, Field(examples=["87 deg"])] | None = None
+    """Direction in which this set bends, about the straight finger [rad], where fingers bend in several planes."""
 
     def _check(self) -> None:
         if self.axes[0][-1] == self.axes[1][-1]:
@@ -231,9 +233,10 @@ class Estimate(Value):
     sigma: Annotated[Estimated | None, Field(examples=[0.05], gt=0.0)] = None
     """Standard deviation about the start value with which the parameter is known beforehand, such as a mass that was
     weighed [SI unit of the parameter]; None: nothing is known."""
-    per: Literal["all", "set"] = "all"
-    """all: one value; set: each set of data has its own, such as a clamp that is turned anew. The estimates of sets are
-    reported beside the parameters, and no scene takes them."""
+    per: Literal["all", "set", "plane"] = "all"
+    """all: one value; set: each set of data has its own, such as a clamp that is turned anew. plane: one value, and a
+    vector across the finger, such as a lean or a camera that is shifted, whose part along ``plane`` of each set is
+    added there. Estimates of sets and vectors are reported beside the parameters, and no scene takes them."""
 
     def _check(self) -> None:
         self._check_below("min", "max")

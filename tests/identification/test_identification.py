@@ -62,6 +62,34 @@ def test_stiffness_clamp_and_rest_curvature_from_the_exact_rod():
     assert np.abs(fit.residuals).max() < 2e-5
 
 
+PLANES = (0.2, 1.4, 2.9, -1.7)
+MOMENTS = np.array([0.005, 0.01, 0.02])
+
+
+def bent_in(plane: float, lean=(0.3, -0.2), shift=(0.004, 0.007), **keys) -> Poses:
+    """Bends of the rod without weight under moments at its tip, which leans, before a camera that is shifted."""
+    along = np.array([math.cos(plane), math.sin(plane)])
+    curvature = MOMENTS / STIFFNESS + 0.05 + along @ lean
+    y = along @ shift + (1.0 - np.cos(curvature * LENGTH)) / curvature
+    readings = [Reading("bend", curvature * LENGTH), Reading("y", y)]
+    return Poses(readings, {"tip_moment": MOMENTS}, name=f"at {plane:g}", plane=plane, **keys)
+
+
+def test_a_lean_and_a_shift_across_the_finger_from_bends_in_several_planes():
+    """An arc in closed form; what is found predicts a plane that was not fitted, and turned planes turn the vectors."""
+    across = [Estimate(name="rest_curvature", per="plane"), Estimate(name="base_y", per="plane")]
+    held = bent_in(1.0, fitted=[False] * 3)
+    scene = rod_scene(ROD, "arc", gravity=(0.0, 0.0), elements=1)
+    fit = cg.identify(scene, [*map(bent_in, PLANES), held], parameters=["bending_stiffness", *across])
+    names = ("bending_stiffness", "rest_curvature", "base_y", "rest_curvature at 0 deg", "rest_curvature at 90 deg")
+    assert fit.names == (*names, "base_y at 0 deg", "base_y at 90 deg")
+    assert fit.values == pytest.approx([STIFFNESS, 0.05, 0.0, 0.3, -0.2, 0.004, 0.007], rel=1e-6, abs=1e-9)
+    assert np.abs(fit.residuals).max() < 1e-8
+    assert fit.apply().finger.rest_curvature == pytest.approx(0.05)  # the lean is of no one plane
+    with pytest.raises(InputError, match="rest_curvature is estimated per plane: state the plane of poses"):
+        cg.identify(scene, Poses([Reading("bend", [0.1])], {"tip_moment": [0.01]}), parameters=across)
+
+
 def test_estimates_in_a_scene_are_those_of_its_model():
     """The scene with estimates in it has the nominal parameters that were estimated; a clamp angle is added."""
     rod = {"length": LENGTH, "diameter": 0.002, "density": 6000.0, "youngs_modulus": 60e9}

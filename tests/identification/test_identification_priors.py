@@ -34,8 +34,8 @@ class Linear(Block):
         return self._matrix @ values, self._matrix
 
 
-def unknown(start: float, sigma: float = np.inf, per_set: bool = False) -> Unknown:
-    return Unknown("x", "m", "x", 1.0, False, start, -np.inf, np.inf, 1.0, per_set, sigma)
+def unknown(start: float, sigma: float = np.inf, per: str = "all") -> Unknown:
+    return Unknown("x", "m", "x", 1.0, False, start, -np.inf, np.inf, 1.0, per, sigma)
 
 
 def test_what_is_known_beforehand_weighs_as_bayes_says():
@@ -59,7 +59,7 @@ def test_what_is_known_beforehand_weighs_as_bayes_says():
 
 def test_the_start_of_a_hold_out_is_sought_with_what_is_known_of_it():
     """A set that is not fitted moves nothing that all sets have, nor does what is known of its start."""
-    own = (unknown(2.0, 0.1, per_set=True),)
+    own = (unknown(2.0, 0.1, per="set"),)
     fitted, held = (
         Linear(np.ones((3, 1)), np.full(3, 4.0), 0.1),
         Linear(np.ones((2, 2)), np.full(2, 9.0), 0.1, own, False),
