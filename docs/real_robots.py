@@ -86,7 +86,7 @@ def bends(name: str, scene: cg.Scene, most: float = 9.0, trial: str | None = Non
 
 
 def wrist() -> None:
-    """Wrist A by both materials; wrist C by itself, and predicted from A; one trial of A from the other."""
+    """Wrist A by both materials; wrist C by itself, predicted from A, and with A; one trial of A from the other."""
     a = cg.load(CONFIGS / "notched_wrist.yaml")
     c = scene_c(a)
     linear = a.changed({"finger.softening": None, "estimate": [{"name": "bending_stiffness"}, a.estimate[1]]})
@@ -96,6 +96,10 @@ def wrist() -> None:
     for most in (0.9, 9.0):
         data = [bends("wrist_A", a), bends("wrist_C", c, most, held=True)]
         show(f"wrist C up to {most} N predicted from A", cg.identify(a, data))
+        show(
+            f"wrists A and C together up to {most} N",
+            cg.identify(a, [bends("wrist_A", a, most), bends("wrist_C", c, most)]),
+        )
     factor = [a.estimate[1], a.estimate[2]]
     known = a.changed({"finger.rod.factors.bending_stiffness": 1.2055})
     stiffer = c.changed({"finger.rod.factors.bending_stiffness": 1.2055 * 1.07})
@@ -105,9 +109,11 @@ def wrist() -> None:
         data = [bends("wrist_A", a, trial=one), bends("wrist_A", a, trial=other, held=True)]
         show(f"wrist A, trial {other} predicted from trial {one}", cg.identify(a, data))
     for name, scene, count in (("wrist_A", a, 2), ("wrist_C", c, 3)):
-        each = [bends(name, scene, trial=str(k + 1)) for k in range(count)]
-        apart = [missed for one in each for other in each if other is not one for missed in between(one, other)]
-        print(f"{name}: trials are {np.degrees(np.sqrt(np.mean(np.square(apart)))):.2f} deg r.m.s. apart per notch")
+        for most in (0.9, 9.0):
+            each = [bends(name, scene, most, str(k + 1)) for k in range(count)]
+            apart = [missed for one in each for other in each if other is not one for missed in between(one, other)]
+            off = np.degrees(np.sqrt(np.mean(np.square(apart))))
+            print(f"{name}: trials are {off:.2f} deg r.m.s. apart per notch up to {most} N")
 
 
 def between(one: Poses, other: Poses) -> list[float]:
@@ -222,19 +228,21 @@ def width(steps: np.ndarray, bend: np.ndarray) -> float:
 
 
 def trunk() -> None:
-    """Releases with 200 g fitted, with 400 g predicted, and the other way round; others predicted from both; how well
-    releases repeat.
-    """
+    """Releases fitted, and others predicted, with a lean and without; how well releases repeat."""
     release("trunk", cg.load(CONFIGS / "trunk_releases.yaml"))
     dry = cg.load(CONFIGS / "trunk_dry_friction.yaml")
-    release("trunk with dry friction", dry)
-    release("200 g from 400 g", dry.changed({"data[0].use": "holdout", "data[1].use": "fit"}))
-    both = dry.changed({"data[1].use": "fit"})
     others = [
-        one.model_copy(update={"use": "holdout", "file": file})
-        for one, file in zip(both.data, ("release_200g_a0[358].csv", "release_400g_a0[048].csv"), strict=True)
+        dry.data[number].model_copy(update={"use": "holdout", "file": f"release_{run}.csv", "plane": np.radians(plane)})
+        for number, run, plane in (
+            (0, "200g_a05", 129.0),
+            (0, "200g_a08", -151.0),
+            (2, "400g_a04", 125.0),
+            (2, "400g_a08", 27.0),
+        )
     ]
-    release("six others from two of each payload", both.replaced(data=(*both.data, *others)))
+    every = dry.replaced(data=(*dry.data, *others))
+    release("six others from two of each payload", every)
+    release("the same without a lean", every.replaced(estimate=every.estimate[:-1]))
     for payload in (200, 400):
         repeats(payload, folder() / "hose_trunk_release")
 
