@@ -21,12 +21,14 @@ from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
+from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import REALS, fill, unit_of
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
 from continuum_grasp.export.parts.seen import contact_kernel, sections_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.model.pattern import FEWEST_ELEMENTS
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.loads import ForceLoad
@@ -78,6 +80,11 @@ class WebPlant:
     """Tension of each tendon at its drive [N]."""
     planned: ca.Function | None = None
     """Position of each of ``planned_sections`` at a node of the controller's plan."""
+
+    def __post_init__(self) -> None:
+        if self.system.sweeps:
+            message = f"a page has no sweeps along the chain, by which so many move: expected fewer than {FEWEST_ELEMENTS}"
+            raise InputError(message, key="fidelity.elements")
 
     @property
     def pushes(self) -> int:
