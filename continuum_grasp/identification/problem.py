@@ -79,7 +79,11 @@ def with_sets(
                     raise InputError(f"{unknown.name} is estimated per plane: state the plane of {name}", key="data")
                 rows[-1] |= {next(parts): math.cos(plane - math.radians(at)) for at in DIRECTIONS}
         mixed.append(rows)
-    return unknowns, [np.array([[row.get(k, 0.0) for k in range(len(unknowns))] for row in rows]) for rows in mixed]
+    mixes = [np.zeros((len(rows), len(unknowns))) for rows in mixed]
+    for mix, rows in zip(mixes, mixed, strict=True):
+        for k, row in enumerate(rows):
+            mix[k, list(row)] = list(row.values())
+    return unknowns, mixes
 
 
 class Part(NamedTuple):
