@@ -258,7 +258,7 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
 
 
 def _of_commands(commands: list[Any], model: Prediction, stages: Stages, *, touches: bool) -> dict[str, Any]:
-    """What a run has of its commands."""
+    """Fields of a run that follow from its commands."""
     touched = [c.contact_forces for c in commands] if model.contact_names and touches else []
     return {
         "estimate": _stack([c.estimate.x for c in commands]),

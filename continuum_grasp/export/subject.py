@@ -68,7 +68,7 @@ class Subject:
     loop: Loop | None = None
     """The closed loop that it is part of."""
     sections: int = 25
-    """How many are seen at once, evenly spaced from base to tip."""
+    """Number of sections that are seen at once, evenly spaced from base to tip."""
 
     @staticmethod
     def of(

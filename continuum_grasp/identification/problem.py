@@ -244,7 +244,7 @@ class Problem:
         return values
 
     def _own(self, part: Part) -> NDArray[np.bool_]:
-        """Which unknowns (n,) are of a set alone."""
+        """Whether each unknown (n,) is of a set alone."""
         return np.asarray(part.mix.any(axis=0) & (np.arange(len(self.unknowns)) >= self.shared))
 
     def _search(

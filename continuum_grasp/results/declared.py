@@ -91,7 +91,7 @@ POSE = Dimension("pose", "pose of the object", ("x [m]", "y [m]", "angle [rad]",
 
 @dataclass(frozen=True)
 class File:
-    """What is made of a result: a text, or as a `Picture` a drawing.
+    """File that is made of a result: a text, or as a `Picture` a drawing.
 
     Attributes
     ----------

@@ -31,7 +31,7 @@ COARSE = ("plant.fidelity={family: clothoid, elements: 2}",)
 
 @pytest.fixture(scope="module")
 def grasp():
-    return optimize_grasp(load(PINCH).grasp)
+    return optimize_grasp(load(PINCH, ["grasp.solver.effort=quick"]).grasp)
 
 
 @pytest.fixture(scope="module")

@@ -57,10 +57,10 @@ class Unit:
     """Contents of a functional mock-up unit."""
 
     identifier: str
-    """Of files and symbols; a C identifier."""
+    """Name of files and symbols; a C identifier."""
     title: str
     what: str
-    """What of the scene this is, in words."""
+    """Part of the scene that this is, in words."""
     step: float
     """Internal step [s]."""
     stop: float
@@ -82,9 +82,9 @@ class Unit:
     sources: Mapping[str, str]
     """C of the library by file name."""
     flags: tuple[str, ...]
-    """Of the compiler, for the same bits everywhere."""
+    """Flags of the compiler, for the same bits everywhere."""
     manifest: Mapping[str, Any] = field(repr=False)
-    """What the library was made from."""
+    """Origin of the library: what it was made from."""
 
     @property
     def variables(self) -> list[Variable]:

@@ -64,11 +64,11 @@ class WebPlant:
     symbols: tuple[ca.SX, ca.SX, ca.SX, ca.SX]
     """State, input, forces and parameters."""
     rate: ca.SX
-    """Of the state."""
+    """Rates of the state."""
     acting: ca.SX
     """Input of the system."""
     sensed: ca.SX
-    """What is measured; empty without a controller."""
+    """Measured readings; empty without a controller."""
     start: Array
     rest: Array
     """Input at time zero."""

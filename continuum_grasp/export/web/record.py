@@ -32,9 +32,9 @@ class Record:
     u: list[Any]
     w: list[Any]
     z: list[Any] | None = None
-    """What the controller would start from; None without one."""
+    """State from which the controller would start; None without one."""
     known: list[Any] | None = None
-    """What it knows of the finger."""
+    """Parameters of the finger as the controller knows them."""
     changes: Sequence[Any] = ()
     """Weights of setpoints, least and greatest input from instants on: ``t``, ``weights``, ``low`` and ``high``."""
     reference: list[Any] | None = None
