@@ -83,7 +83,7 @@ class WebPlant:
 
     def __post_init__(self) -> None:
         if self.system.sweeps:
-            message = f"a page has no sweeps along the chain, by which so many move: expected fewer than {FEWEST_ELEMENTS}"
+            message = f"a page has no sweeps along the chain: expected fewer than {FEWEST_ELEMENTS} elements"
             raise InputError(message, key="fidelity.elements")
 
     @property
