@@ -42,7 +42,7 @@ from continuum_grasp.scene.value import (
     Value,
     check_shorter,
     doubt,
-    doubt_outside,
+    doubt_beyond_a_turn,
 )
 
 if TYPE_CHECKING:
@@ -114,9 +114,7 @@ class BasePose(Value):
     """Angle from world axes to base axes, counter-clockwise [rad]."""
 
     def _check(self) -> None:
-        turn = 2 * math.pi * (1 + 1e-9)
-        why = f"rad is beyond a full turn; is it in degrees? (expected: rad, or {self.angle:g} deg)"
-        doubt_outside("base.angle", self.angle, -turn, turn, why)
+        doubt_beyond_a_turn("base.angle", self.angle)
 
 
 _NOT_COMMANDED = ("drive", "friction", "time_constant")

@@ -9,7 +9,17 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, excludes, needs
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Angle, Duration, Interval, Length, ListOf, Positive, Real, Value
+from continuum_grasp.scene.value import (
+    Angle,
+    Duration,
+    Interval,
+    Length,
+    ListOf,
+    Positive,
+    Real,
+    Value,
+    doubt_beyond_a_turn,
+)
 
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "frequency", "decay_rate"]
 _NUMBERED = ("tension", "length", "motor_angle", "torque", "frequency", "decay_rate")
@@ -129,6 +139,7 @@ class _Data(Value):
     def _check(self) -> None:
         if self.axes[0][-1] == self.axes[1][-1]:
             raise ValueError(f"axes: both are along {self.axes[0][-1]}: expected x and y, such as [x, -y]")
+        doubt_beyond_a_turn("plane", self.plane)
 
 
 class StaticPoses(_Data):

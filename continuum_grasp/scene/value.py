@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import math
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sized
@@ -300,6 +301,13 @@ def doubt_outside(key: str, value: float | None, least: float, most: float, why:
     """Warn of a value, where there is one, outside the range of what is built; ``why`` begins with its unit."""
     if value is not None and not least <= value <= most:
         doubt(f"{key} = {value:g} {why}")
+
+
+def doubt_beyond_a_turn(key: str, angle: float | None) -> None:
+    """Warn of an angle [rad], where there is one, that was likely meant in degrees."""
+    turn = 2.0 * math.pi * (1.0 + 1e-9)
+    why = f"rad is beyond a full turn; is it in degrees? (expected: rad, or {angle or 0.0:g} deg)"
+    doubt_outside(key, angle, -turn, turn, why)
 
 
 def doubt(what: str) -> None:

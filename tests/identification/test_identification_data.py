@@ -65,6 +65,14 @@ def test_poses_are_read_with_units_in_heading_and_configuration(tmp_path):
     assert data.name == "drops"
 
 
+def test_planes_are_read_in_degrees_too_and_many_radians_are_suspected(tmp_path):
+    write_drops(tmp_path)
+    (data,) = read_data(scene({**STATIC, "plane": "30 deg"}), [tmp_path])
+    assert data.plane == pytest.approx(math.pi / 6.0)
+    with pytest.warns(UserWarning, match="plane = 30 rad is beyond a full turn; is it in degrees?"):
+        scene({**STATIC, "plane": 30})
+
+
 def test_rows_are_chosen_and_columns_taken_off(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("pose,load,tip_y,base_y,base_x,tip_x\n1.0,0,5,1,0,0\n2,7,9,1.5,1,2\n3,0,0,0,0,0\n")
