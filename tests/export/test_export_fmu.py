@@ -25,6 +25,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, export_fmu
 from continuum_grasp.export.fmu.description import base_unit
+from continuum_grasp.export.fmu.plant import loop_plant_unit
 from continuum_grasp.scene.load import load
 from tests.export.test_export_touching import scene as touching_scene
 from tests.export_cases import TENDONS, loop_scene, needs, run, shared_library
@@ -362,6 +363,13 @@ def test_scenes_and_options_that_do_not_fit(tmp_path):
         with pytest.raises(InputError, match=words):
             export_fmu(given, tmp_path, binary=False, **options)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", few(["winches", "spirob", "motor_servo", "tip_steps"], 1))
+def test_the_plants_of_shipped_loops_are_within_what_compilers_take(name):
+    """Eight clothoids with 62,000 to 80,000 instructions in their linearization."""
+    unit = loop_plant_unit(cg.load(ROOT / f"configs/mpc/{name}.yaml"), "plant")
+    assert "plant_plant_step" in unit.sources["plant_plant.c"]
 
 
 def test_stiff_fingers_take_sub_steps(tmp_path):

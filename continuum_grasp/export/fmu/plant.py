@@ -149,9 +149,9 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
     """CasADi's C of functions, and its header; InputError where one is too large, OSError where the disk is full."""
     for function in functions:
         for part in (function, *function.find_functions()):
-            # 60_000: instructions of one function of a plant, without loops: what is compiled once may take a minute
-            # and 1.4 GB
-            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 60_000)
+            # 100_000: instructions of one function of a plant, without loops: the 80,000 of configs/mpc/spirob.yaml
+            # take 31 s and 0.8 GB to compile, once
+            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 100_000)
     generator = generator_of(name, functions, with_header=True, with_export=False)
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
