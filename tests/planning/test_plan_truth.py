@@ -12,7 +12,7 @@ from scipy.optimize import root
 
 import continuum_grasp as cg
 from continuum_grasp.planning import plan
-from continuum_grasp.planning.guess import smooth_path
+from continuum_grasp.planning.guess import closing, smooth_path
 from continuum_grasp.planning.search import Search
 from continuum_grasp.planning.shooting import amplification
 from continuum_grasp.scene.load import load
@@ -95,6 +95,17 @@ def test_tracking_follows_a_reference_that_the_finger_can_run():
         intervals=30,
     )
     assert plan(scene).bending == pytest.approx(made.bending, abs=5e-3)  # its kinks cannot be run
+
+
+def test_starts_with_an_object_differ_by_when_their_inputs_rest():
+    """Bent to either side they would be one start: the finger goes where its inputs lead. All end on the object."""
+    asked, near = closing(cg.load(ROOT / "configs/plan/close_on_mug.yaml", ["intervals=20"]))
+    search = Search(asked, near=near)
+    model, starts = search.motion.prediction, [path for _, path, _ in search._paths()]
+    assert len(starts) == 3
+    for path, rests in zip(starts, (14, 18, 20), strict=True):
+        assert np.flatnonzero(np.all(path.u == path.u[-1], axis=1))[0] == rests
+        assert np.max(model.contact_force(path.x[-1], path.u[-1], model.p_nominal)) > 1.0
 
 
 @pytest.mark.deep
