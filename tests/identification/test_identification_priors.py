@@ -57,6 +57,22 @@ def test_what_is_known_beforehand_weighs_as_bayes_says():
     assert infer(unknowns, found.values, *rows).deviations == pytest.approx(expected, rel=1e-9)
 
 
+def test_derivatives_by_a_vector_across_the_finger_are_differences():
+    """Predictions are linear, so that a difference of any step is exact; two sets bend in planes of their own."""
+    rng, sought = np.random.default_rng(1), [unknown(0.0, per="plane"), unknown(0.0), unknown(0.0, per="set")]
+    blocks = [Linear(rng.standard_normal((4, 3)), rng.standard_normal(4), 0.1) for _ in range(2)]
+    for block, plane in zip(blocks, (0.3, 2.0), strict=True):
+        block.plane = plane
+    problem = Problem(blocks, sought)
+    at = rng.standard_normal(len(problem.unknowns))
+    y, jacobian = problem.predict(at)
+    assert jacobian.shape == (8, 6)  # two of all sets, two parts of the vector, one of each set
+    for k, step in enumerate(np.eye(6)):
+        assert jacobian[:, k] == pytest.approx(problem.predict(at + step)[0] - y, abs=1e-12)
+    turned = np.array([np.cos(0.3), np.sin(0.3)])
+    assert blocks[0].asked[0] == pytest.approx([at[0] + turned @ at[2:4], at[1], at[4]])
+
+
 def test_the_start_of_a_hold_out_is_sought_with_what_is_known_of_it():
     """A set that is not fitted moves nothing that all sets have, nor does what is known of its start."""
     own = (unknown(2.0, 0.1, per="set"),)
