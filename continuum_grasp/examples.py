@@ -38,14 +38,14 @@ class Example:
     @property
     def verb(self) -> str:
         """The command that runs it; a finger alone can only be checked."""
-        from continuum_grasp.scene.load import KINDS
+        from continuum_grasp.scene.kinds import KINDS
 
         return KINDS[self.kind].command or "validate"
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
         """Every file that it needs, its own first, then the fingers, grasps and data that it names, and schemas."""
-        from continuum_grasp.scene.load import DEFINITIONS
+        from continuum_grasp.scene.kinds import DEFINITIONS
 
         root = shipped_folder()
         files = dict.fromkeys([self.path, *(file for file in _named(self.path) if isinstance(file, Path))])
@@ -76,7 +76,7 @@ def shipped_folder() -> Path:
 @cache
 def examples() -> dict[str, Example]:
     """All shipped examples by name, in the order of their kinds."""
-    from continuum_grasp.scene.load import KINDS
+    from continuum_grasp.scene.kinds import KINDS
 
     shipped = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
     return {entry.name: entry for entry in sorted(shipped, key=lambda entry: list(KINDS).index(entry.kind))}

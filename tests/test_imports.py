@@ -148,7 +148,6 @@ def test_the_package_itself_loads_nothing_but_its_own_beginnings():
         assert loaded == {"continuum_grasp._lazy"}
 
 
-@pytest.mark.deep
 def test_nothing_but_the_command_line_prints():
     wrong = []
     for file in FILES:
@@ -162,7 +161,6 @@ def test_nothing_but_the_command_line_prints():
     assert not wrong
 
 
-@pytest.mark.deep
 def test_input_is_not_checked_by_assert():
     wrong = [
         f"{file.relative_to(PACKAGE)}:{node.lineno}"
@@ -180,7 +178,6 @@ def test_no_public_name_is_that_of_a_module():
     assert not set(continuum_grasp.__all__) & {file.relative_to(PACKAGE).parts[0].removesuffix(".py") for file in FILES}
 
 
-@pytest.mark.deep
 def test_there_are_no_circles():
     """Of files, imports for the type checker included; ``continuum_grasp`` itself aside."""
     dotted = {file: ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts) for file in FILES}

@@ -99,7 +99,7 @@ def schema(
 ) -> None:
     """JSON Schema of the configurations, for editors."""
     from continuum_grasp.results.atomic import write_text
-    from continuum_grasp.scene.load import KINDS
+    from continuum_grasp.scene.kinds import KINDS
     from continuum_grasp.scene.schema import json_schema, schema_files, schema_text
 
     output = Output()
@@ -126,7 +126,8 @@ def validate(
     from continuum_grasp.model import FingerModel
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.finger import Finger
-    from continuum_grasp.scene.load import kind_of_scene, load_placed
+    from continuum_grasp.scene.kinds import kind_of_scene
+    from continuum_grasp.scene.load import load_placed
     from continuum_grasp.scene.simulate import Scene
 
     checked: list[dict[str, Any]] = []

@@ -35,7 +35,8 @@ def mpc(
     grasp) takes an object from approach to release; exit status 1 if it is dropped, or not let go in the end.
     """
     from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.load import load, other_kind
+    from continuum_grasp.scene.kinds import other_kind
+    from continuum_grasp.scene.load import load
     from continuum_grasp.scene.mission import MissionScene
 
     scene = load(output.config, [*(output.changes or ()), *_settings(seed, trials)])

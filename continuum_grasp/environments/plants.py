@@ -25,7 +25,8 @@ from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.parameters import nominal_values
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load, other_kind
+from continuum_grasp.scene.kinds import other_kind
+from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.sweep import Sweep
 from continuum_grasp.scene.value import doubt

@@ -18,7 +18,6 @@ from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.scene.drives import DriveLaw
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.mission import MissionScene
 
@@ -197,7 +196,7 @@ class Lowered:
 
 def keep_position(fingers: Sequence[Finger]) -> bool:
     """Whether the drives keep their position while a pull grows: winches, and motors under a position servo."""
-    return all(bool(finger.winches) if (law := DriveLaw.of(finger)) is None else law.locks for finger in fingers)
+    return all(bool(finger.winches) if (law := finger.drive_law) is None else law.locks for finger in fingers)
 
 
 def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) -> tuple[Lowered, ...]:
@@ -211,7 +210,7 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) ->
     if of.mission.gravity:
         return ()
     more = (plant_mass(of.mission, variation) - grasp.scene.object.mass) * np.array([*down, 0.0])
-    laws, keeps = [DriveLaw.of(finger) for finger in fingers], keep_position(fingers)
+    laws, keeps = [finger.drive_law for finger in fingers], keep_position(fingers)
     springs = [np.inf if law is None else sum(law.springs(2 * [1.0 / (law.series + law.axial)])) for law in laws]
     there = GraspResponse(grasp.scene, grasp.arrays, springs, 1.0 / of.mission.contact_law.stiffness)
     changes = (

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place, dotted, plain, undotted
+from continuum_grasp.scene.kinds import kind_of
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
 
 if TYPE_CHECKING:
@@ -35,23 +36,6 @@ def validated(document: Document, model: type[Model]) -> Model:
         return model.model_validate(document.value)
     except ValidationError as error:
         raise input_error(error, model, document) from error
-
-
-def kind_of(data: Any) -> str:
-    """Kind of a configuration, as in ``KINDS`` of ``scene.load``."""
-    keys = set(data) if isinstance(data, dict) else set()
-    marks = {
-        "mission": {"controller", "grasp"} <= keys,
-        "mpc": "controller" in keys,
-        "plan": "goal" in keys,
-        "design": {"variables", "minimize"} & keys,
-        "sweep": {"scene", "vary", "sample"} & keys,
-        # A simulation with an object has a contact law, a grasp never.
-        "grasp": "object" in keys and "contact_law" not in keys,
-        "identify": {"estimate", "data"} & keys,
-        "finger": "rod" in keys and "finger" not in keys,
-    }
-    return next((kind for kind, there in marks.items() if there), "simulate")
 
 
 def assembled(path: str | Path, changes: Iterable[Change], varied: Iterable[KeyPath] = ()) -> Document:

@@ -14,7 +14,6 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.profile import Channel
 
 SOFT = 20e-6
@@ -188,15 +187,6 @@ class DriveLaw:
     """Elongation of what is between drive and finger per tension [m/N]."""
     axial: float
     """Elongation along the finger per tension that is the same all along [m/N]."""
-
-    @staticmethod
-    def of(finger: Finger) -> DriveLaw | None:
-        """Drive of a finger; None where tensions are commanded."""
-        tendon = finger.tendon_list[0]
-        if tendon.drive is None or tendon.axial_stiffness is None or tendon.series_stiffness is None:
-            return None
-        axial = tendon.end(finger.rod.length) / tendon.axial_stiffness
-        return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, axial)
 
     @property
     def pulley(self) -> bool:

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, beside, excludes, needs
-from continuum_grasp.scene.drives import Input, LengthDrive, MotorDrive, Pull, numbered
+from continuum_grasp.scene.drives import DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.rod import Damping, Rod
@@ -306,6 +306,15 @@ class Finger(Value):
         """Winches and motors of the tendons, those on one pulley once; none where tensions are commanded."""
         winches = tuple(tendon.drive for tendon in self.tendon_list if tendon.drive is not None)
         return winches[:1] if winches and winches[0].arrangement == "one_pulley" else winches
+
+    @property
+    def drive_law(self) -> DriveLaw | None:
+        """Drives of the first tendon and the one opposite, at rest; None where tensions are commanded."""
+        tendon = self.tendon_list[0]
+        if tendon.drive is None or tendon.axial_stiffness is None or tendon.series_stiffness is None:
+            return None
+        axial = tendon.end(self.rod.length) / tendon.axial_stiffness
+        return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, axial)
 
     @cached_property
     def inputs(self) -> tuple[Input, ...]:

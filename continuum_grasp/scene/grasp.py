@@ -121,7 +121,7 @@ class FingerSetup:
     @property
     def drive(self) -> DriveLaw | None:
         """Drive that winds up the tendons; None where tensions are commanded."""
-        return DriveLaw.of(self.finger)
+        return self.finger.drive_law
 
     @property
     def max_tension(self) -> float:

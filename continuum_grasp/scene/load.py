@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import (
     Overrides,
     apply_override,
     assembled,
-    kind_of,
     placed,
     read_overrides,
     take_version,
@@ -21,11 +19,10 @@ from continuum_grasp.scene.assembly import (
 )
 from continuum_grasp.scene.document import Document, Place
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.kinds import each_of, kind_of, model_of, other_kind
 from continuum_grasp.scene.simulate import Scene
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
-
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.design import Design
     from continuum_grasp.scene.grasp import GraspScene
@@ -34,46 +31,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.sweep import Sweep
 
     Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep | Design
-
-
-class _Kind(NamedTuple):
-    module: str
-    model: str
-    words: str
-    keys: str
-    """Some by which the kind is recognized."""
-    command: str | None
-    """Verb that runs the kind; None: a finger alone is not run."""
-
-    @property
-    def expected(self) -> str:
-        """Expected kind of file, as errors name it."""
-        return f"{self.words} ({self.keys}, ...)"
-
-
-KINDS = {
-    "simulate": _Kind("simulate", "Scene", "a scene", "finger, gravity", "simulate"),
-    "identify": _Kind("identify", "IdentifyScene", "an identification", "finger, estimate", "identify"),
-    "grasp": _Kind("grasp", "GraspScene", "a grasp", "finger, object", "grasp"),
-    "mpc": _Kind("control", "ControlScene", "a closed loop", "finger, controller", "mpc"),
-    "mission": _Kind("mission", "MissionScene", "a mission", "grasp, controller", "mpc"),
-    "plan": _Kind("plan", "PlanScene", "a plan", "finger, goal", "plan"),
-    "sweep": _Kind("sweep", "Sweep", "a sweep", "scene, vary", "sweep"),
-    "design": _Kind("design", "Design", "a design", "scene, variables, minimize", "design"),
-    "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
-}
-"""Kinds of configurations, by name."""
-DEFINITIONS = "definitions.json"
-"""File beside the schemas of all kinds, with the definitions that they share."""
-
-
-def model_of(kind: str) -> type[BaseModel]:
-    if kind not in KINDS:
-        raise InputError(f"no such kind of configuration: expected one of {', '.join(KINDS)}, got {kind!r}")
-    # A kind's module is loaded with its first file: a simulation needs none of those of control.
-    module = import_module(f"continuum_grasp.scene.{KINDS[kind].module}")
-    model: type[BaseModel] = getattr(module, KINDS[kind].model)
-    return model
 
 
 Kind = TypeVar("Kind")
@@ -161,27 +118,9 @@ def placed_scene_of(given: Any, kind: type[Any], overrides: Overrides = ()) -> t
 
 def _read(given: Any, kind: Any, overrides: Overrides, others: str = "") -> tuple[Any, Document]:
     if not isinstance(given, (str, os.PathLike)):
-        names = " or ".join(accepted.__name__ for accepted in _each(kind))
+        names = " or ".join(accepted.__name__ for accepted in each_of(kind))
         raise InputError(f"expected a {names} or the path of its file{others}, got {given!r:.80}")
     loaded, document = load_placed(Path(given), overrides)
     if not isinstance(loaded, kind):
         raise other_kind(given, kind, loaded)
     return loaded, document
-
-
-def _each(kind: type | tuple[type, ...]) -> tuple[type, ...]:
-    return kind if isinstance(kind, tuple) else (kind,)
-
-
-def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], loaded: Loaded) -> InputError:
-    """The error that a file is of another kind than those wanted, and which command takes it."""
-    names = [accepted.__name__ for accepted in _each(wanted)]
-    asked = [kind for kind in KINDS.values() if kind.model in names]
-    got = KINDS[kind_of_scene(loaded)]
-    advice = f" (continuum-grasp {got.command})" if got.command else ""
-    expected = " or ".join(kind.expected for kind in asked)
-    return InputError(f"expected {expected}, got {got.words}{advice}", file=os.fspath(file))
-
-
-def kind_of_scene(loaded: Loaded) -> str:
-    return next(name for name, kind in KINDS.items() if kind.model == type(loaded).__name__)

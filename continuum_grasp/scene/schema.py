@@ -6,7 +6,7 @@ import copy
 import json
 from typing import Any
 
-from continuum_grasp.scene.load import DEFINITIONS, KINDS, model_of
+from continuum_grasp.scene.kinds import DEFINITIONS, KINDS, model_of
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, to_si
 

@@ -14,9 +14,9 @@ from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import nearest
-from continuum_grasp.scene.assembly import assembled, changed, kind_of, named_file, path_of, placed, validated
+from continuum_grasp.scene.assembly import assembled, changed, named_file, path_of, placed, validated
 from continuum_grasp.scene.document import Change, Document, KeyPath, undotted
-from continuum_grasp.scene.load import KINDS, model_of
+from continuum_grasp.scene.kinds import KINDS, kind_of, model_of
 from continuum_grasp.scene.problems import input_error
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Follow, Sweep, Varied

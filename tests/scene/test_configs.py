@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from continuum_grasp.scene.assembly import kind_of
-from continuum_grasp.scene.load import DEFINITIONS, KINDS, load
+from continuum_grasp.scene.kinds import DEFINITIONS, KINDS
+from continuum_grasp.scene.load import load
 from continuum_grasp.scene.schema import json_schema, schema_files
 from continuum_grasp.scene.yaml_loader import read_yaml
 

@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import kind_of
-from continuum_grasp.scene.load import KINDS, load
+from continuum_grasp.scene.kinds import KINDS
+from continuum_grasp.scene.load import load
 from continuum_grasp.scene.objects.outline import OutlineFile
 from continuum_grasp.scene.units import QUANTITIES, units_of
 from continuum_grasp.scene.value import Value

@@ -21,7 +21,7 @@ from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.system import System
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
-from continuum_grasp.scene.load import KINDS
+from continuum_grasp.scene.kinds import KINDS
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.statics import equilibrium

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.load import KINDS, load, load_placed, model_of
+from continuum_grasp.scene.kinds import KINDS, model_of
+from continuum_grasp.scene.load import load, load_placed
 from continuum_grasp.scene.loads import Samples
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.shape import Shape, alternatives
