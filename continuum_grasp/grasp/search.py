@@ -293,7 +293,7 @@ class Search:
         for end in sorted(few.tried, key=lambda t: (t not in few.good, not t.attempt.converged, t.attempt.objective)):
             held, best, tried = end.attempt, self.best, None
             grasp = frozenset(held.start.contacts), round(held.objective, 6)
-            most = math.inf if best is None else PRUNE_FACTOR * best.attempt.objective + self._least_difference
+            most = math.inf if best is None else self._beyond(best, PRUNE_FACTOR)
             if held.objective > most or self.budget.over:
                 self._pruned[IN_VAIN] += 1
             elif grasp in known:
@@ -302,6 +302,9 @@ class Search:
                 if held.converged:
                     known.add(grasp)
                     tried = self.attempt(end.start, options_at=0)
+                    # A bold solver may leave the branch, as from friction that is not used at all; a careful one stays.
+                    if tried in self.good and tried.attempt.objective > self._beyond(end, WORSE):
+                        tried = self.attempt(end.start)
                 if tried is None or tried not in self.good:
                     self._missed.append((held.badness, held.start, 0))
                     if end in few.good and tried is not None:
@@ -453,6 +456,11 @@ class Search:
 
     def _tension(self, tried: Tried) -> float:
         return tension_of(self.scene, tried.arrays)
+
+    def _beyond(self, tried: Tried, factor: float) -> float:
+        """Objective that is worse than that of an attempt by a factor; some objectives are negative."""
+        objective = tried.attempt.objective
+        return objective + (factor - 1.0) * abs(objective) + self._least_difference
 
     @property
     def _least_difference(self) -> float:
