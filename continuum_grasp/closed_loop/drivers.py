@@ -30,7 +30,7 @@ from continuum_grasp.scene.load import scene_of
 
 
 class SimulatedBench:
-    """The plant of a scene as a bench, which counts as ``plant.mounting`` says.
+    """The plant of a scene as a bench, which counts as ``plant.mounting`` or ``mounting`` says.
 
     Parameters
     ----------
@@ -46,7 +46,9 @@ class SimulatedBench:
 
     @check_arguments
     def __init__(self, scene: ControlScene | str | PathLike[str]) -> None:
-        self.plant = Plant(scene_of(scene, ControlScene).replaced(mounting=None))
+        scene = scene_of(scene, ControlScene)
+        true = scene.plant.replaced(mounting=scene.bench_mounting)
+        self.plant = Plant(scene.replaced(mounting=None, plant=true))
         self.compiled = SharedPlant((self.plant,)).compiled  # before a clock runs
         self._u: ArrayLike = self.plant.model.rest_input
 

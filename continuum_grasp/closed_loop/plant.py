@@ -73,8 +73,8 @@ class Plant:
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
         names = self.sensors.names, self.model.u_names
         self._believed = wiring_of(scene.mounting, *names, "mounting")
-        self._real = wiring_of(scene.plant.mounting, *names, "plant.mounting")
-        self._wired = scene.mounting is not None or scene.plant.mounting is not None
+        self._real = wiring_of(scene.bench_mounting, *names, "plant.mounting")
+        self._wired = scene.mounting != scene.bench_mounting
         self.x, self.t = self.model.start.copy(), 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
         self._past_t, self._past_x, self._past_u = np.zeros(1), self.x[None], self.model.rest_input[None]

@@ -256,6 +256,11 @@ class ControlScene(CommandedScene):
         return tuple(dict.fromkeys((*self.parameters, *varied)))
 
     @property
+    def bench_mounting(self) -> Mounting | None:
+        """True mounting of the plant's bench: where it states none, the one that the controller knows."""
+        return self.mounting if self.plant.mounting is None else self.plant.mounting
+
+    @property
     def disturbances(self) -> frozenset[str]:
         """Names of the disturbances that are estimated."""
         return frozenset() if self.estimator is None else frozenset(self.estimator.disturbances.stated())

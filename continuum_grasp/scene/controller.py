@@ -341,7 +341,7 @@ class Plant(_Differs):
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the noise."""
     mounting: Mounting | None = None
-    """True mounting of the plant's bench; None: as the model does."""
+    """True mounting of the plant's bench; None: that of the controller, ``{}``: as the model counts."""
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """Changes of a finger's tendons, as ``Finger.with_tendons`` takes it."""

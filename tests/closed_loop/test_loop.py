@@ -12,6 +12,7 @@ import pytest
 from scipy.optimize import minimize
 
 import continuum_grasp as cg
+from continuum_grasp.closed_loop.drivers import SimulatedBench
 from continuum_grasp.closed_loop.plant import Plant, Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
@@ -203,6 +204,18 @@ def test_measurements_arrive_late():
             assert tried.measure()[:2] == pytest.approx([0.0, 0.18])
     late = round(0.025 / 0.01 * tried.method.substeps)
     assert tried.measure()[:2] == pytest.approx(tips[-1 - late], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("true", "shown", "believed"),
+    [(None, (-0.02, -0.36), (0.0, 0.18)), ({}, (0.0, 0.18), (0.01, -0.09))],
+)
+def test_a_bench_is_mounted_as_the_controller_knows_unless_stated(true, shown, believed):
+    """The tip at 180 mm, by a camera that shows twice the distance from a place beside the clamp, mirrored."""
+    known = {"camera": {"position": (0.01, 0.0), "scale": 2.0, "mirrored": True}}
+    scene = make(estimator=ESTIMATOR, mounting=known, plant={"fidelity": ARCS, "noise": 0.0, "mounting": true})
+    assert SimulatedBench(scene).read()[:2] == pytest.approx(shown, abs=1e-12)
+    assert Plant(scene).measure()[:2] == pytest.approx(believed, abs=1e-12)
 
 
 def test_tensions_that_lag_are_measured_beside_chambers_that_act_at_once():
