@@ -28,7 +28,7 @@ from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.system import System, columns
 from continuum_grasp.model.touching import Station
 from continuum_grasp.model.winches import Winch, winches_of
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside, unknown_to
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, unknown_to
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Initial, Scene
 
@@ -328,11 +328,13 @@ _GUIDES = Consumer(
         **dict.fromkeys(("finger.tendons.min_tension", "finger.tendons.max_tension"), "the controller keeps it"),
     },
 )
-_ON_AXIS = beside(
+_ON_AXIS = Consumer(
     "plant.guides under what is aside",
-    lambda s: s.finger.tip_body is not None and s.finger.tip_body.center_of_mass[0] != 0.0,
-    "finger.tip_body.center_of_mass",
-    "a chain of guides carries a body at the tip on its axis alone: expected 0 across",
+    {
+        "finger.tip_body.center_of_mass": "a chain of guides carries a body at the tip on its axis alone: expected 0 "
+        "across"
+    },
+    where=lambda s: s.finger.tip_body is not None and s.finger.tip_body.center_of_mass[0] != 0.0,
 )
 
 

@@ -218,17 +218,13 @@ def prefix_of(given: Any) -> str:
     return given
 
 
-_NO_LOOP = "needs a closed loop (finger, controller, ...)"
 _UNSEEN = "this scene has no estimator: leave the part out"
 _ALONE = "contact needs an object and its contact_law in the scene: leave the part out"
-_NO_MISSION = "needs a mission (grasp, contact_law, phases, ...)"
 _PARTS = (
-    beside("export to c of no mission", lambda s: s.phases is None, "what=mission", _NO_MISSION),
-    beside("export to c of no closed loop", lambda s: s.loop is None, "what=estimator what=mpc", _NO_LOOP),
-    beside("export to c of no estimator", lambda s: not getattr(s.loop, "estimator", None), "what=estimator", _UNSEEN),
-    beside(
-        "export to c of no contact", lambda s: not (s.surroundings and s.surroundings.object), "what=contact", _ALONE
-    ),
+    beside("what=mission", lambda s: s.phases is None, "needs a mission (grasp, contact_law, phases, ...)"),
+    beside("what=estimator what=mpc", lambda s: s.loop is None, "needs a closed loop (finger, controller, ...)"),
+    beside("what=estimator", lambda s: not getattr(s.loop, "estimator", None), _UNSEEN),
+    beside("what=contact", lambda s: not (s.surroundings and s.surroundings.object), _ALONE),
 )
 
 

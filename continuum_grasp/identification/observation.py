@@ -12,7 +12,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import Motor
-from continuum_grasp.scene.consumer import needs
+from continuum_grasp.scene.consumer import refusals
 
 
 def observed(
@@ -56,8 +56,9 @@ def _along(model: FingerModel, reading: Reading, q: ca.SX, u: ca.SX, p: ca.SX, o
     return model.orientation(q, u, s, p) - base
 
 
-_MOTORS = " ".join(f"data.measured.quantity={name}" for name in ("motor_angle", "torque"))
-_OF_MOTORS = needs("identify", _MOTORS, "kind=motor", "is that of a motor: this drive has another kind")
+(_OF_MOTORS,) = refusals(
+    "data.measured.quantity={motor_angle,torque} without kind=motor: is that of a motor: this drive has another kind"
+)
 
 
 def _at_drive(model: FingerModel, reading: Reading, u: ca.SX, tensions: ca.SX, states: ca.SX) -> ca.SX:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import Literal, NamedTuple, cast
 
 import numpy as np
@@ -15,7 +14,7 @@ from continuum_grasp.labels import nearest, unit_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.laws.section import POSITIVE
 from continuum_grasp.model.parameters import numbers_of
-from continuum_grasp.scene.consumer import beside
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.methods import default_family
 from continuum_grasp.scene.simulate import Scene
@@ -40,23 +39,22 @@ _OWN = {
 """Unit of each unknown that the model does not have, and its least value, as in ``Number``."""
 
 
-_GRADED = "needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate bending_stiffness, a factor"
-_UNIFORM = "needs a rod that is given by its shape; or estimate bending_stiffness"
-_STATED = "state the rest_curvature of the finger, not that of its rod, to estimate it"
-_MODULUS = "name=youngs_modulus"
-
-
-_refused = partial(beside, at="estimate")
-_DRIVES = (
-    _refused("identify without tendons", lambda f: f.tendons is None, f"name={DELAY}", "needs finger.tendons"),
-    _refused(
-        "identify without drives", lambda f: not (f.tendons or f.chambers), f"name={LAG}", "needs tendons or pressure"
-    ),
+_DRIVES = refusals(
+    f"""
+    name={DELAY} without tendons: needs finger.tendons
+    name={LAG} without tendons chambers: needs tendons or pressure
+    """
 )
-_ESTIMATES = (
-    _refused("identify materials", lambda rod: rod.graded and not rod.one_modulus, _MODULUS, _GRADED),
-    _refused("identify a shape", lambda rod: not (rod.graded or rod.youngs_modulus), _MODULUS, _UNIFORM),
-    _refused("identify a bent rod", lambda rod: rod.own_rest_curvature, "name=rest_curvature", _STATED),
+_ESTIMATES = refusals(
+    """
+    name=youngs_modulus with mixed:
+        needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate bending_stiffness, a factor
+    name=youngs_modulus without graded youngs_modulus:
+        needs a rod that is given by its shape; or estimate bending_stiffness
+    name=rest_curvature with own_rest_curvature:
+        state the rest_curvature of the finger, not that of its rod, to estimate it
+    """,
+    mixed=lambda rod: rod.graded and not rod.one_modulus,
 )
 
 

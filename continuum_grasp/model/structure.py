@@ -32,10 +32,9 @@ from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.tendons import channels
 
 _CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: take choose_fidelity(scene).scene"})
-_LAG = "and tendons.time_constant exclude each other: the lag gives the rates"
 _RATES = (
-    beside("models of a free tip", lambda s: not s.matched, "input_rates", "needs family matched_clothoid"),
-    beside("models with a lag", lambda s: s.lagged, "input_rates", _LAG),
+    beside("input_rates", lambda s: not s.matched, "needs family matched_clothoid"),
+    beside("input_rates", lambda s: s.lagged, "and tendons.time_constant exclude each other: the lag gives the rates"),
 )
 
 

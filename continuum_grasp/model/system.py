@@ -19,19 +19,19 @@ from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import Vec, column
-from continuum_grasp.scene.consumer import beside, needs
+from continuum_grasp.scene.consumer import beside, refusals
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 
 _ANY = " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION))
-_SHARE, _PLACE = f"object_parameters={CONTACT_FRICTION}", "object_parameters=object_x object_parameters=object_y"
+_SHARE = f"object_parameters={CONTACT_FRICTION}"
 _OF_FRICTION, _STATE = "needs contact_law.friction, of whose limit it is a share", "is in x, since the object moves"
 _OF_OBJECTS = (
-    beside("systems without an object", lambda s: s is None, _ANY, "needs an object"),
-    beside("systems without friction", lambda s: not (s.contact_law and s.contact_law.friction), _SHARE, _OF_FRICTION),
-    beside("systems of an object that moves", lambda s: s.object_moves, _PLACE, _STATE),
-    needs("systems", "object_parameters=object_mass", "object_moves", "needs an object that moves"),
+    beside(_ANY, lambda s: s is None, "needs an object"),
+    beside(_SHARE, lambda s: not (s.contact_law and s.contact_law.friction), _OF_FRICTION),
+    beside("object_parameters=object_x object_parameters=object_y", lambda s: s.object_moves, _STATE),
+    *refusals("object_parameters=object_mass without object_moves: needs an object that moves"),
 )
 
 

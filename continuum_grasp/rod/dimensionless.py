@@ -15,7 +15,7 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.rod.dense_rod import Mesh, panel_edges, with_places
-from continuum_grasp.scene.consumer import beside
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
@@ -188,12 +188,12 @@ def _tendons(
     return tendons
 
 
-_SERVOS = "the exact rod knows torques of motors, one per tendon: give family and elements"
-_MOTORS = beside(
+_MOTORS = Consumer(
     "accuracy of motors",
-    lambda s: any(d.kind == "motor" and (d.arrangement == "one_pulley" or d.position_gain) for d in s.finger.winches),
-    "finger.tendons.drive",
-    _SERVOS,
+    {"finger.tendons.drive": "the exact rod knows torques of motors, one per tendon: give family and elements"},
+    where=lambda s: any(
+        d.kind == "motor" and (d.arrangement == "one_pulley" or d.position_gain) for d in s.finger.winches
+    ),
 )
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import inspect
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
@@ -35,7 +37,7 @@ LIMITS_OF_COMMANDS = {
 
 @dataclass(frozen=True)
 class Consumer:
-    """A declaration of the keys of a scene that something does not take as they are.
+    """A declaration of the keys of a scene, or of a part of one, that something does not take as they are.
 
     A key is dotted, without indices: it stands for that of each entry of a list or mapping. ``key=word`` is the key
     with that value alone, or that word in a list. A key counts as given where it differs from its default. Arguments of
@@ -44,7 +46,7 @@ class Consumer:
     Attributes
     ----------
     name : str
-        What it is, as the table in the documentation has it.
+        What it is, as the table in the documentation has it; empty of keys that have no place beside others.
     refused : mapping of str to str
         By key, why it is an error.
     otherwise : mapping of str to str
@@ -54,23 +56,19 @@ class Consumer:
         name.
     where : callable
         Whether it is about a scene: of what has no effect beside other keys.
-    at : str
-        Where the part stands in the scene that is checked, such as ``finger.tendons.drive``; keys are those of the
-        scene.
     """
 
-    name: str
+    name: str = ""
     refused: Mapping[str, str] = field(default_factory=dict)
     otherwise: Mapping[str, str] = field(default_factory=dict)
     unneeded: Mapping[str, str] = field(default_factory=dict)
     where: Callable[[Any], Any] = lambda scene: True
-    at: str = ""
 
     def __post_init__(self) -> None:
-        CONSUMERS[self.name] = self
+        CONSUMERS[self.name or str(dict(self.refused))] = self
 
     def check(self, scene: Any, place: str = "", of: BaseModel | Mapping[str, Any] | None = None) -> tuple[str, ...]:
-        """List what becomes of keys that are taken otherwise, of a scene or of the part of one that is ``at`` a key.
+        """List what becomes of keys that are taken otherwise, of a scene or of a part of one.
 
         ``of`` is what has the keys, where that is not the scene: a value, or arguments by name with whether they are
         given, or as what the error calls them. The key of an `InputError`, of the first that is refused, is seen from
@@ -78,39 +76,52 @@ class Consumer:
         """
         if not self.where(scene):
             return ()
-        head = f"{self.at}." if self.at else ""
         of = scene if of is None else of
         for key, why in self.refused.items():
-            if present := next(_given(of, key.removeprefix(head)), None):
+            if present := next(_given(of, key), None):
                 raise InputError(why, key=f"{place}.{present}" if place else present)
-        return tuple(
-            f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(of, key.removeprefix(head)))
-        )
+        return tuple(f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(of, key)))
 
 
-def beside(name: str, where: Callable[[Any], Any], keys: str, why: str, at: str = "") -> Consumer:
-    """Declare that keys, separated by spaces, have no place in some scenes, where giving them is an error.
+def beside(keys: str, where: Callable[[Any], Any], why: str) -> Consumer:
+    """Declare that keys, separated by spaces, have no place in some scenes, where giving them is an error."""
+    return Consumer(refused=dict.fromkeys(keys.split(), why), where=where)
 
-    ``at`` is where the part stands that is checked; keys are seen from there. The first word of ``name`` says whose
-    scenes these are.
+
+_RULE = re.compile(r"(?P<keys>[^:]+?)(?: (?P<how>with|without) (?P<other>[^:]+))?(?:: (?P<why>.+))?")
+
+
+def refusals(rules: str, **where: Callable[[Any], Any]) -> tuple[Consumer, ...]:
+    """Declare keys that have no place beside others, or without them: a rule per line, going on where it is indented.
+
+    ``KEYS with OTHERS: WHY`` refuses keys where one of the others is given, ``KEYS without OTHERS: WHY`` where none is,
+    ``KEYS: WHY`` everywhere; ``table.{point,stays}`` are two keys. Others are keys, properties, or functions in
+    ``where``, which take the scene. Of what is needed, the reason may be left out.
     """
-    head = f"{at}." if at else ""
-    return Consumer(name, dict.fromkeys((f"{head}{key}" for key in keys.split()), why), where=where, at=at)
+    declared = []
+    for line in re.sub(r"\n\s+", " ", inspect.cleandoc(rules)).splitlines():
+        rule = cast(re.Match[str], _RULE.fullmatch(line))
+        others = [key for word in (rule["other"] or "").split() for key in _spelled_out(word)]
+
+        def holds(scene: Any, others: Sequence[str] = others, how: str | None = rule["how"]) -> bool:
+            return any(where[key](scene) if key in where else any(_given(scene, key)) for key in others) is (
+                how == "with"
+            )
+
+        keys = " ".join(key for word in rule["keys"].split() for key in _spelled_out(word))
+        declared.append(beside(keys, holds, rule["why"] or f"needs {rule['other'].replace('=', ': ')}"))
+    return tuple(declared)
 
 
-def needs(whose: str, keys: str, other: str, why: str = "", at: str = "") -> Consumer:
-    """Declare that keys have no place without another one."""
-    word = other.replace("=", ": ")
-    return beside(f"{whose} without {word}", lambda s: not any(_given(s, other)), keys, why or f"needs {word}", at)
-
-
-def excludes(whose: str, keys: str, other: str, why: str, at: str = "") -> Consumer:
-    """Declare that keys have no place beside another one."""
-    return beside(f"{whose} with {other.replace('=', ': ')}", lambda s: any(_given(s, other)), keys, why, at)
+def _spelled_out(key: str) -> list[str]:
+    """The keys that one with alternatives in braces stands for."""
+    head, brace, rest = key.partition("{")
+    names, _, tail = rest.partition("}")
+    return [head + name + end for name in names.split(",") for end in _spelled_out(tail)] if brace else [key]
 
 
 def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
-    """Places in a scene, or names among arguments, where a key is given."""
+    """Places in a scene, or names among arguments, where a key is given, or a property is something."""
     if not where and isinstance(value, dict):
         if value.get(key):
             yield value[key] if isinstance(value[key], str) else key
@@ -123,9 +134,12 @@ def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
     elif isinstance(value, Mapping):
         for label, child in value.items():
             yield from _given(child, key, f"{where}.{label}")
-    elif isinstance(value, BaseModel) and (field := type(value).model_fields.get(name)):
+    elif hasattr(value, name):
         child, here = getattr(value, name), f"{where}.{name}".removeprefix(".")
-        default = field.get_default(call_default_factory=True, validated_data={})
+        known = getattr(type(value), "model_fields", {}).get(name)
+        default = (
+            PydanticUndefined if known is None else known.get_default(call_default_factory=True, validated_data={})
+        )
         if rest:
             yield from _given(child, rest + (f"={word}" if word else ""), here)
         elif word and isinstance(child, tuple):

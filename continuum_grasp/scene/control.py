@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
+from continuum_grasp.scene.consumer import Consumer, beside, refusals
 from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
 from continuum_grasp.scene.cost import tracked
 from continuum_grasp.scene.estimator import Estimator, Mounting
@@ -34,21 +34,10 @@ _OF_SCENARIOS = {
 """Model parameters behind the keys of ``controller.scenarios``."""
 
 
-def _late(scene: ControlScene) -> bool:
-    """Whether commanded torques stand in for measured ones, and are not as old as the angles of the motors."""
-    of = scene.estimator
-    return bool(of and of.measured.angle and of.delay and not of.measured.torque)
-
-
-def _blurred(scene: ControlScene) -> bool:
+def _two_frictions(scene: ControlScene) -> bool:
     """Whether one error of the friction stands for tendons with different coefficients."""
     asked = scene.estimator and scene.estimator.contact_detection
     return bool(asked and asked.tendon_friction) and len({tendon.friction for tendon in scene.finger.tendon_list}) > 1
-
-
-def _sees(scene: ControlScene, *names: str) -> bool:
-    """Whether the estimator is given one of some quantities."""
-    return scene.estimator is not None and any(getattr(scene.estimator.measured, name) for name in names)
 
 
 def _unlike(name: str) -> Consumer:
@@ -57,11 +46,7 @@ def _unlike(name: str) -> Consumer:
     def differs(scene: ControlScene) -> bool:
         return len({getattr(tendon, name.removeprefix("tendon_")) for tendon in scene.finger.tendon_list} | {None}) != 2
 
-    return beside(f"mpc of tendons unlike in {name}", differs, _scenarios(name), "needs tendons that have it alike")
-
-
-def _scenarios(*names: str) -> str:
-    return " ".join(f"controller.scenarios.{name}" for name in names)
+    return beside(f"controller.scenarios.{name}", differs, "needs tendons that have it alike")
 
 
 def _rigid(scene: ControlScene) -> bool:
@@ -70,108 +55,89 @@ def _rigid(scene: ControlScene) -> bool:
     return scene.plant.axial_stiffness is None and None in stiffnesses
 
 
-def _lags(scene: ControlScene) -> bool:
-    """Whether tensions lag, beside chambers which need not."""
-    return any(tendon.time_constant for tendon in scene.finger.tendon_list)
-
-
 def _jumps(scene: ControlScene) -> bool:
     """Whether the plant's tensions, or its tip moment, follow commands at once."""
     return bool(scene.finger.winches) or (scene.lag is None and scene.plant.time_constant is None)
-
-
-_DRIVE, _MATCHED = "finger.tendons.drive", "plant.fidelity.family=matched_clothoid"
-_CABLES, _SLIDING = ("axial_stiffness", "series_stiffness"), ("tendon_friction", "presliding")
-_OF_TENDONS = " ".join(f"plant.{name}" for name in ("guides", *_SLIDING, *_CABLES))
-_POSITION, _CONTACT = "estimator.disturbances.object_position", "estimator.contact_detection"
-_TENSION = "estimator.measured.tension"
-_SHARE, _STIFFNESS = "estimator.disturbances.contact_friction", "estimator.adapt.bending_stiffness"
-_TOUCHING = f"controller.cost.contact_force controller.cost.gap {_POSITION} {_SHARE}"
-_POSE = "controller.cost.object_position controller.cost.object_angle estimator.measured.object"
-_OF_MOTORS = "estimator.measured.angle estimator.measured.torque"
-_EXACT = "needs an estimator: the controller is given the exact state at once"
-_COMMAND = "needs a lag; without one the tension is the command itself"
-_SET, _COMMANDED = "has no effect where the tension is commanded", "is that of commanded tensions"
-_MOVES = "needs an object that moves: set object_moves"
-_ELASTIC = "needs plant.axial_stiffness: a tendon that sticks at two guides must be elastic between them"
-_SEEN = "needs estimator.measured.object, by which the controller knows where it is"
-_STATELESS = "needs finger.tendons.friction above 0: without, the controller's model has no state of friction"
-_FACTOR = "needs finger.damping.material above 0, of which it is a factor"
-_LAGGING = "is that of commanded tensions: it needs finger.tendons.time_constant"
-_SMOOTH = "needs a continuous tip moment: give the drive a lag of second order, or use clothoid"
-_HIDDEN = "sees nothing through a gear with backlash, whose drum is not measured"
-_PLACED = "needs estimator.measured.length or estimator.measured.angle of drives, whose tension a contact changes"
-_PULLED = "needs estimator.measured.tension of winches"
-_BLURRED = "needs tendon_friction: 0 where tendons have different coefficients"
-_OLD = "needs estimator.measured.torque with a delay: a commanded torque is not as old as the angle"
-_PRESSURE, _BY_TENDONS = "estimator.measured.pressure", "plant.drive_order estimator.measured.tension"
-_CHAMBERS = "is of tendons: pressures follow by a lag of first order, and estimator.measured.pressure sees them"
-_COMMANDED_PRESSURE = "needs finger.pressure with a time_constant: a pressure without one is the command itself"
-_LOOP = {
-    "fidelity.tolerance": "is not for controllers: give family and elements",
-    "initial.motor_angles": "is for statics and simulations alone: command what motors do",
-}
-_ESTIMATED = {
-    "bending_stiffness": f"estimator.disturbances.bending_stiffness {_STIFFNESS}",
-    "tendon_friction": "estimator.disturbances.tendon_friction",
-    "tip_mass": "estimator.adapt.tip_mass",
-    "drive_time_constant": "estimator.adapt.drive_time_constant",
-}
-"""Keys of what is estimated, by the parameter of the model that it is."""
-
-
-def _parameter(name: str, keys: str) -> Consumer:
-    """Refuse that a parameter is estimated which the model does not have."""
-    return beside(
-        f"mpc without parameters: {name}", lambda s: name not in s.parameters, keys, f"needs parameters: [{name}]"
-    )
-
-
-_LOOPS = (
-    Consumer("mpc", _LOOP),
-    needs("mpc", "plant.noise plant.delay", "estimator", _EXACT),
-    needs("mpc", "estimator.disturbances.contact_force", "contacts"),
-    needs("mpc", _OF_TENDONS, "finger.tendons"),
-    needs("mpc", f"plant.series_stiffness {_scenarios(*_CABLES)}", _DRIVE, _SET),
-    needs("mpc", _TOUCHING, "object", "needs an object that is touched"),
-    needs("mpc", f"{_POSE} plant.object_mass plant.object_friction", "object_moves", _MOVES),
-    needs("mpc", _SHARE, "contact_law.friction"),
-    needs("mpc", "estimator.measured.length", f"{_DRIVE}.kind=length"),
-    needs("mpc", _OF_MOTORS, f"{_DRIVE}.kind=motor"),
-    needs("mpc", _scenarios(*_SLIDING), "finger.tendons.friction", _STATELESS),
-    excludes("mpc", "plant.time_constant", _DRIVE, _COMMANDED),
-    excludes("mpc", "plant.presliding plant.fidelity", "plant.guides", "a chain of guides has no use for it"),
-    excludes("mpc", _POSITION, "object_moves", "needs an object that stays"),
-    excludes("mpc", _STIFFNESS, "estimator.disturbances.bending_stiffness", "is estimated already: give one of both"),
-    excludes("mpc", _CONTACT, f"{_DRIVE}.backlash", _HIDDEN),
-    *(_parameter(name, keys) for name, keys in _ESTIMATED.items()),
-    beside(
-        "mpc at once", lambda s: s.lag is None, _ESTIMATED["drive_time_constant"], "needs a drive with a time_constant"
-    ),
-    beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches or _lags(s)), _TENSION, _COMMAND),
-    beside("mpc of chambers alone", lambda s: s.finger.chambers and not s.finger.tendons, _BY_TENDONS, _CHAMBERS),
-    beside("mpc of pressures at once", lambda s: not s.finger.lagging_pressures, _PRESSURE, _COMMANDED_PRESSURE),
-    beside("mpc of rigid tendons", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
-    beside("mpc of inelastic tendons", _rigid, "plant.guides", _ELASTIC),
-    beside("mpc of an unseen object", lambda s: s.estimator and not _sees(s, "object"), "object_moves", _SEEN),
-    beside("mpc of a plant that jumps", lambda s: s.plant.drive_order == 1 or _jumps(s), _MATCHED, _SMOOTH),
-    beside("mpc of no lag", lambda s: _jumps(s) and not _lags(s), "plant.drive_order", "needs plant.time_constant"),
-    beside("mpc without damping", lambda s: not s.scenario_parameters("damping"), _scenarios("damping"), _FACTOR),
-    beside("mpc of no such lag", lambda s: s.finger.winches or not s.lag, _scenarios("time_constant"), _LAGGING),
-    *map(_unlike, (*_SLIDING, *_CABLES, "time_constant")),
-    beside("mpc of drives unseen", lambda s: not _sees(s, "length", "angle"), _CONTACT, _PLACED),
-    beside("mpc of tendons unlike in friction", _blurred, _CONTACT, _BLURRED),
-    beside("mpc of winches unfelt", lambda s: _sees(s, "length") and not _sees(s, "tension"), _CONTACT, _PULLED),
-    beside("mpc of motors seen late", _late, _CONTACT, _OLD),
-    *tracked("mpc", "controller.cost"),
-)
 
 
 class ControlScene(CommandedScene):
     """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
 
     AT = "controller.input"
-    REFUSALS = _LOOPS
+    REFUSALS = (
+        *refusals(
+            """
+            fidelity.tolerance: is not for controllers: give family and elements
+            initial.motor_angles: is for statics and simulations alone: command what motors do
+            plant.{noise,delay} without estimator: needs an estimator: the controller is given the exact state at once
+            estimator.disturbances.contact_force without contacts
+            plant.{guides,tendon_friction,presliding,axial_stiffness,series_stiffness} without finger.tendons
+            plant.series_stiffness controller.scenarios.{axial_stiffness,series_stiffness} without finger.tendons.drive:
+                has no effect where the tension is commanded
+            controller.cost.{contact_force,gap} estimator.disturbances.{object_position,contact_friction}
+                without object: needs an object that is touched
+            controller.cost.{object_position,object_angle} estimator.measured.object plant.{object_mass,object_friction}
+                without object_moves: needs an object that moves: set object_moves
+            estimator.disturbances.contact_friction without contact_law.friction
+            estimator.measured.length without finger.tendons.drive.kind=length
+            estimator.measured.{angle,torque} without finger.tendons.drive.kind=motor
+            controller.scenarios.{tendon_friction,presliding} without finger.tendons.friction:
+                needs finger.tendons.friction above 0: without, the controller's model has no state of friction
+            plant.time_constant with finger.tendons.drive: is that of commanded tensions
+            plant.{presliding,fidelity} with plant.guides: a chain of guides has no use for it
+            estimator.disturbances.object_position with object_moves: needs an object that stays
+            estimator.adapt.bending_stiffness with estimator.disturbances.bending_stiffness:
+                is estimated already: give one of both
+            estimator.contact_detection with finger.tendons.drive.backlash:
+                sees nothing through a gear with backlash, whose drum is not measured
+            estimator.{disturbances,adapt}.bending_stiffness without parameters=bending_stiffness:
+                needs parameters: [bending_stiffness]
+            estimator.disturbances.tendon_friction without parameters=tendon_friction:
+                needs parameters: [tendon_friction]
+            estimator.adapt.tip_mass without parameters=tip_mass: needs parameters: [tip_mass]
+            estimator.adapt.drive_time_constant without parameters=drive_time_constant:
+                needs parameters: [drive_time_constant]
+            estimator.adapt.drive_time_constant without lag: needs a drive with a time_constant
+            estimator.measured.tension without lag finger.winches finger.tendons.time_constant:
+                needs a lag; without one the tension is the command itself
+            plant.drive_order estimator.measured.tension with chambers_alone:
+                is of tendons: pressures follow by a lag of first order, and estimator.measured.pressure sees them
+            estimator.measured.pressure without finger.lagging_pressures:
+                needs finger.pressure with a time_constant: a pressure without one is the command itself
+            plant.axial_stiffness without finger.winches plant.guides: has no effect where the tension is commanded
+            plant.guides with rigid:
+                needs plant.axial_stiffness: a tendon that sticks at two guides must be elastic between them
+            object_moves with unseen: needs estimator.measured.object, by which the controller knows where it is
+            plant.fidelity.family=matched_clothoid with plant.drive_order jumps:
+                needs a continuous tip moment: give the drive a lag of second order, or use clothoid
+            plant.drive_order with jumps_alone: needs plant.time_constant
+            controller.scenarios.damping without finger.damping.{material,per_arc}:
+                needs finger.damping.material above 0, of which it is a factor
+            controller.scenarios.time_constant with finger.winches:
+                is that of commanded tensions: it needs finger.tendons.time_constant
+            controller.scenarios.time_constant without lag:
+                is that of commanded tensions: it needs finger.tendons.time_constant
+            estimator.contact_detection without estimator.measured.{length,angle}:
+                needs estimator.measured.length or estimator.measured.angle of drives, whose tension a contact changes
+            estimator.contact_detection with two_frictions:
+                needs tendon_friction: 0 where tendons have different coefficients
+            estimator.contact_detection with unfelt: needs estimator.measured.tension of winches
+            estimator.contact_detection with late:
+                needs estimator.measured.torque with a delay: a commanded torque is not as old as the angle
+            """,
+            chambers_alone=lambda s: s.finger.chambers and not s.finger.tendons,
+            rigid=_rigid,
+            unseen=lambda s: s.estimator and not s.estimator.measured.object,
+            jumps=_jumps,
+            jumps_alone=lambda s: _jumps(s) and not any(tendon.time_constant for tendon in s.finger.tendon_list),
+            two_frictions=_two_frictions,
+            unfelt=lambda s: (of := s.estimator) and of.measured.length and not of.measured.tension,
+            # Commanded torques then stand in for measured ones, and are not as old as the angles of the motors.
+            late=lambda s: (of := s.estimator) and of.measured.angle and of.delay and not of.measured.torque,
+        ),
+        *map(_unlike, ("tendon_friction", "presliding", "axial_stiffness", "series_stiffness", "time_constant")),
+        *tracked("controller.cost"),
+    )
 
     fidelity: Fidelity = Fidelity()
     """Resolution of the controller's model."""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import beside
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.cost import Cost, Reference
-from continuum_grasp.scene.drives import LengthDrive, of_drives
+from continuum_grasp.scene.drives import TAKES, LengthDrive
 from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.methods import CONTROL_METHODS, default_family
@@ -126,25 +126,22 @@ class InputLimits(Value):
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
 
-_OF_MOMENTS = "controller.input.moment_max controller.input.time_constant input.moment_max input.time_constant"
-_RANGES = ("lengths", "angles", "torques")
-_BARE = "is for a finger without tendons and chambers"
-_CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
-
-
-def _some_lag(scene: CommandedScene) -> bool:
-    return len({tendon.time_constant is None for tendon in scene.finger.tendon_list}) > 1
-
-
 class CommandedScene(FingerScene):
     """A scene of one finger whose input is chosen, within limits that are at the key ``AT``."""
 
     AT: ClassVar[str]
-    REFUSALS = (
-        *of_drives("commands", ("controller.input", "input"), *_RANGES),
-        beside("commands of some lags", _some_lag, "finger.tendons.time_constant", "all tendons lag, or none"),
-        beside("commands of pulls", lambda s: "tip_moment" not in s.finger.input_keys, _OF_MOMENTS, _BARE),
-        beside("commands without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
+    REFUSALS = refusals(
+        f"""
+        {{controller.,}}input.lengths without finger.input_keys=lengths: {TAKES}
+        {{controller.,}}input.angles without finger.input_keys=angles: {TAKES}
+        {{controller.,}}input.torques without finger.input_keys=torques: {TAKES}
+        finger.tendons.time_constant with some_lag: all tendons lag, or none
+        {{controller.,}}input.{{moment_max,time_constant}} without finger.input_keys=tip_moment:
+            is for a finger without tendons and chambers
+        fidelity.family=matched_clothoid without lag:
+            needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc
+        """,
+        some_lag=lambda s: len({tendon.time_constant is None for tendon in s.finger.tendon_list}) > 1,
     )
 
     initial: Annotated[Initial, begins("rest")] = Initial(pose="rest")

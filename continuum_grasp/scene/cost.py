@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import Consumer, needs
+from continuum_grasp.scene.consumer import Consumer, refusals
 from continuum_grasp.scene.loads import Sampled
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Length, ListOf, NonNegative, Position, Positive, Real, Value, Vector2
@@ -172,18 +172,15 @@ class Reference(Value):
                 raise ValueError(f"{name}: expected rows of x, y, got {rows.width} entries")
 
 
-def tracked(verb: str, key: str) -> tuple[Consumer, ...]:
+def tracked(key: str) -> tuple[Consumer, ...]:
     """Refuse setpoints that nothing tracks, and weights without a setpoint, at a key of a scene."""
-    terms = {name: "effort" if name == "input" else name for name in Reference.model_fields}
-    consumers = [
-        needs(verb, f"reference.{name}", f"{key}.{term}", f"nothing tracks it: give {key}.{term} a weight")
-        for name, term in terms.items()
-    ]
-    asked = (name for name in Reference.model_fields if name not in _WITH_DEFAULT)
-    return (
-        *consumers,
-        *(needs(verb, f"{key}.{name}", f"reference.{name}", f"needs reference.{name}") for name in asked),
-    )
+    rules = []
+    for name in Reference.model_fields:
+        term = f"{key}.{'effort' if name == 'input' else name}"
+        rules.append(f"reference.{name} without {term}: nothing tracks it: give {term} a weight")
+        if name not in _WITH_DEFAULT:
+            rules.append(f"{term} without reference.{name}")
+    return refusals("\n".join(rules))
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})

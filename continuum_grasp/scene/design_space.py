@@ -15,19 +15,19 @@ from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import changed, placed, validated
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.design import Design, DesignVariable, Tolerance
 from continuum_grasp.scene.document import Document, KeyPath, child
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.variation import SceneKey, SceneKeys, Tie, fault_kinds
 
-_ONE = (
-    "payload is that of one posture, not of a grasp that must hold for many; expected another cost and other limits, "
-    "or friction_states: pulled without robust"
-)
-_PAYLOADS = (
-    Consumer("design of a payload", {"robust": _ONE}),
-    beside("design of a payload with friction", lambda scene: scene.state_columns, "friction_states=any", _ONE),
+_PAYLOADS = refusals(
+    """
+    robust: payload is that of one posture, not of a grasp that must hold for many; expected another cost and other
+        limits, or friction_states: pulled without robust
+    friction_states=any with state_columns: payload is that of one posture, not of a grasp that must hold for many;
+        expected another cost and other limits, or friction_states: pulled without robust
+    """
 )
 SINGLE = "scene"
 """Name of the case of a design that lists none."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
+from continuum_grasp.scene.consumer import Consumer, refusals
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
@@ -27,10 +27,11 @@ COMMANDS = {
     "pressures": ("pressure", "Pa"),
 }
 """Name and unit of what a finger takes, by its key in ``actuation``."""
-_TAKES = (
+TAKES = (
     "is not what this finger takes: tip_moment without tendons and chambers, pressures of chambers, tensions of "
     "tendons without drive, lengths with drive.kind: length; of motors angles with a position_gain, else torques"
 )
+"""Why a command, or a limit of one, has no place at a finger with other drives."""
 
 
 class Input(NamedTuple):
@@ -67,26 +68,10 @@ class Pull(NamedTuple):
     arm: float  # amplitude of the channel per tension [m], or per pressure
 
 
-def of_drives(whose: str, at: Sequence[str], *keys: str) -> tuple[Consumer, ...]:
-    """Refuse commands or limits of them, ``at`` keys of scenes of one finger, of other drives than it has."""
-
-    def refusal(key: str) -> Consumer:
-        places = " ".join(f"{where}.{key}" for where in at)
-        return beside(f"{whose} without {key}", lambda scene: key not in scene.finger.input_keys, places, _TAKES)
-
-    return tuple(map(refusal, keys))
-
-
-_AT = "finger.tendons.drive"
-_ONE_FLANK = "has no effect per_tendon: a tendon loads one flank alone; see slack"
-
-
 class _Winch(Value):
     """Keys that winches have in common."""
 
-    REFUSALS: ClassVar[tuple[Consumer, ...]] = (
-        excludes("drives", "slack", "pretension", "and pretension exclude each other", _AT),
-    )
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals("slack with pretension: and pretension exclude each other")
 
     arrangement: Literal["one_pulley", "per_tendon"] = "per_tendon"
     """one_pulley: one drive winds up the first of two tendons by as much as it pays out the second; per_tendon: each
@@ -125,12 +110,14 @@ class LengthDrive(_Winch):
 class MotorDrive(_Winch):
     """A motor that turns a winch."""
 
-    REFUSALS = (
-        needs("drives", "presliding_angle", "coulomb_friction", at=_AT),
-        needs("drives", "rate_gain", "position_gain", at=_AT),
-        needs("drives", "backlash", "gear_stiffness", at=_AT),
-        needs("drives", "gear_stiffness", "backlash", at=_AT),
-        excludes("drives", "backlash", "arrangement=per_tendon", _ONE_FLANK, _AT),
+    REFUSALS = refusals(
+        """
+        presliding_angle without coulomb_friction
+        rate_gain without position_gain
+        backlash without gear_stiffness
+        gear_stiffness without backlash
+        backlash with arrangement=per_tendon: has no effect per_tendon: a tendon loads one flank alone; see slack
+        """
     )
 
     kind: Literal["motor"]

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import needs
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -207,15 +207,15 @@ class ContactDetection(Value):
     tip."""
 
 
-_DRIFT = "needs its drift among disturbances: what does not drift is not estimated"
-
-
 class Estimator(Value):
     """An extended Kalman filter with disturbance states."""
 
-    REFUSALS = tuple(
-        needs("estimator", f"spread.{name}", f"disturbances.{name}", _DRIFT, "estimator")
-        for name in Spread.model_fields
+    REFUSALS = refusals(
+        "\n".join(
+            f"spread.{name} without disturbances.{name}: "
+            "needs its drift among disturbances: what does not drift is not estimated"
+            for name in Spread.model_fields
+        )
     )
 
     measured: Measured

@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, beside, excludes, needs
+from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, Consumer, beside, refusals
 from continuum_grasp.scene.drives import DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.rod import Damping, Rod
 from continuum_grasp.scene.tendons import (
-    ALIKE,
     MOST_SLOPE,
     Chamber,
     ChamberList,
@@ -27,6 +26,8 @@ from continuum_grasp.scene.tendons import (
     TendonList,
     Tendons,
     channels,
+    one_sided,
+    two_lags,
 )
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -117,21 +118,40 @@ class BasePose(Value):
         doubt_beyond_a_turn("base.angle", self.angle)
 
 
-_NOT_COMMANDED = ("drive", "friction", "time_constant")
-_SHORTENED = "needs tensions as they are commanded, all along the tendons: leave drive, friction and time_constant out"
-_THICK = "needs rod.diameter, or a thickness of a graded rod"
+def _unlike(name: str) -> Consumer:
+    """Refuse two tendons on one pulley that differ."""
+
+    def differs(finger: Finger) -> bool:
+        return len({getattr(tendon, name) for tendon in finger.tendon_list}) > 1
+
+    return beside("tendons.drive.arrangement=one_pulley", differs, f"one_pulley needs tendons with the same {name}")
 
 
 class Finger(Value):
     """A tendon-driven continuum finger."""
 
     REFUSALS = (
-        excludes("finger", "stops.curvature", "rod.spirob", "is given already: its gaps close there", "finger"),
-        beside("finger of no thickness", lambda f: not f.rod.own_thickness, "strain_limit", _THICK, "finger"),
-        beside("finger of a bent rod", lambda f: f.rod.own_rest_curvature, "rest_curvature", "rod has it", "finger"),
-        needs("finger", "gyration_radius", "tendons", "needs tendons, whose tensions shorten the rod", "finger"),
-        *(excludes("finger", "gyration_radius", f"tendons.{key}", _SHORTENED, "finger") for key in _NOT_COMMANDED),
-        *ALIKE,
+        *refusals(
+            """
+            stops.curvature with rod.spirob: is given already: its gaps close there
+            strain_limit without rod.own_thickness: needs rod.diameter, or a thickness of a graded rod
+            rest_curvature with rod.own_rest_curvature: rod has it
+            gyration_radius without tendons: needs tendons, whose tensions shorten the rod
+            gyration_radius with tendons.{drive,friction,time_constant}:
+                needs tensions as they are commanded, all along the tendons: leave drive, friction and time_constant out
+            tendons.drive with two_kinds: all tendons of a finger need the same kind of drive, input and arrangement
+            tendons.time_constant with two_lags:
+                must be that of tendons that run alike: their moments add up before they lag
+            tendons.drive.arrangement=one_pulley with no_two: one_pulley needs two tendons
+            tendons.drive.arrangement=one_pulley with one_sided: one_pulley needs tendons at equal distances on both
+                sides: it winds up the one by as much as it pays out the other
+            """,
+            two_kinds=lambda f: len({t.drive and (t.drive.key, t.drive.arrangement) for t in f.tendon_list}) > 1,
+            two_lags=lambda f: two_lags(f.tendon_list, f.rod.length),
+            no_two=lambda f: len(f.tendon_list) != 2,
+            one_sided=lambda f: one_sided(f.tendon_list),
+        ),
+        *map(_unlike, ("friction", "axial_stiffness", "series_stiffness", "to", "drive")),
     )
 
     rod: Rod

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, TypeAlias, TypeVar
+from typing import Annotated, ClassVar, TypeAlias, TypeVar
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, excludes
+from continuum_grasp.scene.consumer import Consumer, refusals
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, ListOf, NonNegative, Positive, Real, Value
 
@@ -52,17 +52,6 @@ class RodFactors(Value):
     """On the rotary inertia per length [1]."""
 
 
-_ROUND, _STATED = "has no place in a round section", "has no effect beside bending_stiffness and linear_density"
-
-
-def shapes(whose: str, at: str) -> tuple[Consumer, ...]:
-    """Refuse what a section, which stands at a key, is given by twice."""
-    return (
-        excludes(whose, "thickness width", "diameter", _ROUND, at),
-        excludes(whose, "width youngs_modulus density", "bending_stiffness", _STATED, at),
-    )
-
-
 class Section(Value):
     """Cross section of a rod, or of a part of a rod; each value is a number, or ``[from, to]`` for one that changes
     linearly from base to tip side.
@@ -71,6 +60,14 @@ class Section(Value):
     material; or ``bending_stiffness`` and ``linear_density``. A ``thickness`` or ``diameter`` beside these sets only
     how thick the finger is and where the strain limit is reached.
     """
+
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals(
+        """
+        {thickness,width} with diameter: has no place in a round section
+        {width,youngs_modulus,density} with bending_stiffness:
+            has no effect beside bending_stiffness and linear_density
+        """
+    )
 
     thickness: Annotated[Varying[Extent] | None, Field(examples=[0.02, "20 mm"])] = None
     """Thickness in the plane of bending [m]."""
@@ -116,8 +113,6 @@ class Section(Value):
 
 class RodSection(Section):
     """A part of a rod."""
-
-    REFUSALS = shapes("rod sections", "finger.rod.sections")
 
     to: Length
     """End of the section [m]; the last section ends at the rod's length."""

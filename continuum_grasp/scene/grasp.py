@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.drives import DriveLaw
 from continuum_grasp.scene.grasp_options import (
     Aim,
@@ -45,36 +45,27 @@ _TURNS = 360
 """Parts of the range of a free angle in which the distance from a support is sampled [1]."""
 
 
-_OF_FINGERS = {
-    "softening": "grasps know a linear material alone: leave it out",
-    "gyration_radius": "grasps hold by a rod of constant length: leave it out",
-    "stops": "grasps do not know what this does to the finger: leave it out",
-    "pressure": "a grasp holds by tensions of tendons: leave it out",
-    "tip_body": "grasps do not know what this does to the finger: leave it out",
-    "tendons.conduit_bend": "must be zero here: tensions of a grasp are those that enter the finger",
-}
-_OF_FIDELITY = {
-    "fidelity.frequencies": "is not for grasps, which do not move",
-}
-_PAIR = (
-    "a grasp needs a pair: two tendons of the same limits, the first with a positive offset and the second with the "
-    "same offset on the other side, that end at the same place"
+_FINGERS = refusals(
+    """
+    softening: grasps know a linear material alone: leave it out
+    gyration_radius: grasps hold by a rod of constant length: leave it out
+    stops: grasps do not know what this does to the finger: leave it out
+    pressure: a grasp holds by tensions of tendons: leave it out
+    tip_body: grasps do not know what this does to the finger: leave it out
+    tendons.conduit_bend: must be zero here: tensions of a grasp are those that enter the finger
+    fidelity.frequencies: is not for grasps, which do not move
+    tendons with no_pair:
+        a grasp needs a pair: two tendons of the same limits, the first with a positive offset and the second with the
+        same offset on the other side, that end at the same place
+    tendons.min_tension without tendons_used=both:
+        keeps the antagonist in tension, and tendons_used leaves none: set it to 0
+    tendons.drive.arrangement=one_pulley without tendons_used=both:
+        one_pulley moves both tendons, and tendons_used leaves one: use per_tendon
+    """,
+    no_pair=lambda finger: isinstance(finger.tendons, tuple) and not _are_pair(finger),
 )
-_ARRANGED = "tendons.drive.arrangement"
-_ANTAGONIST = "keeps the antagonist in tension, and tendons_used leaves none: set it to 0"
-_ALONE = "one_pulley moves both tendons, and tendons_used leaves one: use per_tendon"
 _PLACES = "stations stand in place of middle contacts: give one of them"
-_GRASPS = (
-    Consumer("grasp", _OF_FIDELITY),
-    beside("grasp by stations", lambda s: any(setup.stations for setup in s.setups), "contacts.middle", _PLACES),
-)
-_FINGERS = (
-    Consumer("grasp fingers", {f"finger.{key}": why for key, why in (_OF_FINGERS | _OF_FIDELITY).items()}, at="finger"),
-    beside("grasp of no pair", lambda f: isinstance(f.tendons, tuple) and not _are_pair(f), "tendons", _PAIR, "finger"),
-    beside("grasp by a tendon", lambda f: f.tendons_used != "both", "tendons.min_tension", _ANTAGONIST, "finger"),
-    beside("grasp by one", lambda f: f.tendons_used != "both", f"{_ARRANGED}=one_pulley", _ALONE, "finger"),
-)
-_STATIONS = beside("grasp of a finger by stations", lambda setup: setup.stations, "contacts.middle", _PLACES, "finger")
+(_STATIONS,) = refusals(f"contacts.middle with stations: {_PLACES}")
 
 
 @dataclass(frozen=True)
@@ -199,7 +190,12 @@ class FingerSetup:
 class GraspScene(Configuration, Supported):
     """Fingers that hold an object, alone or against supports."""
 
-    REFUSALS = _GRASPS
+    REFUSALS = refusals(
+        f"""
+        fidelity.frequencies: is not for grasps, which do not move
+        contacts.middle with setups.stations: {_PLACES}
+        """
+    )
 
     finger: AnyFinger | None = None
     """The finger, where there is one; it is called ``finger`` in the result."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, excludes, needs
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, refusals
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -24,9 +24,6 @@ from continuum_grasp.scene.value import (
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "frequency", "decay_rate"]
 _NUMBERED = ("tension", "length", "motor_angle", "torque", "frequency", "decay_rate")
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
-_READ, _DRIVES = "data.measured", f"goes with {', '.join(_NUMBERED)}"
-_PRIOR = "goes with start: estimated"
-_MEASURED = Consumer("identify but shapes at rest", {"data.conditions.choices": "goes with propose"}, at="data")
 _Window = Annotated[Interval, Unit("s")]
 _Place = Annotated[float, Field(ge=0.0, le=1e4), Unit("m")]
 _Axis = Literal["x", "-x", "y", "-y"]
@@ -66,9 +63,7 @@ class Condition(Column):
     are."""
 
 
-OF_BENDS = beside(
-    "identify but by a bend", lambda reading: reading.quantity != "bend", "since", "goes with bend", _READ
-)
+(OF_BENDS,) = refusals("since without quantity=bend: goes with bend")
 
 
 class ReadingColumn(Column):
@@ -76,13 +71,12 @@ class ReadingColumn(Column):
 
     REFUSALS = (
         OF_BENDS,
-        beside("identify by sections", lambda reading: reading.quantity not in _NUMBERED, "of", _DRIVES, _READ),
-        beside(
-            "identify by drives",
-            lambda reading: reading.quantity in _NUMBERED,
-            "at offset",
-            "goes with sections",
-            _READ,
+        *refusals(
+            f"""
+            of without numbered: goes with {", ".join(_NUMBERED)}
+            {{at,offset}} with numbered: goes with sections
+            """,
+            numbered=lambda reading: reading.quantity in _NUMBERED,
         ),
     )
 
@@ -145,9 +139,11 @@ class _Data(Value):
 class StaticPoses(_Data):
     """Shapes at rest, and vibrations about them: a row per load case."""
 
-    REFUSALS = (
-        needs("identify", "conditions.choices", "propose", at="data"),
-        excludes("identify", "propose", "sequence", "takes rows reached by themselves", "data"),
+    REFUSALS = refusals(
+        """
+        conditions.choices without propose
+        propose with sequence: takes rows reached by themselves
+        """
     )
 
     kind: Literal["static"]
@@ -180,9 +176,11 @@ class StartPrior(Value):
 class TipTrajectory(_Data):
     """Readings along a motion, such as the path of the tip."""
 
-    REFUSALS = (
-        needs("identify", "start_prior", "start=estimated", _PRIOR, "data"),
-        _MEASURED,
+    REFUSALS = refusals(
+        """
+        start_prior without start=estimated: goes with start: estimated
+        conditions.choices: goes with propose
+        """
     )
 
     kind: Literal["trajectory"]

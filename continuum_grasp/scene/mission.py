@@ -7,10 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.controller import Horizon, Limited, Plant
 from continuum_grasp.scene.estimator import Estimator
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.surroundings import ContactLaw
@@ -39,7 +38,7 @@ _Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
 class Phases(Value):
     """Durations of the phases; setpoints move smoothly within a phase."""
 
-    REFUSALS = (needs("missions", "squeeze_share", "settle", at="phases"),)
+    REFUSALS = refusals("squeeze_share without settle")
 
     touch: Duration = 0.8
     """Time of each stroke of a ``turn``, until the tip touches the object [s]."""
@@ -189,47 +188,13 @@ class Trials(Value):
     """Seed of the random numbers; equal seeds give equal plants."""
 
 
-_PLANT = ("plant.object_mass", "plant.object_friction")
-_OF_LOOPS = "is of closed loops: give object_mass, and contact_law.friction"
-_COUNTS = "is of closed loops: a mission counts as the model does, leave it out"
-_OF_TURNS = "estimator.measured.object phases.touch phases.stroke phases.leave controller.object_angle controller.gap"
-_NO_TABLE = "is of a table below the plane: it needs grasp.gravity.mode: out_of_plane"
-_MEASURED = "has no meaning with a turn: a camera measures it"
-_OFF = "is not for missions, which lift the object off a table: give planar or out_of_plane"
-_SEEN = "needs estimator.measured.object, by which the controller knows where the object is"
-_OWN = "needs a grasp of one finger: a controller predicts what its own finger does to the object, not what others do"
-_GIVEN = "has no effect beside tendons, which have a max_tension"
-_TIPS = "grasp.contacts.tip=off grasp.finger.contacts.tip=off grasp.fingers.contacts.tip=off"
-_TAKEN = {"tensions", "lengths", "angles"}
-_CLOSES = "must have the tip: a mission closes with it"
-_JUMPS = "needs a time_constant: tensions that jump throw a fine finger"
-_COMMANDS = "a mission commands tensions, lengths of winches or angles of motors with a position_gain"
-
-
-def _torques(finger: Finger) -> bool:
-    return not _TAKEN.issuperset(finger.input_keys)
-
-
-def _jumps(finger: Finger) -> bool:
-    return not finger.winches and None in {tendon.time_constant for tendon in finger.tendon_list}
-
-
-_CARRIERS = (
-    beside("missions by tensions at once", _jumps, "tendons", _JUMPS, "grasp.finger"),
-    beside("missions by torques", _torques, "tendons", _COMMANDS, "grasp.finger"),
-)
-_MISSIONS = (
-    Consumer(
-        "missions",
-        {"grasp.gravity.mode=none": _OFF, "plant.mounting": _COUNTS, **dict.fromkeys(_PLANT, _OF_LOOPS)},
-    ),
-    beside("missions without a tip", lambda s: any(setup.tip == "off" for setup in s.grasp.setups), _TIPS, _CLOSES),
-    needs("missions", _OF_TURNS, "turn", "needs a turn"),
-    needs("missions", "turn", "estimator.measured.object", _SEEN),
-    excludes("missions", "estimator.disturbances.object_position", "turn", _MEASURED),
-    excludes("missions", "drive_tension", "tendons", _GIVEN),
-    beside("missions with gravity in the plane", lambda s: s.gravity == 0.0, "table_friction_radius turn", _NO_TABLE),
-    beside("missions of several fingers", lambda s: len(s.grasp.setups) > 1, "turn", _OWN),
+_CARRIERS = refusals(
+    """
+    tendons with jumps: needs a time_constant: tensions that jump throw a fine finger
+    tendons with torques: a mission commands tensions, lengths of winches or angles of motors with a position_gain
+    """,
+    jumps=lambda finger: not finger.winches and None in {tendon.time_constant for tendon in finger.tendon_list},
+    torques=lambda finger: not {"tensions", "lengths", "angles"}.issuperset(finger.input_keys),
 )
 
 
@@ -243,7 +208,26 @@ class MissionScene(Configuration):
     controller predicts the object's pose, and turns it on the table first.
     """
 
-    REFUSALS = _MISSIONS
+    REFUSALS = refusals(
+        """
+        grasp.gravity.mode=none: is not for missions, which lift the object off a table: give planar or out_of_plane
+        plant.mounting: is of closed loops: a mission counts as the model does, leave it out
+        plant.{object_mass,object_friction}: is of closed loops: give object_mass, and contact_law.friction
+        grasp.{,finger.,fingers.}contacts.tip=off with grasp.setups.tip=off:
+            must have the tip: a mission closes with it
+        estimator.measured.object phases.{touch,stroke,leave} controller.{object_angle,gap} without turn: needs a turn
+        turn without estimator.measured.object:
+            needs estimator.measured.object, by which the controller knows where the object is
+        estimator.disturbances.object_position with turn: has no meaning with a turn: a camera measures it
+        drive_tension with tendons: has no effect beside tendons, which have a max_tension
+        table_friction_radius turn without gravity:
+            is of a table below the plane: it needs grasp.gravity.mode: out_of_plane
+        turn with several:
+            needs a grasp of one finger: a controller predicts what its own finger does to the object, not
+            what others do
+        """,
+        several=lambda s: len(s.grasp.setups) > 1,
+    )
 
     grasp: GraspScene
     """The grasp, or the path of its file relative to this file: fingers with tendon drives, each with its tip on the

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty
 from continuum_grasp.scene.cost import Cost, Row, tracked
 from continuum_grasp.scene.grasp import GraspScene
@@ -25,11 +25,8 @@ def _exact(value: Any) -> Any:
     return {"value": value} if isinstance(value, list | tuple) else value
 
 
-_WEIGHED = "is of a goal with a weight; without one it is reached exactly"
-
-
 class _Aim(Value):
-    REFUSALS = (beside("plan of exact goals", lambda aim: aim.weight is None, "tolerance", _WEIGHED, "goal.*"),)
+    REFUSALS = refusals("tolerance without weight: is of a goal with a weight; without one it is reached exactly")
 
     weight: Annotated[Positive, Field(examples=[1e6]), Unit("per square of the error's unit")] | None = None
     """Weight of half the squared error [per square of the error's unit]; None: reached exactly."""
@@ -124,13 +121,12 @@ class PlanBounds(Bounds):
     is hardly defined; on one pulley the bend decides."""
 
 
-_CONVEX = "needs gauss_newton for method: sqp, since its QPs have to be convex"
-
-
 class PlanSolver(SolverOptions):
     """The solver, and what it is given."""
 
-    REFUSALS = (beside("plan by sqp", lambda solver: solver.method == "sqp", "hessian=exact", _CONVEX, "solver"),)
+    REFUSALS = refusals(
+        "hessian=exact with method=sqp: needs gauss_newton for method: sqp, since its QPs have to be convex"
+    )
 
     hessian: Literal["exact", "gauss_newton"] = "exact"
     """gauss_newton: without the curvature of the motion and of the bounds."""
@@ -161,61 +157,43 @@ class FineCheck(Value):
     """Law of contact of the finer model; None: the same."""
 
 
-_PLAN = {
-    "fidelity.tolerance": "is not for plans: give family and elements",
-    "initial.motor_angles": "is for statics and simulations alone: command what motors do",
-    "loads.follows": "is not for plans, whose forces keep their directions in the world",
-}
-_SUDDEN = (
-    "is not for tendons with friction, winches or motors, whose forces change within 0.02 mm; leave it out, or take "
-    "single_shooting"
-)
-_EXPLICIT = (
-    "plans with contact are not for method: single_shooting, nor for tendons with friction, winches or motors, which "
-    "need it: its explicit steps are too long for stiff contacts; plan without the object"
-)
-_STATELESS = (
-    "plans need friction that is a smooth function of the speed of slip: give slip_speed (0.01 m/s, for example), or "
-    "friction: 0; check.contact_law may be another one"
-)
-_GIVEN = "needs a duration that is given"
-_ITS_OWN = "has no effect on method: single_shooting, which has its own; leave it out"
-_PLANS = (
-    Consumer("plan", _PLAN),
-    # Measured on two winches without friction, with stiffnesses of 1e4 to 1e5 N/m: IPOPT solves them or not by
-    # rounding; with friction not in 200 iterations, at 25 times the usual presliding neither.
-    beside("plan of sudden forces", lambda s: s.sudden, "method=collocation", _SUDDEN),
-    beside("plan by single shooting", lambda s: s.transcription == "single_shooting", "object", _EXPLICIT),
-    # The NLP needs derivatives, and friction with presliding would add states to the plan.
-    beside(
-        "plan of sticking contacts",
-        lambda s: (law := s.contact_law) and law.friction and not law.slip_speed,
-        "contact_law",
-        _STATELESS,
-    ),
-    beside("plan of a free duration", lambda s: isinstance(s.duration, DurationRange), "loads.force.times", _GIVEN),
-    beside("plan by collocation", lambda s: s.transcription == "collocation", "solver.substeps", "is of shooting"),
-    beside(
-        "plan by inputs",
-        lambda s: s.transcription == "single_shooting",
-        "solver.method solver.hessian solver.degree",
-        _ITS_OWN,
-    ),
-    beside("plan of an effort", lambda s: s.objective != "least_time", "smoothing", "is of objective: least_time"),
-    beside("plan without tracking", lambda s: s.objective != "tracking", "cost reference", "is of objective: tracking"),
-    beside("plan of several fingers", lambda s: s.grasp and len(s.grasp.setups) > 1, "grasp", "needs one finger"),
-    excludes("plan", "contacts goal.contact_force", "grasp", "is that of the grasp: leave it out"),
-    needs("plan", "goal.contact_force grasp", "object", "needs an object"),
-    needs("plan", "check.contact_law", "check.finer"),
-    needs("plan", "bounds.least_tension", "finger.tendons.drive"),
-)
-
-
 class PlanScene(CommandedScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
 
     AT = "input"
-    REFUSALS = (*_PLANS, *tracked("plan", "cost"))
+    REFUSALS = (
+        # Collocation was measured on two winches without friction, with stiffnesses of 1e4 to 1e5 N/m: IPOPT solves
+        # them or not by rounding; with friction not in 200 iterations, at 25 times the usual presliding neither. The
+        # NLP needs derivatives, and friction with presliding would add states to the plan.
+        *refusals(
+            """
+            fidelity.tolerance: is not for plans: give family and elements
+            initial.motor_angles: is for statics and simulations alone: command what motors do
+            loads.follows: is not for plans, whose forces keep their directions in the world
+            method=collocation with sudden: is not for tendons with friction, winches or motors, whose forces change
+                within 0.02 mm; leave it out, or take single_shooting
+            object with transcription=single_shooting: plans with contact are not for method: single_shooting, nor for
+                tendons with friction, winches or motors, which need it: its explicit steps are too long for stiff
+                contacts; plan without the object
+            contact_law with sticking: plans need friction that is a smooth function of the speed of slip: give
+                slip_speed (0.01 m/s, for example), or friction: 0; check.contact_law may be another one
+            loads.force.times with duration.least: needs a duration that is given
+            solver.substeps with transcription=collocation: is of shooting
+            solver.{method,hessian,degree} with transcription=single_shooting:
+                has no effect on method: single_shooting, which has its own; leave it out
+            smoothing without objective=least_time: is of objective: least_time
+            {cost,reference} without objective=tracking: is of objective: tracking
+            grasp with several: needs one finger
+            contacts goal.contact_force with grasp: is that of the grasp: leave it out
+            goal.contact_force grasp without object: needs an object
+            check.contact_law without check.finer
+            bounds.least_tension without finger.tendons.drive
+            """,
+            sticking=lambda s: (law := s.contact_law) and law.friction and not law.slip_speed,
+            several=lambda s: s.grasp and len(s.grasp.setups) > 1,
+        ),
+        *tracked("cost"),
+    )
 
     grasp: GraspScene | None = None
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:

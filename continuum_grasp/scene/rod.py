@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
-from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends, shapes
+from continuum_grasp.scene.consumer import Consumer, beside, refusals
+from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Duration,
@@ -85,7 +85,6 @@ class Damping(Value):
     elements of constant curvature need only one."""
 
 
-_ACROSS = "thickness width diameter linear_density bending_stiffness"
 _PARTS = ("sections", "samples", "spirob")
 _LEAST_GAP = 1e-6
 """Least distance between jumps, and between samples, per length [1]: a panel of quadrature of its own is between."""
@@ -95,9 +94,6 @@ _LEAST_STIFFNESS = 1e-12
 """Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
 
 
-_SPIRAL = "spirob needs youngs_modulus and density of the rod"
-
-
 def _stated_by_sections(key: str) -> Consumer:
     """Refuse a material that all sections state by themselves, or that would change along each of them."""
 
@@ -105,7 +101,7 @@ def _stated_by_sections(key: str) -> Consumer:
         left_open = any(key in section.left_open for section in rod.sections or ())
         return rod.sections is not None and not (left_open and isinstance(getattr(rod, key), float))
 
-    return beside(f"rod of sections with {key}", misplaced, key, "no section needs it as one number", "finger.rod")
+    return beside(key, misplaced, "no section needs it as one number")
 
 
 class Rod(Section):
@@ -127,14 +123,17 @@ class Rod(Section):
     """
 
     REFUSALS = (
-        *shapes("rod", "finger.rod"),
-        beside("rod that is uniform", lambda rod: not rod.graded, "factors", "is for a graded rod", "finger.rod"),
-        beside("rod of parts", lambda rod: rod.parted, _ACROSS, "is of a rod of one section", "finger.rod"),
-        excludes("rod", "youngs_modulus density rotary_inertia", "samples", "samples have their own", "finger.rod"),
-        excludes("rod", "samples spirob", "sections", "sections are given: give one of both", "finger.rod"),
-        excludes("rod", "spirob", "samples", "samples are given: give one of both", "finger.rod"),
-        needs("rod", "spirob", "youngs_modulus", _SPIRAL, "finger.rod"),
-        needs("rod", "spirob", "density", _SPIRAL, "finger.rod"),
+        *refusals(
+            """
+            factors without graded: is for a graded rod
+            {thickness,width,diameter,linear_density,bending_stiffness} with parted: is of a rod of one section
+            {youngs_modulus,density,rotary_inertia} with samples: samples have their own
+            {samples,spirob} with sections: sections are given: give one of both
+            spirob with samples: samples are given: give one of both
+            spirob without youngs_modulus: needs youngs_modulus and density of the rod
+            spirob without density: needs youngs_modulus and density of the rod
+            """
+        ),
         *map(_stated_by_sections, ("youngs_modulus", "density", "rotary_inertia")),
     )
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, needs, unknown_to
-from continuum_grasp.scene.drives import COMMANDS, MotorDrive, of_drives
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, refusals, unknown_to
+from continuum_grasp.scene.drives import COMMANDS, TAKES, MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.methods import SIMULATION_METHODS, FamilyName
@@ -51,10 +51,6 @@ EXACT_ROD = Consumer(
 )
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
 SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED})
-_NONE = "has no effect: neither tendons nor bending have friction"
-_AT_REST, _RELEASED = "a named pose is at rest", "has no effect: what holds the finger is released at time zero"
-_STEADY = dict.fromkeys(("initial.held_by.force.times", "initial.held_by.moment.times"), "must be constant")
-_BOTH = "friction_states and reached_by: state need each other"
 
 
 class Fidelity(Value):
@@ -85,12 +81,15 @@ class Fidelity(Value):
 class Initial(Value):
     """State at time zero: a named pose, or bending and rates."""
 
-    REFUSALS = (
-        needs("initial", "friction_states", "reached_by=state", _BOTH, "initial"),
-        needs("initial", "reached_by=state", "friction_states", _BOTH, "initial"),
-        beside("initial pose by name", lambda initial: initial.pose, "qd", _AT_REST, "initial"),
-        needs("initial", "held_by motor_angles", "pose=equilibrium", at="initial"),
-        Consumer("initial loads", {"initial.held_by.input": _RELEASED, **_STEADY}, at="initial"),
+    REFUSALS = refusals(
+        """
+        friction_states without reached_by=state: friction_states and reached_by: state need each other
+        reached_by=state without friction_states: friction_states and reached_by: state need each other
+        qd with pose: a named pose is at rest
+        {held_by,motor_angles} without pose=equilibrium
+        held_by.input: has no effect: what holds the finger is released at time zero
+        held_by.{force,moment}.times: must be constant
+        """
     )
 
     pose: Literal["straight", "rest", "equilibrium"] | None = None
@@ -163,19 +162,13 @@ class Timing(Value):
 class FingerScene(Configuration, Surroundings):
     """Keys that scenes of one finger have in common."""
 
-    REFUSALS: ClassVar[tuple[Consumer, ...]] = (
-        beside("scenes without friction", lambda s: not s.finger.has_friction, "initial.reached_by", _NONE),
-        beside(
-            "scenes without dry friction or quadratic damping",
-            lambda s: (
-                not s.finger.damping.dry_friction
-                and not s.finger.damping.quadratic
-                and "quadratic_damping"
-                not in (*s.parameters, *(estimate.name for estimate in getattr(s, "estimate", ())))
-            ),
-            "finger.damping.friction_cells",
-            "has no effect: these are cells of finger.damping.dry_friction and finger.damping.quadratic",
-        ),
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals(
+        """
+        initial.reached_by without finger.has_friction: has no effect: neither tendons nor bending have friction
+        finger.damping.friction_cells without finger.damping.{dry_friction,quadratic} parameters=quadratic_damping
+            estimate.name=quadratic_damping:
+            has no effect: these are cells of finger.damping.dry_friction and finger.damping.quadratic
+        """
     )
 
     finger: Finger
@@ -204,7 +197,7 @@ class FingerScene(Configuration, Surroundings):
 class Scene(FingerScene):
     """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
 
-    REFUSALS = of_drives("scenes", ["actuation"], *COMMANDS)
+    REFUSALS = refusals("\n".join(f"actuation.{key} without finger.input_keys={key}: {TAKES}" for key in COMMANDS))
 
     actuation: Actuation | None = None
     """Inputs over time; None: the finger is passive and its tendons are slack."""

@@ -7,22 +7,12 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import Consumer, refusals
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.supports import Supported, Wall
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
-
-_OF_OBJECTS = "moment_of_inertia out_of_plane_gravity table supports"
-_TOUCHED = f"contact_law object_moves {_OF_OBJECTS}"
-_EMPTY, _FIXED = "has no meaning without an object", "has no meaning for a fixed object: set object_moves"
-_PLACE = "is for grasps; here the object starts where position and angle say"
-_LEANING = "is carried by a table parallel to the plane, without point and normal_angle"
-_ONE_TABLE = "needs out_of_plane_gravity, or without it point and normal_angle"
-_BELOW = "is of a table parallel to the plane, without point and normal_angle"
-_WALL = "point and normal_angle belong together: a table in the plane has both"
-_STICKING = "has no effect beside slip_speed, which gives friction no state"
 
 
 class ContactLaw(Value):
@@ -32,9 +22,7 @@ class ContactLaw(Value):
     a smooth onset within ``rounding`` of touching.
     """
 
-    REFUSALS = (
-        beside("contact_law without a state", lambda law: law.slip_speed, "presliding", _STICKING, "contact_law"),
-    )
+    REFUSALS = refusals("presliding with slip_speed: has no effect beside slip_speed, which gives friction no state")
 
     stiffness: Annotated[float, Field(ge=1e-3, le=1e9), Unit("N/m")]
     """Normal force per depth [N/m]."""
@@ -78,10 +66,12 @@ class Table(Value):
     to height zero; with a ``point`` an endless wall in the plane.
     """
 
-    REFUSALS = (
-        beside("table in the plane", lambda table: table.point, "stays friction_radius", _BELOW, "table"),
-        beside("table below the plane", lambda table: table.normal_angle is None, "point", _WALL, "table"),
-        beside("table without a place", lambda table: table.point is None, "normal_angle", _WALL, "table"),
+    REFUSALS = refusals(
+        """
+        {stays,friction_radius} with point: is of a table parallel to the plane, without point and normal_angle
+        point without normal_angle: point and normal_angle belong together: a table in the plane has both
+        normal_angle without point: point and normal_angle belong together: a table in the plane has both
+        """
     )
 
     friction: Friction
@@ -112,12 +102,17 @@ class Surroundings(Supported):
     The finger touches the object; supports touch the object only, the finger passes through them.
     """
 
-    REFUSALS: ClassVar[tuple[Consumer, ...]] = (
-        Consumer("scenes", {"object.free": _PLACE}),
-        beside("scenes without an object", lambda s: s.object is None, _TOUCHED, _EMPTY),
-        beside("scenes of a fixed object", lambda s: s.object and not s.object_moves, _OF_OBJECTS, _FIXED),
-        beside("scenes of a wall as table", lambda s: s.walled, "out_of_plane_gravity", _LEANING),
-        beside("scenes without a weight", lambda s: not (s.out_of_plane_gravity or s.walled), "table", _ONE_TABLE),
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals(
+        """
+        object.free: is for grasps; here the object starts where position and angle say
+        {contact_law,object_moves,moment_of_inertia,out_of_plane_gravity,table,supports} without object:
+            has no meaning without an object
+        {moment_of_inertia,out_of_plane_gravity,table,supports} without object_moves:
+            has no meaning for a fixed object: set object_moves
+        out_of_plane_gravity with table.wall:
+            is carried by a table parallel to the plane, without point and normal_angle
+        table without out_of_plane_gravity table.wall: needs out_of_plane_gravity, or without it point and normal_angle
+        """
     )
 
     object: GraspObject | None = None
@@ -143,11 +138,6 @@ class Surroundings(Supported):
             raise ValueError("contact_law is missing: an object needs its stiffness and friction")
         if self.object_moves and body.mass < 1e-9:
             raise ValueError("object.mass must be positive for an object that moves")
-
-    @property
-    def walled(self) -> bool:
-        """Whether its table is a wall in the plane."""
-        return self.table is not None and self.table.wall is not None
 
     @property
     def surroundings(self) -> Surroundings | None:

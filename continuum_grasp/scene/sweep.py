@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import path_of
-from continuum_grasp.scene.consumer import excludes
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.shape import Shape
@@ -125,13 +125,12 @@ QUANTITIES = {
 
 Values = Annotated[ListOf[Any], Field(min_length=1, max_length=100_000)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
-_ALONE = "values stand alone, without min, max, count and spacing"
 
 
 class Grid(Value):
     """Values of one key, each of which is tried with all values of the other keys."""
 
-    REFUSALS = (excludes("sweep", "min max count spacing", "values", _ALONE, "vary"),)
+    REFUSALS = refusals("{min,max,count,spacing} with values: values stand alone, without min, max, count and spacing")
 
     values: Values | None = None
     """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""

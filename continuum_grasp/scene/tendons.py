@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, field_validator
 
-from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
@@ -37,21 +37,19 @@ LEAST_OFFSET = 1e-6
 Offset = Annotated[float, Field(ge=-1e4, le=1e4), Unit("m")]
 
 
-_AT, _COMMANDED = "finger.tendons", "has no effect where the tension is commanded: give a drive"
-
-
 class _Tensions(Value):
     """Drive and guides of one tendon."""
 
-    REFUSALS = (
-        needs("finger", "axial_stiffness series_stiffness", "drive", _COMMANDED, _AT),
-        needs("finger", "conduit_bend", "friction", at=_AT),
-        needs("finger", "drive", "axial_stiffness", "needs axial_stiffness: the tension follows from it", _AT),
-        needs("finger", "drive", "series_stiffness", "needs series_stiffness: the tension follows from it", _AT),
-        excludes(
-            "finger", "min_tension", "drive", "must be zero: drives cannot maintain it; see drive.pretension", _AT
-        ),
-        excludes("finger", "time_constant", "drive", "is that of commanded tensions: leave it out", _AT),
+    REFUSALS = refusals(
+        """
+        {axial_stiffness,series_stiffness} without drive:
+            has no effect where the tension is commanded: give a drive
+        conduit_bend without friction
+        drive without axial_stiffness: needs axial_stiffness: the tension follows from it
+        drive without series_stiffness: needs series_stiffness: the tension follows from it
+        min_tension with drive: must be zero: drives cannot maintain it; see drive.pretension
+        time_constant with drive: is that of commanded tensions: leave it out
+        """
     )
 
     min_tension: Annotated[NonNegative, Unit("N")] = 0.0
@@ -146,54 +144,16 @@ class Tendon(_Tensions):
 TendonList = Annotated[ListOf[Tendon], Field(min_length=1, max_length=16)]
 
 
-def _two_lags(tendons: tuple[Tendon, ...], length: float) -> bool:
+def two_lags(tendons: tuple[Tendon, ...], length: float) -> bool:
     """Whether tendons whose moments add up lag by different times."""
     groups = alike(tendons, length)
     return any(len({tendons[k].time_constant for k in group}) > 1 for group in groups)
 
 
-def _two_kinds(tendons: tuple[Tendon, ...]) -> bool:
-    return len({tendon.drive and (tendon.drive.key, tendon.drive.arrangement) for tendon in tendons}) > 1
-
-
-def _one_sided(tendons: tuple[Tendon, ...]) -> bool:
+def one_sided(tendons: tuple[Tendon, ...]) -> bool:
     """Whether two tendons are not at equal distances on both sides."""
     pairs = zip(*(ends(tendon.offset) for tendon in tendons), strict=True)
     return len(tendons) == 2 and any(abs(a + b) > SAME * abs(a) for a, b in pairs)
-
-
-def _on_pulley(name: str, where: Callable[[tuple[Tendon, ...]], bool], why: str) -> Consumer:
-    key = "tendons.drive.arrangement=one_pulley"
-    return beside(
-        f"finger of tendons {name}", lambda finger: where(finger.tendon_list), key, f"one_pulley needs {why}", "finger"
-    )
-
-
-def _unlike(name: str) -> Consumer:
-    """Refuse two tendons on one pulley that differ."""
-    alike = f"tendons with the same {name}"
-    return _on_pulley(
-        f"unlike in {name}", lambda tendons: len({getattr(tendon, name) for tendon in tendons}) > 1, alike
-    )
-
-
-_SIDES = "tendons at equal distances on both sides: it winds up the one by as much as it pays out the other"
-_LAGS = "must be that of tendons that run alike: their moments add up before they lag"
-_KINDS = "all tendons of a finger need the same kind of drive, input and arrangement"
-ALIKE = (
-    beside("finger of two kinds of drives", lambda f: _two_kinds(f.tendon_list), "tendons.drive", _KINDS, "finger"),
-    beside(
-        "finger of two lags",
-        lambda f: _two_lags(f.tendon_list, f.rod.length),
-        "tendons.time_constant",
-        _LAGS,
-        "finger",
-    ),
-    _on_pulley("that are no two", lambda tendons: len(tendons) != 2, "two tendons"),
-    *map(_unlike, ("friction", "axial_stiffness", "series_stiffness", "to", "drive")),
-    _on_pulley("on one side", _one_sided, _SIDES),
-)
-"""Keys that must be equal for several tendons of one finger."""
 
 
 def alike(tendons: tuple[Tendon, ...], length: float) -> list[list[int]]:

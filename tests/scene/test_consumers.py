@@ -49,12 +49,12 @@ def arguments() -> set[str]:
 
 
 def known(key: str) -> bool:
-    """Whether a dotted key is one of some kind of scene, by the schemas, an argument or an option."""
+    """Whether a dotted key is one of a kind of scene or of a part of one, by the schemas, an argument or an option."""
     if key.partition("=")[0] in arguments():
         return True
     for kind in KINDS:
         schema = schema_of(kind)
-        nodes = [schema]
+        nodes = [schema, *schema["$defs"].values()]
         for name in key.partition("=")[0].split("."):
             found = []
             while nodes:

@@ -46,12 +46,12 @@ _NO_PLANT = "a mission has a controller alone; continuum-grasp mpc moves its pla
 _OWN = "is for a simulated scene: a closed loop has its own"
 _MISSIONS = (MissionScene, MissionRun)
 _UNITS = (
-    beside("export to fmu of no controller", lambda of: "controller" not in of[1], "preview", "is for a controller"),
-    beside("export to fmu of a simulated scene", lambda of: isinstance(of[0], Scene), "what=controller", _NO_LOOP),
-    beside("export to fmu of a closed loop", lambda of: not isinstance(of[0], Scene), "step ranges substeps", _OWN),
-    beside("export to fmu of a mission", lambda of: isinstance(of[0], _MISSIONS), "what=plant", _NO_PLANT),
-    beside("export to fmu of a mission", lambda of: isinstance(of[0], _MISSIONS), "preview", "follows its phases"),
-    beside("export to fmu of no mission", lambda of: not isinstance(of[0], _MISSIONS), "finger", "is for a mission"),
+    beside("preview", lambda of: "controller" not in of[1], "is for a controller"),
+    beside("what=controller", lambda of: isinstance(of[0], Scene), _NO_LOOP),
+    beside("step ranges substeps", lambda of: not isinstance(of[0], Scene), _OWN),
+    beside("what=plant", lambda of: isinstance(of[0], _MISSIONS), _NO_PLANT),
+    beside("preview", lambda of: isinstance(of[0], _MISSIONS), "follows its phases"),
+    beside("finger", lambda of: not isinstance(of[0], _MISSIONS), "is for a mission"),
 )
 _DECLARED = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
 _ARGUMENT = re.compile(r"(?!instance\b)\b(\w+)(?:\[\])?(?:,|$)")

@@ -22,7 +22,7 @@ from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import write_text
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, needs, unknown_to
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, refusals, unknown_to
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.table import csv_text
@@ -32,8 +32,10 @@ from continuum_grasp.simulation.signals import Signals
 _LEAST_INERTIA = 1e-15
 """Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
 _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
-_PLANAR = "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0"
-_CARRIED = needs("export to mjcf", "out_of_plane_gravity", "table", _PLANAR)
+(_CARRIED,) = refusals(
+    "out_of_plane_gravity without table: the chain is planar: a weight out of the plane that friction carries is not "
+    "exported; set table, or 0"
+)
 _CHAIN = Consumer(
     "export to mjcf",
     refused={

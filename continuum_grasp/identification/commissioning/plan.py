@@ -40,9 +40,8 @@ _CONSUMER = Consumer(
     unneeded={"loads": "nothing pushes the finger while it is commissioned", "reference": "drives follow a plan"},
 )
 _BLIND = beside(
-    "commission without a camera",
-    lambda s: s.estimator is None or s.estimator.measured.tip is None,
     "controller",
+    lambda s: s.estimator is None or s.estimator.measured.tip is None,
     "commissioning needs estimator.measured.tip, a camera that sees the tip",
 )
 
