@@ -25,7 +25,7 @@ def main() -> None:
     found = cg.optimize_design(DESIGN)
     designed = time.process_time()
     axes = [
-        [place.value(share) for share in np.linspace(0.0, 1.0, count).tolist()] for place in found.space.coordinates
+        [place.way.value(share) for share in np.linspace(0.0, 1.0, count).tolist()] for place in found.space.coordinates
     ]
     # Why there is no grasp is not asked.
     scene = cg.load(found.scene.file.parent / found.scene.scene).changed({"solver.max_total_iterations": 400})

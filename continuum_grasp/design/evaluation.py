@@ -177,14 +177,17 @@ class DesignProblem:
         self._tangents: dict[tuple[Signs, str], list[dict[str, Array]]] = {}
 
     def values(self, coordinates: Sequence[float]) -> list[float]:
-        return [coordinate.value(float(u)) for coordinate, u in zip(self.space.coordinates, coordinates, strict=True)]
+        return [
+            coordinate.way.value(float(u)) for coordinate, u in zip(self.space.coordinates, coordinates, strict=True)
+        ]
 
     def scene(self, case: str, coordinates: Sequence[float], signs: Sequence[float]) -> GraspScene:
         """The scene of a case; `InputError` where it makes no sense."""
         values = self.values(coordinates)
+        chosen = dict(zip(self.space.design.variables, values, strict=True))
         errors = [
-            sign * tolerance.amount(tolerance.nominal if tolerance.variable is None else values[tolerance.variable])
-            for sign, tolerance in zip(signs, self.space.tolerated, strict=True)
+            sign * number.way.error(chosen.get(number.key, number.nominal))
+            for sign, number in zip(signs, self.space.tolerated, strict=True)
         ]
         return self.space.scene(case, values, errors)
 
@@ -298,9 +301,9 @@ class DesignProblem:
         quantities, slopes = dict(values.quantities), dict(values.slopes)
         along = np.eye(len(self.space.coordinates), len(self.space.coordinates) + len(self.space.tolerated))
         for coordinate, value, direction in zip(self.space.coordinates, chosen, along, strict=True):
-            if coordinate.name is not None:
-                quantities[coordinate.name] = value
-                slopes[coordinate.name] = coordinate.slope(value) * direction
+            if coordinate.way.name is not None:
+                quantities[coordinate.way.name] = value
+                slopes[coordinate.way.name] = coordinate.way.slope(value) * direction
         expression = self.expressions[text]
         slope = expression.gradient(quantities, slopes)
         return Row(text, values.case, values.signs, expression.value(quantities), slope)

@@ -225,7 +225,7 @@ class _DesignSearch:
     def _start(self) -> None:
         """Search the trial designs in full, and take the best."""
         count, coordinates = self.options.starts - 1, self.space.coordinates
-        trials = [np.array([coordinate.coordinate(coordinate.start) for coordinate in coordinates])]
+        trials = [np.array([coordinate.way.coordinate(coordinate.nominal) for coordinate in coordinates])]
         if count > 0:  # the first point of the sequence is the corner 0
             trials += list(Halton(len(coordinates), scramble=False).fast_forward(1).random(count))
         for k, at in enumerate(trials):

@@ -183,14 +183,11 @@ class DesignResult(Result):
         if self.best is None:
             return {}
         values = dict(zip(self.keys, self._values(self.best.coordinates).tolist(), strict=True))
-        return values | {
-            following.key: following.times * values[following.source] + following.plus
-            for following in self.space.following
-        }
+        return values | {tie.key: tie.way.value(values[tie.way.key]) for tie in self.space.following}
 
     def _values(self, coordinates: Array) -> Array:
         pairs = zip(self.space.coordinates, coordinates, strict=True)
-        return np.array([coordinate.value(float(u)) for coordinate, u in pairs])
+        return np.array([coordinate.way.value(float(u)) for coordinate, u in pairs])
 
     @property
     def start(self) -> Array:
@@ -223,16 +220,16 @@ class DesignResult(Result):
             return ()
         total, influences = self.best.slope, []
         for k, (coordinate, u) in enumerate(zip(self.space.coordinates, self.best.coordinates.tolist(), strict=True)):
-            value = coordinate.value(u)
-            slope = float(total[k]) / coordinate.slope(value)
+            value = coordinate.way.value(u)
+            slope = float(total[k]) / coordinate.way.slope(value)
             at = "least" if u < 1e-6 else "greatest" if u > 1.0 - 1e-6 else ""
             influences.append(Influence(coordinate.key, coordinate.unit, value, slope, 0.01 * float(total[k]), at))
         count = len(self.space.coordinates)
         for k, tolerated in enumerate(self.space.tolerated):
-            if tolerated.variable is None:
+            if tolerated.key not in self.keys:
                 value = tolerated.nominal
                 change = float(total[count + k])
-                slope = change / tolerated.amount(value)
+                slope = change / tolerated.way.error(value)
                 influences.append(Influence(tolerated.key, tolerated.unit, value, slope, 0.01 * change, ""))
         return tuple(influences)
 

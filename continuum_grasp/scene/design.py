@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -53,6 +54,22 @@ class DesignVariable(Value):
         if self.name in QUANTITIES or self.name in FUNCTIONS:
             raise ValueError(f"name: {self.name!r} has a meaning in expressions already")
 
+    def value(self, coordinate: float) -> float:
+        """The value at a coordinate, which goes from 0 at the least value to 1 at the greatest."""
+        if self.spacing == "log":
+            return float(self.min * (self.max / self.min) ** coordinate)
+        return self.min + (self.max - self.min) * coordinate
+
+    def coordinate(self, value: float) -> float:
+        """The coordinate of a value."""
+        if self.spacing == "log":
+            return math.log(value / self.min) / math.log(self.max / self.min)
+        return (value - self.min) / (self.max - self.min)
+
+    def slope(self, value: float) -> float:
+        """Change of the value per coordinate."""
+        return value * math.log(self.max / self.min) if self.spacing == "log" else self.max - self.min
+
 
 class Tolerance(Value):
     """By how much a number of the scene may differ either way from what is chosen or stated."""
@@ -64,6 +81,10 @@ class Tolerance(Value):
 
     def _check(self) -> None:
         self._check_one_given("amount", "share")
+
+    def error(self, value: float) -> float:
+        """Greatest error either way of a value."""
+        return self.amount or 0.0 if self.share is None else abs(value) * self.share
 
 
 class QuantityLimit(Value):

@@ -6,7 +6,7 @@ import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,8 @@ from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.design import Design, DesignVariable, Tolerance
 from continuum_grasp.scene.document import Document, KeyPath, child
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.variation import SceneKey, SceneKeys, Tie, fault_kinds
+from continuum_grasp.scene.sweep import Follow
+from continuum_grasp.scene.variation import SceneKeys, VariedKey, fault_kinds
 
 _PAYLOADS = refusals(
     """
@@ -34,53 +35,14 @@ SINGLE = "scene"
 
 
 @dataclass(frozen=True)
-class Coordinate(SceneKey):
-    """A variable of the design; coordinates from 0 to 1 stand for its values from the least to the greatest."""
-
-    low: float
-    high: float
-    start: float
-    log: bool
-    name: str | None
-
-    def value(self, coordinate: float) -> float:
-        if self.log:
-            return float(self.low * (self.high / self.low) ** coordinate)
-        return self.low + (self.high - self.low) * coordinate
-
-    def coordinate(self, value: float) -> float:
-        if self.log:
-            return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
-
-    def slope(self, value: float) -> float:
-        return value * math.log(self.high / self.low) if self.log else self.high - self.low
-
-
-@dataclass(frozen=True)
-class ToleratedKey(SceneKey):
-    """A number that is manufactured with an error."""
-
-    variable: int | None
-    """Index of the variable; None: a number of the scene that is not chosen."""
-    nominal: float
-    """Nominal value of a number that is not chosen."""
-    tolerance: Tolerance
-
-    def amount(self, value: float) -> float:
-        """Greatest error either way of a value."""
-        share = self.tolerance.share
-        return self.tolerance.amount or 0.0 if share is None else abs(value) * share
-
-
-@dataclass(frozen=True)
 class DesignSpace:
     """A design, resolved."""
 
     design: Design
-    coordinates: tuple[Coordinate, ...]
-    following: tuple[Tie, ...]
-    tolerated: tuple[ToleratedKey, ...]
+    coordinates: tuple[VariedKey[DesignVariable], ...]
+    """The variables, as coordinates from 0 to 1 from the least value to the greatest."""
+    following: tuple[VariedKey[Follow], ...]
+    tolerated: tuple[VariedKey[Tolerance], ...]
     cases: Mapping[str, Document]
     file: Path
 
@@ -88,19 +50,15 @@ class DesignSpace:
         """The scene of a case for values of the variables, and errors of what is tolerated; InputError if these do not
         make sense together.
         """
-        actual = list(values)
+        chosen = dict(zip(self.design.variables, values, strict=True))
         puts: list[tuple[KeyPath, float]] = []
         for number, error in zip(self.tolerated, errors, strict=False):
-            if number.variable is None:
-                puts.append((number.path, number.nominal + error))
+            if number.key in chosen:
+                chosen[number.key] += error
             else:
-                actual[number.variable] += error
-        puts += [(coordinate.path, value) for coordinate, value in zip(self.coordinates, actual, strict=True)]
-        chosen = dict(zip(self.design.variables, actual, strict=True))
-        puts += [
-            (following.path, following.times * chosen[following.source] + following.plus)
-            for following in self.following
-        ]
+                puts.append((number.path, number.nominal + error))
+        puts += [(coordinate.path, chosen[coordinate.key]) for coordinate in self.coordinates]
+        puts += [(tie.path, tie.way.value(chosen[tie.way.key])) for tie in self.following]
         document = self.cases[case]
         changes = [(path, placed(value, document.place(path))) for path, value in puts]
         with warnings.catch_warnings():
@@ -112,7 +70,7 @@ class DesignSpace:
     @property
     def start(self) -> list[float]:
         """Values where the search starts."""
-        return [coordinate.start for coordinate in self.coordinates]
+        return [coordinate.nominal for coordinate in self.coordinates]
 
 
 def _check_payload(design: Design, scene: GraspScene) -> None:
@@ -124,35 +82,32 @@ def _check_payload(design: Design, scene: GraspScene) -> None:
 def design_space_of(design: Design, document: Document, file: str | os.PathLike[str]) -> DesignSpace:
     """Resolve a design and check that its keys and values have their place in the scene."""
     keys = SceneKeys(design, document, Path(file))
-    scene, variables = validated(keys.base, GraspScene), list(design.variables)
+    scene = validated(keys.base, GraspScene)
     _check_payload(design, scene)
     tolerated = []
     for key, tolerance in design.tolerances.items():
         path = keys.change(("tolerances", key), key, 0.0)[0]
-        number = variables.index(key) if key in variables else None
-        value = math.nan if key in variables else _number(keys, ("tolerances", key), scene, path)
-        tolerated.append(ToleratedKey(key, path, keys.unit(path), number, value, tolerance))
+        value = math.nan if key in design.variables else _number(keys, ("tolerances", key), scene, path)
+        tolerated.append(VariedKey(key, path, keys.unit(path), tolerance, nominal=value))
     return DesignSpace(
         design,
         tuple(_coordinate(keys, key, variable, scene) for key, variable in design.variables.items()),
-        tuple(keys.tie(key, follow) for key, follow in design.follow.items()),
+        keys.ties,
         tuple(tolerated),
         {name: _case(keys, name, changes) for name, changes in design.cases.items()} or {SINGLE: keys.base},
         keys.file,
     )
 
 
-def _coordinate(keys: SceneKeys, key: str, variable: DesignVariable, scene: GraspScene) -> Coordinate:
-    where = ("variables", key)
-    path, _ = keys.values(where, key, [variable.min, variable.max], listed=False)
-    start = variable.start
+def _coordinate(keys: SceneKeys, key: str, variable: DesignVariable, scene: GraspScene) -> VariedKey[DesignVariable]:
+    where, start = ("variables", key), variable.start
+    varied = keys.varied(where, key, variable, [variable.min, variable.max], listed=False)
     if start is None:
-        start = _number(keys, where, scene, path)
+        start = _number(keys, where, scene, varied.path)
         if not variable.min <= start <= variable.max:
             message = f"the scene has {start:g}, not within {variable.min:g} and {variable.max:g}: give start"
             raise keys.document.nearest(where).error(message, where)
-    log = variable.spacing == "log"
-    return Coordinate(key, path, keys.unit(path), variable.min, variable.max, start, log, variable.name)
+    return replace(varied, nominal=start)
 
 
 def _number(keys: SceneKeys, where: KeyPath, scene: GraspScene, path: KeyPath) -> float:

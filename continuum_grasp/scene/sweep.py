@@ -67,6 +67,10 @@ class Follow(Value):
     plus: Annotated[Real, Field(examples=[0.01, "10 mm"]), Unit(None)] = 0.0
     """Summand, in the unit of the key that follows."""
 
+    def value(self, source: float) -> float:
+        """The value beside one of the varied key."""
+        return self.times * source + self.plus
+
 
 class Varied(Configuration):
     """A scene of which some keys are varied."""
@@ -190,6 +194,13 @@ class Draw(Value):
     def kind(self) -> str:
         """Name of the distribution, of the four."""
         return next(iter(self.stated()))
+
+    @property
+    def listed(self) -> tuple[Any, ...]:
+        """Values that the scene must take: its choices, the ends of its range, or its mean."""
+        numbers: tuple[Any, ...] = getattr(self, self.kind)
+        # The second number of a normal draw is a deviation, which need not be a value of the key.
+        return numbers if self.normal is None else numbers[:1]
 
 
 class Sample(Value):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
@@ -19,44 +19,26 @@ from continuum_grasp.scene.document import Change, Document, KeyPath, undotted
 from continuum_grasp.scene.kinds import KINDS, kind_of, model_of
 from continuum_grasp.scene.problems import input_error
 from continuum_grasp.scene.shape import Shape
-from continuum_grasp.scene.sweep import Draw, Follow, Sweep, Varied
+from continuum_grasp.scene.sweep import Draw, Follow, Grid, Sweep, Varied
+from continuum_grasp.scene.value import Value
+
+Way = TypeVar("Way", bound=Value)
 
 
 @dataclass(frozen=True)
-class SceneKey:
-    """A key of the scene."""
+class VariedKey(Generic[Way]):
+    """A key of the scene, and how a sweep or a design varies it."""
 
     key: str
     path: KeyPath
     unit: str
     """Empty where the scene's documentation names none."""
-
-
-@dataclass(frozen=True)
-class Axis(SceneKey):
-    """A key with the values that are tried."""
-
-    values: tuple[Any, ...]
-    """Plain data; fingers from other files are put in."""
-    labels: tuple[Any, ...]
-    """The values as they were written."""
-
-
-@dataclass(frozen=True)
-class Random(Axis):
-    """A key that is drawn: uniformly, log-uniformly or normally with two numbers, or from a choice of values."""
-
-    kind: str
-    numbers: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Tie(SceneKey):
-    """A key that follows another, ``source``: times its value, plus a number."""
-
-    source: str
-    times: float
-    plus: float
+    way: Way
+    """As the configuration has it."""
+    values: tuple[Any, ...] = ()
+    """The values that are listed as plain data; fingers from other files are put in."""
+    nominal: float = math.nan
+    """In designs, the value where the search starts, or that of a number that is not chosen."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +49,9 @@ class Variation:
     """Kind of the scene: grasp, or mpc."""
     base: dict[str, Any]
     """The scene as plain data, with fingers from other files and what the sweep sets put in."""
-    axes: tuple[Axis, ...]
-    draws: tuple[Random, ...]
-    ties: tuple[Tie, ...]
+    axes: tuple[VariedKey[Grid], ...]
+    draws: tuple[VariedKey[Draw], ...]
+    ties: tuple[VariedKey[Follow], ...]
 
 
 def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str]) -> Variation:
@@ -82,16 +64,17 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
     axes = []
     for key, grid in sweep.vary.items():
         where: KeyPath = ("vary", key) if grid.values is None else ("vary", key, "values")
-        path, values = scene.values(where, key, grid.listed, listed=grid.values is not None)
-        axes.append(Axis(key, path, scene.unit(path), values, tuple(map(_label, grid.listed))))
-    draws = [_random(scene, key, draw) for key, draw in (sweep.sample.keys if sweep.sample else {}).items()]
-    numeric = {axis.key for axis in axes if all(_is_number(value) for value in axis.values)}
-    numeric |= {draw.key for draw in draws if draw.kind != "choice" or all(map(_is_number, draw.values))}
+        axes.append(scene.varied(where, key, grid, grid.listed, listed=grid.values is not None))
+    draws = [
+        scene.varied(("sample", "keys", key, draw.kind), key, draw, draw.listed)
+        for key, draw in (sweep.sample.keys if sweep.sample else {}).items()
+    ]
+    listed: list[VariedKey[Any]] = [*axes, *draws]
+    numeric = {varied.key for varied in listed if all(map(_is_number, varied.values))}
     for key, follow in sweep.follow.items():
         if follow.key not in numeric:
             message = f"{follow.key!r} has values that are no numbers"
             raise document.nearest(("follow", key, "key")).error(message, ("follow", key))
-    ties = tuple(scene.tie(key, follow) for key, follow in sweep.follow.items())
     allowed = [*sweep.vary, *(draw.key for draw in draws), *sweep.follow, *sweep.columns]
     for name, part in product(("maps", "pareto"), ("x", "y", "color")):
         for k, picture in enumerate(getattr(sweep, name)):
@@ -100,17 +83,7 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
                 where = (name, k, part)
                 message = f"no such column: {column!r}{nearest(column, allowed)}"
                 raise document.nearest(where).error(message, where)
-    return Variation(scene.kind, scene.base.value, tuple(axes), tuple(draws), ties)
-
-
-def _random(scene: SceneKeys, key: str, draw: Draw) -> Random:
-    numbers = draw.uniform or draw.log_uniform or draw.normal or (0.0, 0.0)
-    # The second number of a normal draw is a deviation, which need not be a value of the key.
-    tried = draw.choice or (numbers if draw.normal is None else numbers[:1])
-    path, values = scene.values(("sample", "keys", key, draw.kind), key, tried, listed=True)
-    if draw.choice is None:
-        return Random(key, path, scene.unit(path), (), (), draw.kind, numbers)
-    return Random(key, path, scene.unit(path), values, tuple(map(_label, draw.choice)), draw.kind)
+    return Variation(scene.kind, scene.base.value, tuple(axes), tuple(draws), scene.ties)
 
 
 def fault_kinds(error: ValidationError) -> set[str]:
@@ -122,7 +95,7 @@ class SceneKeys:
     """The scene that a configuration names, one of ``kinds``, and the keys that it varies of it."""
 
     def __init__(self, config: Varied, document: Document, file: Path, kinds: Sequence[str] = ("grasp",)) -> None:
-        self.document = document
+        self.config, self.document = config, document
         self._folder = file.parent
         place = document.nearest(("scene",))
         self.file = Path(os.path.normpath(named_file(place, config.scene, file, "file", ("scene",))))
@@ -138,10 +111,10 @@ class SceneKeys:
         # So that equal scenes are equal data, by which a sweep resumes.
         self.base.value = self.shape.in_si((), self.base.value, self.base.value)
 
-    def values(
-        self, where: KeyPath, key: str, given: Sequence[Any], *, listed: bool, only_key: bool = False
-    ) -> tuple[KeyPath, tuple[Any, ...]]:
-        """Path of a key in the scene, and its values, each tried on its own in the scene."""
+    def varied(
+        self, where: KeyPath, key: str, way: Way, given: Sequence[Any], *, listed: bool = True, only_key: bool = False
+    ) -> VariedKey[Way]:
+        """A key of the scene with its values, each tried on its own in the scene."""
         converted: list[Any] = []
         path: KeyPath = ()
         for k, value in enumerate(given):
@@ -155,7 +128,7 @@ class SceneKeys:
                 # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
                 if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
                     raise input_error(error, self.model, tried) from error
-        return path, tuple(converted)
+        return VariedKey(key, path, self.unit(path), way, tuple(converted))
 
     def change(self, where: KeyPath, key: str, value: Any) -> Change:
         """A key of the scene with a value, at its place in the sweep."""
@@ -167,23 +140,18 @@ class SceneKeys:
             raise place.error(error.message, where) from None
         return path, placed(value, place)
 
-    def tie(self, key: str, follow: Follow) -> Tie:
-        """A key that follows another."""
-        tried = [follow.times + follow.plus]
-        path, _ = self.values(("follow", key), key, tried, listed=False, only_key=True)
-        return Tie(key, path, self.unit(path), follow.key, follow.times, follow.plus)
+    @property
+    def ties(self) -> tuple[VariedKey[Follow], ...]:
+        """The keys that follow others."""
+        return tuple(
+            self.varied(("follow", key), key, follow, [follow.value(1.0)], listed=False, only_key=True)
+            for key, follow in self.config.follow.items()
+        )
 
     def unit(self, path: KeyPath) -> str:
         """Unit of a key; empty where there is none."""
         unit = self.shape.unit(path, self.base.value)
         return "" if unit is None or unit == "1" else unit
-
-
-def _label(value: Any) -> Any:
-    """A value as one entry of a table."""
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, default=str)
 
 
 def _is_number(value: Any) -> bool:

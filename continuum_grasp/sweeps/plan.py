@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from statistics import NormalDist
@@ -18,8 +19,8 @@ from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.load import placed_scene_of
-from continuum_grasp.scene.sweep import QUANTITIES, Sweep
-from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variation_of
+from continuum_grasp.scene.sweep import QUANTITIES, Draw, Sweep
+from continuum_grasp.scene.variation import Variation, VariedKey, variation_of
 
 FORMAT_VERSION = 1
 """Version of the stored plan: a sweep resumes with the version that began it."""
@@ -45,14 +46,14 @@ class Plan:
 
     def __init__(self, sweep: Sweep, variation: Variation) -> None:
         self.sweep, self.variation = sweep, variation
-        varied: list[Axis | Random | Tie] = [*variation.axes, *variation.draws, *variation.ties]
+        varied: list[VariedKey[Any]] = [*variation.axes, *variation.draws, *variation.ties]
         self.keys: tuple[str, ...] = tuple(entry.key for entry in varied)
         self.paths: tuple[KeyPath, ...] = tuple(entry.path for entry in varied)
         self.columns = sweep.columns
         self.units = {name: unit for name, (unit, _) in QUANTITIES.items()}
         self.units |= {entry.key: entry.unit for entry in varied}
         self._counts = [len(axis.values) for axis in variation.axes]
-        self._sources = [self.keys.index(tie.source) for tie in variation.ties]
+        self._sources = [self.keys.index(tie.way.key) for tie in variation.ties]
         self._seed = 0 if sweep.sample is None else sweep.sample.seed
         self._shift = np.random.default_rng(self._seed).random(len(variation.draws))
 
@@ -70,22 +71,25 @@ class Plan:
         labels: list[Any] = []
         for axis, k in zip(self.variation.axes, np.unravel_index(place, self._counts), strict=True):
             values.append(axis.values[k])
-            labels.append(axis.labels[k])
+            labels.append(_label(axis.way.listed[k]))
         if self.variation.draws:
             for drawn, share in zip(self.variation.draws, self._shares(draw), strict=True):
-                value, label = _value(drawn, float(share))
+                value, label = _value(drawn.way, drawn.values, float(share))
                 values.append(value)
                 labels.append(label)
         for tie, source in zip(self.variation.ties, self._sources, strict=True):
             # 15 digits: 0.1 times 3 is 0.3 in the table.
-            values.append(float(f"{tie.times * values[source] + tie.plus:.15g}"))
+            values.append(float(f"{tie.way.value(values[source]):.15g}"))
             labels.append(values[-1])
         return Point(index, tuple(values), tuple(labels))
 
     def as_json(self) -> dict[str, Any]:
         """Plain data that determine the scenes and the contents of their rows."""
         sample, varied = self.sweep.sample, self.variation
-        drawn = {draw.key: {draw.kind: draw.values if draw.kind == "choice" else draw.numbers} for draw in varied.draws}
+        drawn = {
+            draw.key: {draw.way.kind: draw.values if draw.way.choice else getattr(draw.way, draw.way.kind)}
+            for draw in varied.draws
+        }
         record: dict[str, Any] = plain(
             {
                 "format_version": FORMAT_VERSION,
@@ -93,7 +97,7 @@ class Plan:
                 "scene": varied.base,
                 "vary": {axis.key: axis.values for axis in varied.axes},
                 "sample": None if sample is None else {**sample.model_dump(exclude={"keys"}), "keys": drawn},
-                "follow": {tie.key: {"key": tie.source, "times": tie.times, "plus": tie.plus} for tie in varied.ties},
+                "follow": {tie.key: tie.way.model_dump() for tie in varied.ties},
                 "record": self.sweep.record,
             }
         )
@@ -135,19 +139,28 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any], most: int = 6) -
     return changes[:most] + ([f"and {len(changes) - most} more"] if len(changes) > most else [])
 
 
-def _value(draw: Random, share: float) -> tuple[Any, Any]:
-    low, high = draw.numbers
-    if draw.kind == "choice":
-        k = min(int(share * len(draw.values)), len(draw.values) - 1)
-        return draw.values[k], draw.labels[k]
-    if draw.kind == "uniform":
+def _value(draw: Draw, values: Sequence[Any], share: float) -> tuple[Any, Any]:
+    """A value that is drawn, by a number from 0 to 1, and its label."""
+    if draw.choice is not None:
+        k = min(int(share * len(values)), len(values) - 1)
+        return values[k], _label(draw.choice[k])
+    if draw.uniform is not None:
+        low, high = draw.uniform
         value = low + (high - low) * share
-    elif draw.kind == "log_uniform":
+    elif draw.log_uniform is not None:
+        low, high = draw.log_uniform
         value = math.exp(math.log(low) + (math.log(high) - math.log(low)) * share)
     else:
         # The share 0 is possible, and has no finite value.
-        value = NormalDist(low, high).inv_cdf(min(max(share, 1e-15), 1.0 - 1e-15))
+        value = NormalDist(*(draw.normal or (0.0, 1.0))).inv_cdf(min(max(share, 1e-15), 1.0 - 1e-15))
     return value, value
+
+
+def _label(value: Any) -> Any:
+    """A value as one entry of a table."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, default=str)
 
 
 def _leaves(data: Any, key: str = "") -> dict[str, Any]:

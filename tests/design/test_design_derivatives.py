@@ -29,7 +29,7 @@ def problem_of(**keys):
 
 
 def start_of(problem):
-    return np.array([one.coordinate(one.start) for one in problem.space.coordinates])
+    return np.array([one.way.coordinate(one.nominal) for one in problem.space.coordinates])
 
 
 def differences(problem, at, k, text, step=1e-3):

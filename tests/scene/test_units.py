@@ -292,9 +292,9 @@ def test_a_sweep_takes_the_units_of_its_keys(file):
     plan = plan_of(path)
     diameter, mass = plan.variation.axes
     assert (diameter.values, diameter.unit) == ((0.07, 0.08, 0.09, 0.1), "m")
-    assert mass.values == mass.labels == (0.2, 0.4)
+    assert mass.values == mass.way.listed == (0.2, 0.4)
     friction, curvature = plan.variation.draws
-    assert (friction.numbers, curvature.values, curvature.unit) == ((0.5, 0.1), (0, 8.0), "1/m")
+    assert (friction.way.normal, curvature.values, curvature.unit) == ((0.5, 0.1), (0, 8.0), "1/m")
     assert plan.variation.base["contacts"]["normal_force_max"] == 20.0
     text = Path(path).read_text()
     Path(path).write_text(text.replace("min: 70 mm", "min: 70 g"))
