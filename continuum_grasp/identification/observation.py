@@ -56,7 +56,7 @@ def _along(model: FingerModel, reading: Reading, q: ca.SX, u: ca.SX, p: ca.SX, o
     return model.orientation(q, u, s, p) - base
 
 
-(_OF_MOTORS,) = refusals(
+_OF_MOTORS = refusals(
     "data.measured.quantity={motor_angle,torque} without kind=motor: is that of a motor: this drive has another kind"
 )
 
@@ -73,7 +73,8 @@ def _at_drive(model: FingerModel, reading: Reading, u: ca.SX, tensions: ca.SX, s
     winch, drive_states = winches[number], states[start : start + winches[number].states]
     if reading.quantity == "length":
         return winch.radius * drive_states[0]
-    _OF_MOTORS.check(winch.drive, of={f"data.measured.quantity={reading.quantity}": "measured"})
+    for refusal in _OF_MOTORS:
+        refusal.check(winch.drive, of={f"data.measured.quantity={reading.quantity}": "measured"})
     if reading.quantity == "motor_angle":
         return drive_states[0]
     return ca.SX(cast(Motor, winch).torque(u[number], drive_states[0], drive_states[1]))

@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Any, cast
 
 from pydantic import BaseModel
@@ -74,13 +75,12 @@ class Consumer:
         given, or as what the error calls them. The key of an `InputError`, of the first that is refused, is seen from
         there, or begins with ``place``.
         """
-        if not self.where(scene):
-            return ()
         of = scene if of is None else of
         for key, why in self.refused.items():
-            if present := next(_given(of, key), None):
+            if (present := next(_given(of, key), None)) and self.where(scene):
                 raise InputError(why, key=f"{place}.{present}" if place else present)
-        return tuple(f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(of, key)))
+        otherwise = ((key, text) for key, text in self.otherwise.items() if any(_given(of, key)))
+        return tuple(f"{key}: {text}" for key, text in otherwise if self.where(scene))
 
 
 def beside(keys: str, where: Callable[[Any], Any], why: str) -> Consumer:
@@ -91,33 +91,40 @@ def beside(keys: str, where: Callable[[Any], Any], why: str) -> Consumer:
 _RULE = re.compile(r"(?P<keys>[^:]+?)(?: (?P<how>with|without) (?P<other>[^:]+))?(?:: (?P<why>.+))?")
 
 
-def refusals(rules: str, **where: Callable[[Any], Any]) -> tuple[Consumer, ...]:
+def refusals(rules: str, **where: Callable[..., Any]) -> tuple[Consumer, ...]:
     """Declare keys that have no place beside others, or without them: a rule per line, going on where it is indented.
 
     ``KEYS with OTHERS: WHY`` refuses keys where one of the others is given, ``KEYS without OTHERS: WHY`` where none is,
-    ``KEYS: WHY`` everywhere; ``table.{point,stays}`` are two keys. Others are keys, properties, or functions in
-    ``where``, which take the scene. Of what is needed, the reason may be left out.
+    ``KEYS: WHY`` everywhere; ``table.{point,stays}`` are two keys, and NAME is the last name of each. Others are keys,
+    properties, or functions in ``where``, which take the scene, and a word as ``differs(NAME)``. Of what is needed, the
+    reason may be left out.
     """
     declared = []
     for line in re.sub(r"\n\s+", " ", inspect.cleandoc(rules)).splitlines():
         rule = cast(re.Match[str], _RULE.fullmatch(line))
-        others = [key for word in (rule["other"] or "").split() for key in _spelled_out(word)]
+        for key in _spelled_out(rule["keys"]):
+            name = re.split(r"[.=]", key)[-1]
+            other, why = ((rule[part] or "").replace("NAME", name) for part in ("other", "why"))
 
-        def holds(scene: Any, others: Sequence[str] = others, how: str | None = rule["how"]) -> bool:
-            return any(where[key](scene) if key in where else any(_given(scene, key)) for key in others) is (
-                how == "with"
-            )
+            def holds(scene: Any, others: Sequence[str] = _spelled_out(other), how: str | None = rule["how"]) -> bool:
+                return any(_is_so(scene, each, where) for each in others) is (how == "with")
 
-        keys = " ".join(key for word in rule["keys"].split() for key in _spelled_out(word))
-        declared.append(beside(keys, holds, rule["why"] or f"needs {rule['other'].replace('=', ': ')}"))
+            declared.append(beside(key, holds, why or f"needs {other.replace('=', ': ')}"))
     return tuple(declared)
 
 
-def _spelled_out(key: str) -> list[str]:
-    """The keys that one with alternatives in braces stands for."""
-    head, brace, rest = key.partition("{")
-    names, _, tail = rest.partition("}")
-    return [head + name + end for name in names.split(",") for end in _spelled_out(tail)] if brace else [key]
+def _is_so(scene: Any, other: str, where: Mapping[str, Callable[..., Any]]) -> bool:
+    """Whether a key is given, a property is something, or a function says so."""
+    name, *words = other.rstrip(")").split("(")
+    return bool(where[name](scene, *words)) if name in where else any(_given(scene, other))
+
+
+def _spelled_out(keys: str) -> list[str]:
+    """Keys that are separated by spaces, with all alternatives that are in braces."""
+    if "{" not in keys:
+        return keys.split()
+    parts = (re.split(r"\{(.*?)\}", word) for word in keys.split())
+    return ["".join(key) for each in parts for key in product(*(part.split(",") for part in each))]
 
 
 def _given(value: Any, key: str, where: str = "") -> Iterator[str]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside, refusals
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
 from continuum_grasp.scene.cost import tracked
 from continuum_grasp.scene.estimator import Estimator, Mounting
@@ -38,15 +38,6 @@ def _two_frictions(scene: ControlScene) -> bool:
     """Whether one error of the friction stands for tendons with different coefficients."""
     asked = scene.estimator and scene.estimator.contact_detection
     return bool(asked and asked.tendon_friction) and len({tendon.friction for tendon in scene.finger.tendon_list}) > 1
-
-
-def _unlike(name: str) -> Consumer:
-    """Refuse that plants differ in something that tendons do not have, or not alike."""
-
-    def differs(scene: ControlScene) -> bool:
-        return len({getattr(tendon, name.removeprefix("tendon_")) for tendon in scene.finger.tendon_list} | {None}) != 2
-
-    return beside(f"controller.scenarios.{name}", differs, "needs tendons that have it alike")
 
 
 def _rigid(scene: ControlScene) -> bool:
@@ -90,13 +81,9 @@ class ControlScene(CommandedScene):
                 is estimated already: give one of both
             estimator.contact_detection with finger.tendons.drive.backlash:
                 sees nothing through a gear with backlash, whose drum is not measured
-            estimator.{disturbances,adapt}.bending_stiffness without parameters=bending_stiffness:
-                needs parameters: [bending_stiffness]
-            estimator.disturbances.tendon_friction without parameters=tendon_friction:
-                needs parameters: [tendon_friction]
-            estimator.adapt.tip_mass without parameters=tip_mass: needs parameters: [tip_mass]
-            estimator.adapt.drive_time_constant without parameters=drive_time_constant:
-                needs parameters: [drive_time_constant]
+            estimator.disturbances.{bending_stiffness,tendon_friction}
+                estimator.adapt.{bending_stiffness,tip_mass,drive_time_constant}
+                without parameters=NAME: needs parameters: [NAME]
             estimator.adapt.drive_time_constant without lag: needs a drive with a time_constant
             estimator.measured.tension without lag finger.winches finger.tendons.time_constant:
                 needs a lag; without one the tension is the command itself
@@ -117,6 +104,8 @@ class ControlScene(CommandedScene):
                 is that of commanded tensions: it needs finger.tendons.time_constant
             controller.scenarios.time_constant without lag:
                 is that of commanded tensions: it needs finger.tendons.time_constant
+            controller.scenarios.{tendon_friction,presliding,axial_stiffness,series_stiffness,time_constant}
+                with unlike(NAME): needs tendons that have it alike
             estimator.contact_detection without estimator.measured.{length,angle}:
                 needs estimator.measured.length or estimator.measured.angle of drives, whose tension a contact changes
             estimator.contact_detection with two_frictions:
@@ -130,12 +119,15 @@ class ControlScene(CommandedScene):
             unseen=lambda s: s.estimator and not s.estimator.measured.object,
             jumps=_jumps,
             jumps_alone=lambda s: _jumps(s) and not any(tendon.time_constant for tendon in s.finger.tendon_list),
+            # Also where tendons do not have it.
+            unlike=lambda s, name: (
+                len({getattr(t, name.removeprefix("tendon_")) for t in s.finger.tendon_list} | {None}) != 2
+            ),
             two_frictions=_two_frictions,
             unfelt=lambda s: (of := s.estimator) and of.measured.length and not of.measured.tension,
             # Commanded torques then stand in for measured ones, and are not as old as the angles of the motors.
             late=lambda s: (of := s.estimator) and of.measured.angle and of.delay and not of.measured.torque,
         ),
-        *map(_unlike, ("tendon_friction", "presliding", "axial_stiffness", "series_stiffness", "time_constant")),
         *tracked("controller.cost"),
     )
 

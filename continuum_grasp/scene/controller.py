@@ -132,9 +132,7 @@ class CommandedScene(FingerScene):
     AT: ClassVar[str]
     REFUSALS = refusals(
         f"""
-        {{controller.,}}input.lengths without finger.input_keys=lengths: {TAKES}
-        {{controller.,}}input.angles without finger.input_keys=angles: {TAKES}
-        {{controller.,}}input.torques without finger.input_keys=torques: {TAKES}
+        {{controller.,}}input.{{lengths,angles,torques}} without finger.input_keys=NAME: {TAKES}
         finger.tendons.time_constant with some_lag: all tendons lag, or none
         {{controller.,}}input.{{moment_max,time_constant}} without finger.input_keys=tip_moment:
             is for a finger without tendons and chambers
@@ -182,7 +180,13 @@ class CommandedScene(FingerScene):
     def rest_input(self) -> tuple[float, ...]:
         """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
         least, greatest = self.input_limits
-        wanted = [drive.at_pretension for drive in self.finger.winches]
+        # On one pulley no torque holds a pretension, and winches that follow a length have it at zero.
+        wanted = [
+            drive.winch_radius * drive.pretension / (drive.position_gain or 1.0)
+            if drive.kind == "motor" and drive.arrangement == "per_tendon"
+            else 0.0
+            for drive in self.finger.winches
+        ]
         wanted += [0.0] * (len(least) - len(wanted))
         return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, greatest, strict=True))
 

@@ -174,13 +174,15 @@ class Reference(Value):
 
 def tracked(key: str) -> tuple[Consumer, ...]:
     """Refuse setpoints that nothing tracks, and weights without a setpoint, at a key of a scene."""
-    rules = []
-    for name in Reference.model_fields:
-        term = f"{key}.{'effort' if name == 'input' else name}"
-        rules.append(f"reference.{name} without {term}: nothing tracks it: give {term} a weight")
-        if name not in _WITH_DEFAULT:
-            rules.append(f"{term} without reference.{name}")
-    return refusals("\n".join(rules))
+    names = [name for name in Reference.model_fields if name != "input"]
+    asked = [name for name in names if name not in _WITH_DEFAULT]
+    return refusals(
+        f"""
+        reference.{{{",".join(names)}}} without {key}.NAME: nothing tracks it: give {key}.NAME a weight
+        reference.input without {key}.effort: nothing tracks it: give {key}.effort a weight
+        {key}.{{{",".join(asked)}}} without reference.NAME
+        """
+    )
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})

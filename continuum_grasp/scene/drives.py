@@ -97,11 +97,6 @@ class LengthDrive(_Winch):
         return "lengths"
 
     @property
-    def at_pretension(self) -> float:
-        """Command under which the straight finger has its pretension [m]."""
-        return 0.0
-
-    @property
     def limit(self) -> float:
         """Greatest magnitude of a command; infinite where it is not limited."""
         return math.inf
@@ -149,12 +144,6 @@ class MotorDrive(_Winch):
     def key(self) -> str:
         """Key of its commands in ``actuation``."""
         return "torques" if self.position_gain is None else "angles"
-
-    @property
-    def at_pretension(self) -> float:
-        """Command under which the straight finger has its pretension; on one pulley no torque holds it."""
-        torque = 0.0 if self.arrangement == "one_pulley" else self.winch_radius * self.pretension
-        return torque / (self.position_gain or 1.0)
 
     @property
     def limit(self) -> float:

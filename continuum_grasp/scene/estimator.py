@@ -211,11 +211,8 @@ class Estimator(Value):
     """An extended Kalman filter with disturbance states."""
 
     REFUSALS = refusals(
-        "\n".join(
-            f"spread.{name} without disturbances.{name}: "
-            "needs its drift among disturbances: what does not drift is not estimated"
-            for name in Spread.model_fields
-        )
+        "spread.{object_position,bending_stiffness,tendon_friction} without disturbances.NAME: "
+        "needs its drift among disturbances: what does not drift is not estimated"
     )
 
     measured: Measured

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, Consumer, beside, refusals
+from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, refusals
 from continuum_grasp.scene.drives import DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.methods import FAMILIES
@@ -118,40 +118,36 @@ class BasePose(Value):
         doubt_beyond_a_turn("base.angle", self.angle)
 
 
-def _unlike(name: str) -> Consumer:
-    """Refuse two tendons on one pulley that differ."""
-
-    def differs(finger: Finger) -> bool:
-        return len({getattr(tendon, name) for tendon in finger.tendon_list}) > 1
-
-    return beside("tendons.drive.arrangement=one_pulley", differs, f"one_pulley needs tendons with the same {name}")
-
-
 class Finger(Value):
     """A tendon-driven continuum finger."""
 
-    REFUSALS = (
-        *refusals(
-            """
-            stops.curvature with rod.spirob: is given already: its gaps close there
-            strain_limit without rod.own_thickness: needs rod.diameter, or a thickness of a graded rod
-            rest_curvature with rod.own_rest_curvature: rod has it
-            gyration_radius without tendons: needs tendons, whose tensions shorten the rod
-            gyration_radius with tendons.{drive,friction,time_constant}:
-                needs tensions as they are commanded, all along the tendons: leave drive, friction and time_constant out
-            tendons.drive with two_kinds: all tendons of a finger need the same kind of drive, input and arrangement
-            tendons.time_constant with two_lags:
-                must be that of tendons that run alike: their moments add up before they lag
-            tendons.drive.arrangement=one_pulley with no_two: one_pulley needs two tendons
-            tendons.drive.arrangement=one_pulley with one_sided: one_pulley needs tendons at equal distances on both
-                sides: it winds up the one by as much as it pays out the other
-            """,
-            two_kinds=lambda f: len({t.drive and (t.drive.key, t.drive.arrangement) for t in f.tendon_list}) > 1,
-            two_lags=lambda f: two_lags(f.tendon_list, f.rod.length),
-            no_two=lambda f: len(f.tendon_list) != 2,
-            one_sided=lambda f: one_sided(f.tendon_list),
-        ),
-        *map(_unlike, ("friction", "axial_stiffness", "series_stiffness", "to", "drive")),
+    REFUSALS = refusals(
+        """
+        stops.curvature with rod.spirob: is given already: its gaps close there
+        strain_limit without rod.profile.half_depth: needs rod.diameter, or a thickness of a graded rod
+        rest_curvature with rod.own_rest_curvature: rod has it
+        gyration_radius without tendons: needs tendons, whose tensions shorten the rod
+        gyration_radius with tendons.{drive,friction,time_constant}:
+            needs tensions as they are commanded, all along the tendons: leave drive, friction and time_constant out
+        tendons.drive with two_kinds: all tendons of a finger need the same kind of drive, input and arrangement
+        tendons.time_constant with two_lags:
+            must be that of tendons that run alike: their moments add up before they lag
+        tendons.drive.arrangement=one_pulley with no_two: one_pulley needs two tendons
+        tendons.drive.arrangement=one_pulley with unlike(friction): one_pulley needs tendons with the same friction
+        tendons.drive.arrangement=one_pulley with unlike(axial_stiffness):
+            one_pulley needs tendons with the same axial_stiffness
+        tendons.drive.arrangement=one_pulley with unlike(series_stiffness):
+            one_pulley needs tendons with the same series_stiffness
+        tendons.drive.arrangement=one_pulley with unlike(to): one_pulley needs tendons with the same to
+        tendons.drive.arrangement=one_pulley with unlike(drive): one_pulley needs tendons with the same drive
+        tendons.drive.arrangement=one_pulley with one_sided: one_pulley needs tendons at equal distances on both
+            sides: it winds up the one by as much as it pays out the other
+        """,
+        two_kinds=lambda f: len({t.drive and (t.drive.key, t.drive.arrangement) for t in f.tendon_list}) > 1,
+        two_lags=lambda f: two_lags(f.tendon_list, f.rod.length),
+        no_two=lambda f: len(f.tendon_list) != 2,
+        one_sided=lambda f: one_sided(f.tendon_list),
+        unlike=lambda f, name: len({getattr(tendon, name) for tendon in f.tendon_list}) > 1,
     )
 
     rod: Rod
@@ -235,7 +231,7 @@ class Finger(Value):
                     f"{key} = {offset:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
                 )
             # The outer thickness of a graded rod is that of its sections, where nothing else is stated.
-            if half is None and self.rod.graded and self.rod.own_thickness:
+            if half is None and self.rod.graded and self.rod.profile.half_depth is not None:
                 self._check_inside_thickness(key, tendon)
 
     def _check_inside_thickness(self, key: str, tendon: Tendon) -> None:

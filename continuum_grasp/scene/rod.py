@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.consumer import Consumer, beside, refusals
+from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -94,16 +94,6 @@ _LEAST_STIFFNESS = 1e-12
 """Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
 
 
-def _stated_by_sections(key: str) -> Consumer:
-    """Refuse a material that all sections state by themselves, or that would change along each of them."""
-
-    def misplaced(rod: Rod) -> bool:
-        left_open = any(key in section.left_open for section in rod.sections or ())
-        return rod.sections is not None and not (left_open and isinstance(getattr(rod, key), float))
-
-    return beside(key, misplaced, "no section needs it as one number")
-
-
 class Rod(Section):
     """An inextensible, unshearable elastic rod: one section all along, or graded by ``sections``, ``samples`` or
     ``spirob``, or by values that change from base to tip.
@@ -122,19 +112,22 @@ class Rod(Section):
     array([1.5707963e-02, 1.5707963e-02, 2.5133000e-05])
     """
 
-    REFUSALS = (
-        *refusals(
-            """
-            factors without graded: is for a graded rod
-            {thickness,width,diameter,linear_density,bending_stiffness} with parted: is of a rod of one section
-            {youngs_modulus,density,rotary_inertia} with samples: samples have their own
-            {samples,spirob} with sections: sections are given: give one of both
-            spirob with samples: samples are given: give one of both
-            spirob without youngs_modulus: needs youngs_modulus and density of the rod
-            spirob without density: needs youngs_modulus and density of the rod
-            """
+    REFUSALS = refusals(
+        """
+        factors without graded: is for a graded rod
+        {thickness,width,diameter,linear_density,bending_stiffness} with parted: is of a rod of one section
+        {youngs_modulus,density,rotary_inertia} with samples: samples have their own
+        {samples,spirob} with sections: sections are given: give one of both
+        spirob with samples: samples are given: give one of both
+        spirob without youngs_modulus: spirob needs youngs_modulus and density of the rod
+        spirob without density: spirob needs youngs_modulus and density of the rod
+        {youngs_modulus,density,rotary_inertia} with stated_by_sections(NAME): no section needs it as one number
+        """,
+        # All sections state it by themselves, or it would change along each of them.
+        stated_by_sections=lambda rod, name: (
+            rod.sections is not None
+            and not (any(name in s.left_open for s in rod.sections) and isinstance(getattr(rod, name), float))
         ),
-        *map(_stated_by_sections, ("youngs_modulus", "density", "rotary_inertia")),
     )
 
     length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
@@ -286,13 +279,6 @@ class Rod(Section):
         if self.samples is not None:
             return self.samples.rest_curvature is not None
         return any(section.rest_curvature is not None for section in self.sections or ())
-
-    @property
-    def own_thickness(self) -> bool:
-        """Whether its thickness is known: that of its section, where strain is greatest."""
-        if self.samples is not None:
-            return self.samples.thickness is not None
-        return self._all_sections[0].thick is not None
 
     @property
     def mass_per_length(self) -> float:
