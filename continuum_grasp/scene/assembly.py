@@ -6,12 +6,13 @@ import copy
 import os
 import re
 from collections.abc import Iterable, Mapping
+from functools import reduce
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Change, Document, KeyPath, Place, dotted, plain, undotted
+from continuum_grasp.scene.document import Change, Document, KeyPath, Place, child, dotted, plain, undotted
 from continuum_grasp.scene.kinds import kind_of
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
 
@@ -64,13 +65,13 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
             # A change inside a finger that is in another file needs that file; one of its name must come before.
             if where[-1] != "extends":
                 _put_in_files(document, main)
-            elif not document.has(where):
+            elif reduce(child, where, document.value) is None:
                 key = dotted(where[:-1])
                 raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
         apply_override(document, where, new)
     _put_in_files(document, main)
     for path in (("object",), ("grasp", "object")):
-        if document.has(path):
+        if reduce(child, path, document.value) is not None:
             _put_in_outlines(document, path, main)
 
 
@@ -241,9 +242,9 @@ def apply_override(document: Document, path: KeyPath, new: Document) -> None:
             raise place.error(f"{dotted(here) or 'the file'} has no keys", path)
         if k == len(path) - 1:
             break
-        child = value.get(part) if isinstance(value, dict) else value[part]
-        if child is None:
-            child = {}
-            document.put(path[: k + 1], Document(child, {(): place}))
-        value = child
+        inner = value.get(part) if isinstance(value, dict) else value[part]
+        if inner is None:
+            inner = {}
+            document.put(path[: k + 1], Document(inner, {(): place}))
+        value = inner
     document.put(path, new)

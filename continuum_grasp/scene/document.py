@@ -54,15 +54,6 @@ class Document:
             value = value[part]
         return value
 
-    def has(self, path: KeyPath) -> bool:
-        """Whether the data has a path of keys."""
-        value = self.value
-        for part in path:
-            if not isinstance(value, dict) or part not in value:
-                return False
-            value = value[part]
-        return True
-
     def place(self, path: KeyPath) -> Place:
         """Position of ``path``, or of the nearest path above it: values that were set from outside share one
         position.

@@ -76,8 +76,14 @@ class _Located:
 
 
 def input_error(error: ValidationError, model: type[BaseModel], document: Document) -> InputError:
-    """Every problem of a document on a line of its own, in the order of the file; its position is that of the first."""
-    problems = explain(error, model, document.value)
+    """Every problem of a document on a line of its own, in the order of the file; its position is that of the first.
+
+    Problems are at the user's own keys: branch names that pydantic puts into locations inside unions are taken out, and
+    only the branches that the value could have been meant for are reported.
+    """
+    shape, data = Shape(model), document.value
+    located = [_locate(e, data, shape) for e in error.errors(include_url=False) if not _is_echo(e)]
+    problems = _choose_branches(located, shape, data)
     placed = list(
         dict.fromkeys((document.nearest(problem.path, at_key=problem.at_key), problem) for problem in problems)
     )
@@ -88,17 +94,6 @@ def input_error(error: ValidationError, model: type[BaseModel], document: Docume
         lines.append(f"and {len(placed) - _MOST} more")
     place, first = placed[0]
     return place.error("\n".join([first.message, *lines]), first.path)
-
-
-def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[Problem]:
-    """Translate what pydantic reports about ``data`` into problems at the user's own keys.
-
-    Branch names that pydantic puts into locations inside unions are taken out, and only the branches that the
-    value could have been meant for are reported.
-    """
-    shape = Shape(model)
-    located = [_locate(e, data, shape) for e in error.errors(include_url=False) if not _is_echo(e)]
-    return _choose_branches(located, shape, data)
 
 
 def _is_echo(error: Any) -> bool:
