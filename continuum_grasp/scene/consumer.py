@@ -88,16 +88,32 @@ def beside(keys: str, where: Callable[[Any], Any], why: str) -> Consumer:
     return Consumer(refused=dict.fromkeys(keys.split(), why), where=where)
 
 
+@dataclass(frozen=True)
+class Condition:
+    """Whether one of some keys, properties or functions of a scene is something, or ``absent`` none of them is."""
+
+    others: Sequence[str]
+    absent: bool
+    functions: Mapping[str, Callable[..., Any]]
+
+    def __call__(self, scene: Any) -> bool:
+        return any(self._holds(scene, other) for other in self.others) is not self.absent
+
+    def _holds(self, scene: Any, other: str) -> bool:
+        name, *words = other.rstrip(")").split("(")
+        return bool(self.functions[name](scene, *words)) if name in self.functions else any(_given(scene, other))
+
+
 _RULE = re.compile(r"(?P<keys>[^:]+?)(?: (?P<how>with|without) (?P<other>[^:]+))?(?:: (?P<why>.+))?")
 
 
-def refusals(rules: str, **where: Callable[..., Any]) -> tuple[Consumer, ...]:
+def refusals(rules: str, **functions: Callable[..., Any]) -> tuple[Consumer, ...]:
     """Declare keys that have no place beside others, or without them: a rule per line, going on where it is indented.
 
     ``KEYS with OTHERS: WHY`` refuses keys where one of the others is given, ``KEYS without OTHERS: WHY`` where none is,
     ``KEYS: WHY`` everywhere; ``table.{point,stays}`` are two keys, and NAME is the last name of each. Others are keys,
-    properties, or functions in ``where``, which take the scene, and a word as ``differs(NAME)``. Of what is needed, the
-    reason may be left out.
+    properties, or ``functions`` that take the scene, and a word as ``differs(NAME)``. Of what is needed, the reason may
+    be left out.
     """
     declared = []
     for line in re.sub(r"\n\s+", " ", inspect.cleandoc(rules)).splitlines():
@@ -105,18 +121,9 @@ def refusals(rules: str, **where: Callable[..., Any]) -> tuple[Consumer, ...]:
         for key in _spelled_out(rule["keys"]):
             name = re.split(r"[.=]", key)[-1]
             other, why = ((rule[part] or "").replace("NAME", name) for part in ("other", "why"))
-
-            def holds(scene: Any, others: Sequence[str] = _spelled_out(other), how: str | None = rule["how"]) -> bool:
-                return any(_is_so(scene, each, where) for each in others) is (how == "with")
-
-            declared.append(beside(key, holds, why or f"needs {other.replace('=', ': ')}"))
+            where = Condition(_spelled_out(other), rule["how"] != "with", functions)
+            declared.append(beside(key, where, why or f"needs {other.replace('=', ': ')}"))
     return tuple(declared)
-
-
-def _is_so(scene: Any, other: str, where: Mapping[str, Callable[..., Any]]) -> bool:
-    """Whether a key is given, a property is something, or a function says so."""
-    name, *words = other.rstrip(")").split("(")
-    return bool(where[name](scene, *words)) if name in where else any(_given(scene, other))
 
 
 def _spelled_out(keys: str) -> list[str]:

@@ -5,9 +5,11 @@ key that is not declared changes what a consumer makes.
 from __future__ import annotations
 
 import inspect
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from functools import cache
 from itertools import zip_longest
+from typing import get_args
 
 import pytest
 import typer
@@ -20,10 +22,11 @@ from continuum_grasp.export import export_fmu
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.system import System
 from continuum_grasp.rod import solve_elastica
-from continuum_grasp.scene.consumer import CONSUMERS, Consumer
+from continuum_grasp.scene.consumer import CONSUMERS, Condition, Consumer
 from continuum_grasp.scene.kinds import KINDS
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.value import Value
 from continuum_grasp.simulation.statics import equilibrium
 from tests.consumers_page import BEGIN, PAGE, tables
 from tests.features import FEATURES, VERBS, declared, scene_of
@@ -74,6 +77,40 @@ def known(key: str) -> bool:
 def test_every_declared_key_is_a_key_of_scenes(name):
     one = CONSUMERS[name]
     assert not [key for key in (*one.refused, *one.otherwise, *one.unneeded) if not known(key)]
+
+
+def subclasses(kind: type) -> Iterator[type]:
+    for one in kind.__subclasses__():
+        yield from (one, *subclasses(one))
+
+
+def inside(annotation: object) -> set[type]:
+    """Classes of values that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, Value):
+        return {annotation}
+    return {one for part in get_args(annotation) for one in inside(part)}
+
+
+def is_there(classes: set[type], path: list[str]) -> bool:
+    """Whether a value of one of some classes, or of a class that extends one, has a path of keys or properties."""
+    all_kinds = {kind for one in classes for kind in (one, *subclasses(one))}
+    found = [kind for kind in all_kinds if path[0] in kind.model_fields or hasattr(kind, path[0])]
+    deeper = [kind.model_fields[path[0]].annotation for kind in found if path[0] in kind.model_fields]
+    # What a property gives is not looked at.
+    return bool(found) and (
+        len(path) == 1 or not deeper or any(is_there(inside(annotation), path[1:]) for annotation in deeper)
+    )
+
+
+RULED = sorted((kind for kind in subclasses(Value) if "REFUSALS" in vars(kind)), key=lambda kind: kind.__qualname__)
+
+
+@pytest.mark.parametrize("kind", RULED, ids=lambda kind: kind.__qualname__)
+def test_every_rule_is_about_what_its_class_has(kind):
+    for rule in vars(kind)["REFUSALS"]:
+        others = [] if not isinstance(rule.where, Condition) else rule.where.others
+        keys = [*rule.refused, *(other for other in others if other.partition("(")[0] not in rule.where.functions)]
+        assert not [key for key in keys if not is_there({kind}, key.partition("=")[0].split("."))]
 
 
 def test_keys_count_as_given_where_they_differ_from_their_default():
