@@ -28,8 +28,9 @@ def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
     doc : str
         Of the benchmark.
     **options
-        By name: a default, or a tuple of it, of what it is, and of choices. ``False`` is a switch, a type stands for
-        none of that type, a tuple for some of its entries, a list for any values, or for some of the choices.
+        By name: a default, or a tuple of it, of what it is, and of choices. ``...`` has to be given, without dashes;
+        ``False`` is a switch, a type stands for none of that type, a tuple for some of its entries, a list for any
+        values, or for some of the choices.
     """
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, option in options.items():
@@ -44,9 +45,11 @@ def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
         elif isinstance(default, list):
             (entry,) = {value if isinstance(value, type) else type(value) for value in default}
             kind = {"default": [] if entry in default else default, "nargs": "*", "type": entry}
+        if default is ...:
+            kind = {}
         if choices:
             kind["choices"] = list(*choices)
-        parser.add_argument(f"--{name.replace('_', '-')}", help=words, **kind)
+        parser.add_argument(name if default is ... else f"--{name.replace('_', '-')}", help=words, **kind)
     return parser.parse_args()
 
 

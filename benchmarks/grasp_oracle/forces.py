@@ -149,7 +149,7 @@ class Forces:
         self.cuts: dict[str, list[float]] = {} if cuts is None else cuts
 
     def least(
-        self, balance: Balance, aim: str = "sum", exact: bool = True, drop: tuple[int, ...] = ()
+        self, balance: Balance, aim: str = "sum", exact: bool = True, drop: tuple[int, ...] = (), loose: float = 0.0
     ) -> tuple[float, Array] | None:
         """Least of something over all forces that hold; None where there are none.
 
@@ -163,6 +163,8 @@ class Forces:
             Cut the cones until they hold.
         drop : tuple of int
             Equations left out.
+        loose : float
+            Residual of the equations that counts as none, per the scale of forces: of shapes that are rounded.
         """
         limits, numbers, first = self.numbers.limits, self.numbers, balance.first
         width = balance.width + 1  # one more: what is aimed at
@@ -195,6 +197,10 @@ class Forces:
                     upper += [_row(width, {k: 1.0, width - 1: -1.0}), _row(width, {k: -1.0, width - 1: -1.0})]
                     above += [high, -low]
                     bounds[k] = (None, None)
+        if loose:
+            upper += [sign * rows[k] for k in keep for sign in (1.0, -1.0)]
+            above += [sign * right[k] / scale + loose for k in keep for sign in (1.0, -1.0)]
+            keep = []
         for k in range(first if aim == "tension" else 0):
             upper.append(_row(width, {k: 1.0, width - 1: -1.0}))
         for c in range(count if aim == "normal" else 0):
