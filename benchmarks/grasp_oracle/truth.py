@@ -51,8 +51,8 @@ def one(seed: int) -> Row | None:
 
 
 def shown(kind: str, row: Row) -> dict[str, float]:
-    """How well an answer holds: greatest gap of its contacts and depth of its fingers, per their length, and by how much
-    the least tension with which its shapes hold differs, per the greatest tensions (NaN: with none).
+    """How well an answer holds: greatest gap of its contacts and depth of its fingers, per its length, and by
+    how much the least tension with which its shapes hold differs, per the greatest tensions (NaN: with none).
     """
     said = numbers(scene_of(kind, row["seed"]))
     several = row["ends"] if kind != "one" else [row["ends"]]

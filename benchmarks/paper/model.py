@@ -57,9 +57,6 @@ class PaperModel(FingerModel):
         the velocity of the contact is not turned into the axes of the second arc.
     slips : collection of str, optional
         For ``closed_corrected``: keys of ``slips.SLIPS`` that are taken as printed.
-    bias : {"christoffel", "lagrange"}
-        For ``closed_corrected``: the paper's formulas, with sums over the derivatives of the mass matrix (the fastest);
-        or the Lagrangian differentiated.
     gravity_across : bool
         For ``appendix_printed``: take gravity across the straight finger, which (A.4) does not have, from the corrected
         appendix.
@@ -78,15 +75,14 @@ class PaperModel(FingerModel):
         variant: str,
         *,
         slips: Collection[str] = (),
-        bias: str = "christoffel",
         gravity_across: bool = False,
         guard: float = closed_forms.GUARD,
         **settings: Any,
     ) -> None:
         if variant not in VARIANTS:
             raise InputError(f"unknown variant {variant!r}: expected one of {', '.join(VARIANTS)}")
-        if (slips or bias != "christoffel") and variant != "closed_corrected":
-            raise InputError(f"slips and bias are chosen for closed_corrected, not for {variant}")
+        if slips and variant != "closed_corrected":
+            raise InputError(f"slips are chosen for closed_corrected, not for {variant}")
         if gravity_across and variant != "appendix_printed":
             raise InputError(f"gravity_across is for appendix_printed; {variant} has gravity across the finger")
         if settings.setdefault("family", "arc") != "arc":
@@ -94,7 +90,7 @@ class PaperModel(FingerModel):
         settings.setdefault("elements", 2)
         super().__init__(finger, **settings)
         self.variant = variant
-        self._equations = _PaperEquations(self.structure, variant, AsPrinted(slips), bias, guard)
+        self._equations = _PaperEquations(self.structure, variant, AsPrinted(slips), guard)
         across = self._equations.arcs.gravity[0]
         if variant == "appendix_printed" and not gravity_across and not (isinstance(across, float) and across == 0.0):
             raise InputError(
@@ -106,10 +102,10 @@ class PaperModel(FingerModel):
 class _PaperEquations(Equations):
     """The equations of motion with the paper's mass matrix, velocity products, gravity and Jacobians."""
 
-    def __init__(self, structure: Structure, variant: str, slips: AsPrinted, bias: str, guard: float) -> None:
+    def __init__(self, structure: Structure, variant: str, slips: AsPrinted, guard: float) -> None:
         super().__init__(structure)
         _check(structure)
-        self._variant, self._bias, self._guard = variant, bias, guard
+        self._variant, self._guard = variant, guard
         self._slips = AsPrinted(_CLOSED[variant]) if _CLOSED.get(variant) else slips
 
     @cached_property
@@ -145,8 +141,6 @@ class _PaperEquations(Equations):
         """The paper's terms."""
         if self._variant in _APPENDIX:
             return appendix.terms(self.arcs, self.theta, self.qd, _APPENDIX[self._variant])
-        if self._bias != "christoffel":
-            return closed_forms.lagrangian_terms(self.arcs, self.theta, self.qd, guard=self._guard)
         return closed_forms.terms(self.arcs, self.theta, self.qd, self._slips, guard=self._guard)
 
     @cached_property
@@ -188,11 +182,7 @@ class _PaperEquations(Equations):
 
     def net_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """M qdd, (43)."""
-        if self._variant in _APPENDIX:
-            reading = _APPENDIX[self._variant]
-            _, outer = appendix.right_hand_side(self.arcs, self.theta, self.qd, *self.point_forces, reading)
-        else:
-            outer = ca.vertcat(*self.external_force) - self.terms.bias - self.terms.gravity
+        outer = ca.vertcat(*self.external_force) - self.terms.bias - self.terms.gravity
         return [outer[i] + acting.actuation[i] - self.elastic[i] - self.damping[i] for i in (0, 1)]
 
     @cached_property
