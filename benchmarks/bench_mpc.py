@@ -19,7 +19,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks import mpc_cases
 from benchmarks.harness import one_core, quartiles
@@ -30,10 +29,9 @@ from benchmarks.mpc_peers import FORMS, converged, sqp_loop
 from benchmarks.mpc_world import World
 from benchmarks.real_time_iteration import RealTimeIteration
 from benchmarks.report import RESULTS, Report, arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
-
-Array = NDArray[np.float64]
 
 OURS = ("ours, scalar", "ours, lanes", "ours, lanes, float")
 PEER = "sqpmethod + qrqp, custom_jacobian"

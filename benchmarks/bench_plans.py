@@ -14,18 +14,16 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from benchmarks.report import Report, arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.guess import first_state_of_plan
 from continuum_grasp.scene import Tendons
 from continuum_grasp.scene.plan import PlanScene
 from tests.control_cases import CABLE, DRIVES, HAND
-
-Array = NDArray[np.float64]
 
 LEAST_PULL = 6e-4
 """Cable by which the other winch is wound further than the bend asks for [m]."""

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import continuum_grasp as cg
 from benchmarks.mpc_cases import CONFIGS
 from benchmarks.report import RESULTS, Report, arguments
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.command import Command
@@ -28,8 +28,6 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.errors import NumericalError
-
-Array = NDArray[np.float64]
 
 LOOPS = tuple(sorted(path.stem for path in (CONFIGS / "mpc").glob("*.yaml")))
 DURATION = {"nitinol_moment": 12.0}

@@ -18,9 +18,9 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.baselines import Peer
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import plant_scene
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
@@ -40,8 +40,6 @@ from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import Box
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Table
-
-Array = NDArray[np.float64]
 
 HINGES = 24
 STEP = 5e-5

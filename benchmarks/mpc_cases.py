@@ -8,16 +8,14 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 import continuum_grasp as cg
+from continuum_grasp.arrays import Array
 from continuum_grasp.control import ControlProblem
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
-
-Array = NDArray[np.float64]
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 FINER = 4

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from benchmarks.harness import compiled, defines, generated, linked, one_core
 from benchmarks.mpc_cases import Case
 from benchmarks.real_time_iteration import Settings
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti.source import iteration_source
-
-Array = NDArray[np.float64]
 
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fPIC", "-w")
 """Of every contestant."""

@@ -12,13 +12,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.mpc_cases import outside, state_step
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
-
-Array = NDArray[np.float64]
 
 
 @dataclass

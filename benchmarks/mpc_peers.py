@@ -7,14 +7,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.harness import defines, one_core
 from benchmarks.mpc_cases import Case
 from benchmarks.mpc_loop import FOLDER, CLoop, LoopRun
 from benchmarks.mpc_nlp import Nlp
-
-Array = NDArray[np.float64]
+from continuum_grasp.arrays import Array
 
 FORMS = {
     "own": "derivatives by CasADi alone",

@@ -9,15 +9,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.harness import CFLAGS, compiled, defines, generated, linked
 from benchmarks.mpc_cases import state_step
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
-
-Array = NDArray[np.float64]
 
 FINER = 2
 """Runge-Kutta steps of the plant for one of the controller's model."""

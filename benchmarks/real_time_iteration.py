@@ -9,13 +9,12 @@ import ctypes
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.errors import SolverError
-
-Array = NDArray[Any]
 
 STATUS = {
     0: "solved",

@@ -18,16 +18,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks import mpc_cases
 from benchmarks.harness import CFLAGS, spread
 from benchmarks.mpc_world import World
 from benchmarks.report import RESULTS, Report, arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Anomaly, Health, Status
-
-Array = NDArray[np.float64]
 
 SCENES = {
     "circle": ("mpc/tip_circle.yaml", "double", 0.25),

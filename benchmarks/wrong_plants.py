@@ -9,14 +9,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.scene.control import ControlScene
-
-Array = NDArray[np.float64]
 
 FAULT = 1.0
 """When sensors fail [s]: after the first motion."""

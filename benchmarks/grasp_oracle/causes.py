@@ -11,7 +11,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.geometry import Posture
 from benchmarks.grasp_oracle.numbers import numbers
@@ -22,7 +21,6 @@ from continuum_grasp.scene.grasp import GraspScene
 
 __all__ = ["CAUSES", "tighten", "tighten_two", "tightened"]
 
-Array = NDArray[Any]
 CAUSES = ("tension", "friction", "mass", "strain", "reach", "clearance", "tension", "friction", "mass", "bend")
 """Taken in turn."""
 PAIRS = (("strain", "tension"), ("strain", "friction"), ("strain", "tension"), ("strain", "mass"), ("bend", "tension"))

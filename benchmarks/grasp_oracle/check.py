@@ -7,17 +7,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.forces import basis, bending_work, weight_work
 from benchmarks.grasp_oracle.outline import Outline
-from benchmarks.grasp_oracle.rod import Section, section, trace
+from benchmarks.grasp_oracle.rod import Array, Section, section, trace
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 __all__ = ["LIMITS", "residuals"]
 
-Array = NDArray[Any]
 LIMITS = {
     "equilibrium": 1e-6,
     "cone": 1e-6,

@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from benchmarks.grasp_oracle.geometry import Posture
 from benchmarks.grasp_oracle.numbers import Hand, Numbers
-from benchmarks.grasp_oracle.rod import Section, section
+from benchmarks.grasp_oracle.rod import Array, Section, section
 
-Array = NDArray[Any]
 DIRECTIONS = 16
 """Planes per cone to begin with."""
 

@@ -14,13 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.numbers import Hand, Numbers
 from benchmarks.grasp_oracle.outline import Outline
-from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, trace, walk
+from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, Array, trace, walk
 
-Array = NDArray[Any]
 MOST = 2.0 * math.pi
 """Greatest bend of an element: its length times its greatest curvature [rad]."""
 CLEARANCE = 1e-6

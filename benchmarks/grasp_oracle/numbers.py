@@ -8,16 +8,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.outline import Outline
+from benchmarks.grasp_oracle.rod import Array
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.parts import SuperellipsePart
 
 __all__ = ["Hand", "Limits", "Numbers", "Rest"]
 
-Array = NDArray[Any]
 TOUCH = 1e-6
 """Gap, as a part of the object's size, up to which it lies against a wall."""
 

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from benchmarks.grasp_oracle.rod import Array
 from continuum_grasp.scene.parts import Part, SuperellipsePart
 
-Array = NDArray[Any]
 CORNERS = 0.05
 """Least part of the turns that a corner takes up per radian, so that scans see what happens there."""
 

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.forces import Balance, Forces
 from benchmarks.grasp_oracle.geometry import CLEARANCE, Fingers, Posture
 from benchmarks.grasp_oracle.numbers import Numbers
+from benchmarks.grasp_oracle.rod import Array
 
-Array = NDArray[Any]
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 REFINED = 6
 """Starts of the refinement."""

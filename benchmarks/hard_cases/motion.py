@@ -7,7 +7,6 @@ from functools import lru_cache, partial
 from itertools import pairwise, product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from benchmarks.hard_cases import (
@@ -24,6 +23,7 @@ from benchmarks.hard_cases import (
     nitinol,
     push,
 )
+from continuum_grasp.arrays import Array
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Samples, Scene, VectorSamples
 from continuum_grasp.simulation import modes, simulate
@@ -33,7 +33,6 @@ from continuum_grasp.simulation.trajectory import Trajectory
 from tests.rods import HANGING, UPRIGHT
 
 METHODS = ("auto", "rk4", "rodas", "reference")
-Array = NDArray[np.float64]
 Make = Callable[[str], Scene]
 Measure = Callable[[Trajectory], float]
 

@@ -8,7 +8,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hard_cases import (
     FAMILIES,
@@ -24,13 +23,13 @@ from benchmarks.hard_cases import (
     nitinol,
     push,
 )
+from continuum_grasp.arrays import Array
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Equilibrium, equilibrium
 from tests.closed_forms.rods import bent_by_moment, bent_by_tip_force, buckled_column, euler_load
 from tests.rods import HANGING, UPRIGHT
 
-Array = NDArray[np.float64]
 ELEMENTS = {"arc": 16, "clothoid": 4, "matched_clothoid": 4}
 """With which each family is asked for the limit of its column."""
 LIMITS = {"arc": 5e-3, "clothoid": 5e-4, "matched_clothoid": 5e-4}

@@ -39,7 +39,6 @@ def terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, reading: Reading = "correcte
 
     The rotary inertia is left out as printed, as the paper does.
     """
-
     angles = ca.SX.sym("theta", 2)
 
     def value(polynomial: Polynomial) -> ca.SX:
