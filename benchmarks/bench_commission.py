@@ -18,7 +18,7 @@ import numpy as np
 
 os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.run import run_closed_loop
@@ -33,15 +33,17 @@ _SHIFT, _TURN, _SCALE, _CELL, _DRIVE = 0.010, math.radians(8.0), 0.1, 5.0, 0.5
 """Greatest shift [m], turn [rad] and error of the scale [1] of the camera, and zeros of cells and drives [N]."""
 _NEAR = 2e-3
 """Distance of the tip from its setpoint within which a bench counts as commissioned [m]."""
+_KINDS: dict[str, dict[str, Any]] = {
+    "elements": {"fidelity": {"family": "clothoid", "elements": 6}, "tendon_friction": 0.01},
+    "guides": {"guides": 24, "axial_stiffness": 3e4, "tendon_friction": 0.01},
+}
 _PLANT = ("bending_stiffness", "tip_mass", "material_damping", "drive_time_constant")
 
 
 def scene_of(name: str) -> ControlScene:
     """The closed loop: a finger that sags in the plane of its camera, or one that lies flat."""
     files = {"sagging": "benchmarks/commission_sagging.yaml", "flat": "configs/mpc/steady_tip.yaml"}
-    found = load(files[name])
-    assert isinstance(found, ControlScene)
-    return found
+    return load(files[name])
 
 
 def mounting_of(rng: np.random.Generator, mirrored: bool) -> Mounting:
@@ -85,62 +87,6 @@ def judged(found: Commissioning, true: Mounting) -> tuple[list[str], dict[str, f
     return wrong, off
 
 
-def main() -> None:
-    asked = arguments(
-        __doc__,
-        plants=100,
-        first=(0, "number of the first plant"),
-        seed=33,
-        scene=("sagging", "", ("sagging", "flat")),
-        no_loop=(False, "do not close the loop afterwards"),
-    )
-    scene = scene_of(asked.scene)
-    kinds: dict[str, dict[str, Any]] = {
-        "elements": {"fidelity": {"family": "clothoid", "elements": 6}, "tendon_friction": 0.01},
-        "guides": {"guides": 24, "axial_stiffness": 3e4, "tendon_friction": 0.01},
-    }
-    models, nominal = dict[str, PlantModel](), dict[str, Any]()
-    rows: list[list[Any]] = []
-    for number in range(asked.first, asked.first + asked.plants):
-        rng = np.random.default_rng([asked.seed, number])
-        kind = "guides" if number % 3 == 2 else "elements"
-        mirrored = bool(rng.random() < 0.5)
-        true = mounting_of(rng, mirrored)
-        periods = float(rng.uniform(0.0, 2.0))
-        estimator = scene.estimator
-        assert estimator is not None
-        changes = {"delay": estimator.delay + periods * scene.controller.step, "seed": number}
-        plant = kinds[kind] | changes
-        tried = scene.changed({"plant": plant | {"mounting": true}})
-        if asked.scene == "flat":  # a flat finger does not show which side is up: the camera is known
-            tried = tried.changed({"mounting": {"camera": {"mirrored": mirrored}}})
-        if kind not in models:
-            models[kind] = PlantModel(tried, parameters=_PLANT if kind == "elements" else _PLANT[:1])
-            nominal[kind] = models[kind].p.copy()
-        model = models[kind]
-        model.p = nominal[kind].copy()
-        model.p[0] *= rng.uniform(0.85, 1.15)
-        if kind == "elements":
-            model.p[1] += rng.uniform(0.0, 2e-3)  # kg
-            model.p[2] *= rng.uniform(0.7, 1.5)
-            model.p[3] *= rng.uniform(0.6, 1.6)
-        row = [number, kind, *tried_bench(tried, model, true, not asked.no_loop)]
-        rows.append(row)
-        print(row, flush=True)
-    report = Report(f"commission_{asked.scene}", asked.seed)
-    columns = ["plant", "kind", "status", "wrong", "camera [mm]", "angle [mrad]", "scale [1e-3]", "drives [N]"]
-    columns += ["cells [N]", "beyond interval", "from the setpoint [mm]", "tip [mm]"]
-    report.table("Benches", columns, rows, __doc__ or "")
-    known = [row for row in rows if row[2] == "identified"]
-    near = [row for row in known if row[-1] <= 1e3 * _NEAR]
-    false = [row for row in known if row[3]]
-    summary = [[len(rows), len(known), len(near), len(false)]]
-    report.table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"], summary, "")
-    for file in report.write():
-        print(file)
-    print(summary)
-
-
 def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: bool) -> list[Any]:
     """Status, errors and distance of the tip of one bench."""
 
@@ -152,18 +98,11 @@ def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: 
     except ContinuumGraspError as error:
         return [f"{type(error).__name__}", str(error)[:80], *[math.nan] * 5, "", math.nan, math.nan]
     wrong, off = judged(found, true)
-    numbers = {
-        "camera_x": true.camera.position[0],
-        "camera_y": true.camera.position[1],
-        "camera_angle": true.camera.angle,
-        "camera_scale": true.camera.scale,
-    }
-    beyond = [
-        name
-        for name, value in numbers.items()
-        if not wrong
-        and not found.intervals[found.names.index(name)][0] <= value <= found.intervals[found.names.index(name)][1]
-    ]
+    values = *true.camera.position, true.camera.angle, true.camera.scale
+    beyond = []
+    for name, value in zip(("camera_x", "camera_y", "camera_angle", "camera_scale"), values, strict=True):
+        low, high = found.intervals[found.names.index(name)]
+        beyond += [name] if not wrong and not low <= value <= high else []
     tip = missed = math.nan
     if found.usable and closed:
         corrected = found.apply()
@@ -180,6 +119,50 @@ def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: 
         for key, factor in zip(("camera", "angle", "scale", "drives", "tensions"), scales, strict=True)
     ]
     return [found.status, " ".join(wrong), *errors, " ".join(beyond), missed, tip]
+
+
+def main() -> None:
+    asked, report = begun(
+        __doc__,
+        lambda asked: f"commission_{asked.scene}",
+        plants=100,
+        first=(0, "number of the first plant"),
+        seed=33,
+        scene=("sagging", "", ("sagging", "flat")),
+        no_loop=(False, "do not close the loop afterwards"),
+    )
+    scene = scene_of(asked.scene)
+    columns = ["plant", "kind", "status", "wrong", "camera [mm]", "angle [mrad]", "scale [1e-3]", "drives [N]"]
+    columns += ["cells [N]", "beyond interval", "from the setpoint [mm]", "tip [mm]"]
+    table = report.table("Benches", columns, note=__doc__ or "")
+    models, nominal = dict[str, PlantModel](), dict[str, Any]()
+    for number in range(asked.first, asked.first + asked.plants):
+        rng = np.random.default_rng([asked.seed, number])
+        kind = "guides" if number % 3 == 2 else "elements"
+        mirrored = bool(rng.random() < 0.5)
+        true = mounting_of(rng, mirrored)
+        delay = scene.estimator.delay + float(rng.uniform(0.0, 2.0)) * scene.controller.step
+        tried = scene.changed({"plant": _KINDS[kind] | {"delay": delay, "seed": number, "mounting": true}})
+        if asked.scene == "flat":  # a flat finger does not show which side is up: the camera is known
+            tried = tried.changed({"mounting": {"camera": {"mirrored": mirrored}}})
+        if kind not in models:
+            models[kind] = PlantModel(tried, parameters=_PLANT if kind == "elements" else _PLANT[:1])
+            nominal[kind] = models[kind].p.copy()
+        model = models[kind]
+        model.p = nominal[kind].copy()
+        model.p[0] *= rng.uniform(0.85, 1.15)
+        if kind == "elements":
+            model.p[1] += rng.uniform(0.0, 2e-3)  # kg
+            model.p[2] *= rng.uniform(0.7, 1.5)
+            model.p[3] *= rng.uniform(0.6, 1.6)
+        table.add(number, kind, *tried_bench(tried, model, true, not asked.no_loop))
+    known = [row for row in table.rows if row[2] == "identified"]
+    near = [row for row in known if row[-1] <= 1e3 * _NEAR]
+    false = [row for row in known if row[3]]
+    report.table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"]).add(
+        len(table.rows), len(known), len(near), len(false)
+    )
+    report.finish()
 
 
 if __name__ == "__main__":

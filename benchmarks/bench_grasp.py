@@ -160,7 +160,7 @@ def main() -> None:
     )
     for kind in asked.kind:
         name, words, _ = KINDS[kind]
-        report = Report(name, 0)
+        report = Report(name, folder=asked.folder)
         rows = known(kind)[asked.first :][: asked.count]
         rows = [row for row in rows if not asked.seeds or row["seed"] in asked.seeds]
         outcomes = judged(kind, rows, "", asked.jobs, asked.verbose)
@@ -174,7 +174,7 @@ def main() -> None:
             by = {e: judged(kind, rows, e, asked.jobs, asked.verbose) for e in efforts} | {"normal": outcomes}
             if efforts:
                 add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
-        report.finish(asked.folder)
+        report.finish()
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.search import Search as Oracle
 from benchmarks.harness import spread
-from benchmarks.report import RESULTS, Report, Table, arguments
+from benchmarks.report import Report, begun
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.values import tension_of
@@ -128,13 +128,13 @@ def judged(rows: list[Row], known: dict[str, float]) -> dict[str, list[str]]:
     return wrong
 
 
-def report_of(name: str, rows: list[Row]) -> Report:
+def add(report: Report, rows: list[Row]) -> None:
     """Claims and tables of some rows."""
     known: dict[str, float] = {}
     for row in rows:
         if row["tension"] is not None:
             known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
-    report, wrong = Report(name, 0), judged(rows, known)
+    wrong = judged(rows, known)
     for what, found in wrong.items():
         report.claim(what, len(found), "<=", 0)
     groups: dict[tuple[str, str], list[Row]] = {}
@@ -153,8 +153,9 @@ def report_of(name: str, rows: list[Row]) -> Report:
     columns = ["kind", "effort", "status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
     report.table("By kind and status", columns, times, "Processor time after the build.")
     report.table("By kind", ["kind", "effort", "scenes", "images", *wrong], table)
-    report.tables += [Table(what, ["scene"], [[each] for each in found]) for what, found in wrong.items() if found]
-    return report
+    for what, found in wrong.items():
+        if found:
+            report.table(what, ["scene"], [[each] for each in found])
 
 
 def read(file: Path) -> list[Row]:
@@ -165,8 +166,9 @@ def read(file: Path) -> list[Row]:
 
 def main() -> None:
     """Run the scenes asked for and write the report."""
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        "grasp_elements",
         kind=(["one"], "one, union, two, three, wrap, tapered, outline, infeasible"),
         first=(0, "the first seed"),
         count=(40, "seeds per kind"),
@@ -177,8 +179,6 @@ def main() -> None:
         search=(False, "no reasons why there is no grasp"),
         rows=(Path, "record to go on with; by default one in the folder"),
         jobs=(cores(), "processes"),
-        name=("grasp_elements", "name of the report"),
-        folder=(RESULTS, "where to write the report"),
     )
     counts = dict.fromkeys(asked.kind, asked.count)
     if asked.population is not None:
@@ -204,7 +204,8 @@ def main() -> None:
             # A new line first: an interruption may have torn the last one.
             lines.write("\n" + json.dumps(row))
             lines.flush()
-    report_of(asked.name, rows).finish(asked.folder)
+    add(report, rows)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -11,14 +11,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from benchmarks.baselines import PeerError, release_peers
 from benchmarks.baselines.release_ours import OwnRun, front, own_runs, rms_error
 from benchmarks.baselines.release_peers import HINGES, ChainRun, ReleasePeers, describe_rod
-from benchmarks.harness import Timing, one_core, race, ratios
-from benchmarks.report import Report, Table, arguments
+from benchmarks.harness import CONFIGS, Timing, one_core, race, ratios
+from benchmarks.report import Report, Table, begun
 from continuum_grasp.accuracy.motion import Motion, reference_motion
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.scene import Actuation, Rod
@@ -26,7 +25,6 @@ from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.scene.tendons import Tendon
 
-CONFIGS = Path(__file__).parents[1] / "configs" / "simulate"
 FRAME = 0.2
 """Span that counts as one evaluation [s]; whole numbers of all steps."""
 LARGEST = 0.03
@@ -81,8 +79,7 @@ class Release:
 
 def releases() -> dict[str, Release]:
     """What can be measured, by short names."""
-    held = cast(Scene, load(CONFIGS / "nitinol_release_000g.yaml"))
-    heavy = cast(Scene, load(CONFIGS / "nitinol_release_020g.yaml"))
+    held, heavy = (load(CONFIGS / f"simulate/nitinol_release_{mass}g.yaml") for mass in ("000", "020"))
     straight = held.model_copy(update={"initial": Initial(pose="straight")})
     segments = ("mujoco", "soromox", "jsrm")
     taper = _graded(straight, {"to": 0.6, "diameter": (0.003, 0.00075)})
@@ -238,13 +235,13 @@ def equal_error(entries: list[Entry], timings: dict[str, Timing], title: str) ->
 def main() -> None:
     """Measure the scenes that are asked for; write the report."""
     known = releases()
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        lambda asked: "peers_graded" if asked.graded else "peers",
         seed=0,
         scenes=(["straight", "held", "undamped"], "", known),
         graded=(False, "the rods that are not uniform, and a tendon's end inside"),
     )
-    report = Report("peers_graded" if asked.graded else "peers", asked.seed)
     peers, installed = None, list[str]()
     with one_core():
         try:

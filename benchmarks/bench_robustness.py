@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.mpc_cases import CONFIGS
-from benchmarks.report import RESULTS, Report, arguments
+from benchmarks.harness import CONFIGS
+from benchmarks.report import Report, begun
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
@@ -264,21 +264,20 @@ def _cell(same: Sequence[Outcome]) -> str:
 
 def main() -> None:
     """Run the loops asked for and write the report."""
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        "robustness",
         loops=(LOOPS, ""),
         groups=([str], "of wrong plants; all where not given"),
         seeds=(2, "how many noises of each"),
         seed=(0, "the first"),
         jobs=1,
-        name=("robustness", "name of the report"),
-        folder=(RESULTS, "where to write it"),
     )
-    report, seeds = Report(asked.name, asked.seed), range(asked.seed, asked.seed + asked.seeds)
+    seeds = range(asked.seed, asked.seed + asked.seeds)
     with ProcessPoolExecutor(asked.jobs) as pool:
         tasks = [pool.submit(outcomes, loop, seeds, asked.groups) for loop in asked.loops]
         add(report, [one for task in tasks for one in task.result()])
-    report.finish(asked.folder)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -25,6 +25,8 @@ import numpy as np
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.workers import ProcessPool
 
+ROOT = Path(__file__).parents[1]
+CONFIGS = ROOT / "configs"
 Contestant = Callable[[int], Any]
 
 # What is compiled for the next process would disturb the next measurement.

@@ -11,7 +11,6 @@ coordinate, and is no ellipsoid. Readings are late and noisy as the mission says
 
 from __future__ import annotations
 
-import argparse
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -20,6 +19,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from benchmarks.baselines import Peer
+from benchmarks.report import arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import plant_scene
 from continuum_grasp.control.controller import Controller
@@ -249,12 +249,8 @@ def _judged(of: Assignment, table: Timetable, rows: list[tuple[Any, ...]], pads:
 
 def main() -> None:
     """Run the plants of a mission's trials."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("mission")
-    parser.add_argument("--plants", type=int, default=20)
-    parser.add_argument("--set", dest="changes", action="append", default=[])
-    asked = parser.parse_args()
-    mission = load(asked.mission, asked.changes)
+    asked = arguments(__doc__, mission=(..., "file"), plants=20, set=([str], "changes, as of --set"))
+    mission = load(asked.mission, asked.set)
     if not isinstance(mission, MissionScene) or mission.gravity == 0.0:
         raise InputError("expected a mission with its weight out of the plane", file=asked.mission)
     of, *others = assign(mission)

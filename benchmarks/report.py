@@ -7,7 +7,7 @@ import json
 import math
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from importlib import metadata
@@ -53,6 +53,19 @@ def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
     return parser.parse_args()
 
 
+def begun(
+    doc: str | None, name: str | Callable[[argparse.Namespace], str], **options: Any
+) -> tuple[argparse.Namespace, Report]:
+    """What the command line asks for, as ``arguments`` reads it, and the report that is to be filled.
+
+    Its name may depend on what is asked for; ``--name`` and ``--folder``, which every benchmark has, say otherwise.
+    """
+    own = {"name": (str, "of the report"), "folder": (RESULTS, "where the report goes")}
+    asked = arguments(doc, **options, **own)
+    usual = name if isinstance(name, str) else name(asked)
+    return asked, Report(asked.name or usual, getattr(asked, "seed", 0), asked.folder)
+
+
 def describe() -> dict[str, Any]:
     """Processor, cores, governor, load before the run, versions, compiler and its flags."""
     return {
@@ -74,8 +87,13 @@ class Table:
 
     title: str
     columns: list[str]
-    rows: list[list[Any]]
+    rows: list[list[Any]] = field(default_factory=list)
     note: str = ""
+
+    def add(self, *cells: Any) -> None:
+        """Add a row, and print it."""
+        self.rows.append(list(cells))
+        print(*(f"{cell:.4g}" if isinstance(cell, float) else cell for cell in cells), sep=" | ", flush=True)
 
 
 @dataclass
@@ -99,16 +117,18 @@ class Report:
     """Collects what one benchmark found and writes it."""
 
     name: str
-    seed: int
+    seed: int = 0
+    folder: Path = RESULTS
     tables: list[Table] = field(default_factory=list)
     claims: list[Claim] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     """What could not be measured, and why."""
     machine: dict[str, Any] = field(default_factory=describe)
 
-    def table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], note: str = "") -> None:
-        """Add a table."""
+    def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]] = (), note: str = "") -> Table:
+        """Add a table, to which rows may be added."""
         self.tables.append(Table(title, list(columns), [list(row) for row in rows], note))
+        return self.tables[-1]
 
     def add_race(
         self,
@@ -166,18 +186,13 @@ class Report:
         }
         return plain(data)
 
-    def write(self, folder: Path = RESULTS) -> tuple[Path, Path]:
-        """Write ``<name>.json`` and ``<name>.md`` made from it."""
-        folder.mkdir(parents=True, exist_ok=True)
-        data = self.as_json()
-        files = folder / f"{self.name}.json", folder / f"{self.name}.md"
-        files[0].write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        files[1].write_text(markdown(data), encoding="utf-8")
-        return files
-
-    def finish(self, folder: Path = RESULTS) -> None:
-        """Write both files; print where they are, the limits that are not met, and the status."""
-        print(*self.write(folder), sep="\n")
+    def finish(self) -> None:
+        """Write ``<name>.json``, and ``<name>.md`` made from it; print where, the limits not met, and the status."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        data, file = self.as_json(), self.folder / self.name
+        for suffix, text in ((".json", json.dumps(data, indent=1, allow_nan=False) + "\n"), (".md", markdown(data))):
+            file.with_name(file.name + suffix).write_text(text, encoding="utf-8")
+            print(f"{file}{suffix}")
         for claim in self.claims:
             if not claim.met:
                 print("BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")

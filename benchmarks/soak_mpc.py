@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks import mpc_cases
-from benchmarks.harness import CFLAGS, spread
+from benchmarks.harness import CFLAGS, CONFIGS, spread
 from benchmarks.mpc_world import World
-from benchmarks.report import RESULTS, Report, arguments
+from benchmarks.report import Report, begun
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Anomaly, Health, Status
@@ -100,7 +100,7 @@ class Soak:
     def __init__(self, name: str, seed: int, nominal: bool = False) -> None:
         self.nominal, self.tripped = nominal, 0
         file, self.precision, _ = SCENES[name]
-        scene: Any = mpc_cases.CONFIGS / file if file else _measured_state()
+        scene: Any = CONFIGS / file if file else _measured_state()
         self.control = Controller(scene, precision=self.precision, deadline=math.inf)
         self.world, self.rng, self.counts = World(self.control), np.random.default_rng(seed), Counts()
         stages, ranges = self.control.stages, self.world.ranges
@@ -346,17 +346,15 @@ def add(report: Report, found: dict[str, dict[str, Any]], nominal: bool) -> None
 
 def main() -> None:
     """Run all scenes and write the report."""
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        lambda asked: "soak_nominal" if asked.nominal else "soak_mpc",
         steps=(1_000_000, "of all scenes together"),
         scenes=(tuple(SCENES), ""),
         jobs=(1, "processes at once"),
         seed=0,
         nominal=(False, "inject nothing: no trip is allowed"),
-        name=("soak_mpc", "name of the report"),
-        folder=(RESULTS, "where to write it"),
     )
-    report = Report(asked.name, asked.seed)
     report.machine["flags"] = f"of the package; plant: {' '.join(CFLAGS)}"
     whole = sum(SCENES[name][2] for name in asked.scenes)
     tasks = [
@@ -372,7 +370,7 @@ def main() -> None:
             report.claim(f"{name}: crashes", 1, "<=", 0)
             print(name, "ended with", error, flush=True)
     add(report, {name: found[name] for name in asked.scenes if name in found}, asked.nominal)
-    report.finish(asked.folder)
+    report.finish()
 
 
 if __name__ == "__main__":
