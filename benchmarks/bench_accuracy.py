@@ -2,7 +2,7 @@
 
 Run ``python -m benchmarks.bench_accuracy`` in the root of the repository. The paper's rod, 0.6 m of NiTi, where it
 moves; loads at rest in units of E I / L^2. Also: what it costs to reach a first frequency within 0.1 % and a tip within
-1e-4 of the length, and whether errors fall at the order that theory says.
+1e-4 of the length.
 
 ``--graded`` takes rods that are not uniform instead, with loads in E I / L^2 of the base, and compares with clothoids
 whose curvature, rather than moment, is linear, which the package does not have (``rod_shapes``).
@@ -11,7 +11,6 @@ whose curvature, rather than moment, is linear, which the package does not have 
 from __future__ import annotations
 
 import contextlib
-import itertools
 import math
 from collections.abc import Callable
 from typing import Any
@@ -170,25 +169,6 @@ def cheapest(report: Report, vibrating: Case, still: dict[str, Case]) -> None:
         report.claim("instructions of matched clothoids for 0.1 % and 1e-4 L, per those of arcs", share, "<=", 0.1)
 
 
-def orders(report: Report, vibrating: Case, pushed: Case) -> None:
-    """Observed orders between finer and finer elements, until rounding."""
-    columns = ["family", "error of", "elements", *(f"error {k + 1}" for k in range(4)), "order", "order, finer"]
-    table = report.table("Order of convergence", columns)
-    for family, expected, counts in (
-        ("arc", 2, (8, 16, 32, 64)),
-        ("clothoid", 4, (4, 8, 16, 32)),
-        ("matched_clothoid", 4, (4, 8, 16, 32)),
-    ):
-        for name, error in (
-            ("frequency 1", lambda n, f=family: float(vibrating.frequencies(f, n)[0])),
-            ("tip force 2", lambda n, f=family: pushed.tip(f, n)),
-        ):
-            errors = [error(n) for n in counts]
-            found = [math.log2(a / b) for a, b in itertools.pairwise(errors)]
-            table.add(family, name, str(list(counts)), *errors, found[0], found[1])
-            report.claim(f"order of {family}, {name}, less {expected}", abs(found[1] - expected), "<=", 0.4)
-
-
 def graded_rods() -> dict[str, Scene]:
     """Loads at rest of rods that are not uniform."""
 
@@ -249,7 +229,6 @@ def uniform(report: Report) -> None:
     note = f"Against 12 free clothoids, whose estimated errors are: {notes}."
     compare(report, title, {name: case.swing for name, case in swings.items()}, note)
     cheapest(report, vibrating, still)
-    orders(report, vibrating, still["tip force 2"])
 
 
 def main() -> None:

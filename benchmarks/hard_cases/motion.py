@@ -45,9 +45,9 @@ def moved(scene: Scene, method: str, measure: Measure) -> Found:
     return Found(measure(path), steps, path.warnings)
 
 
-def tip_error(path: Trajectory, truth: str = "DOP853") -> float:
+def tip_error(path: Trajectory) -> float:
     """Greatest error of the tip against the truth, per length."""
-    states = true_states(_timeless(path.scene), truth)
+    states = true_states(_timeless(path.scene))
     true = Trajectory(path.t, states, path.u, path.w, path.model, path.scene)
     return float(np.hypot(*(path.tip - true.tip).T).max() / LENGTH)
 
@@ -63,7 +63,7 @@ def wide_error(path: Trajectory) -> float:
 
 def state_error(path: Trajectory) -> float:
     """Greatest error of the coordinates against the truth, per greatest coordinate."""
-    true = true_states(_timeless(path.scene), "DOP853", 1e-11, 1e-20)[:, : path.n]
+    true = true_states(_timeless(path.scene), 1e-20)[:, : path.n]
     return float(np.abs(path.q - true).max() / np.abs(true).max())
 
 
@@ -86,42 +86,21 @@ def energy_drift(path: Trajectory, least: float) -> float:
 # Truth.
 
 
-class Rate:
-    """State derivative of a model in its scene, on the virtual machine."""
-
-    def __init__(self, scene: Scene, model: FingerModel) -> None:
-        self._signals = Signals(scene, model)
-        self._constant = self._signals.constant
-        self._buffer, self._evaluate = model.forward_dynamics.buffer()
-        self._in = [np.zeros(model.nx), self._signals.u(0.0)[0], self._signals.w(0.0)[0], np.array(model.p_nominal)]
-        self._out = np.zeros(model.nx)
-        for k, array in enumerate(self._in):
-            if array.size:
-                self._buffer.set_arg(k, memoryview(array))
-        self._buffer.set_res(0, memoryview(self._out))
-
-    def __call__(self, t: float, x: Array) -> Array:
-        self._in[0][:] = x
-        if not self._constant:
-            self._in[1][:] = self._signals.u(t)[0]
-            self._in[2][:] = self._signals.w(t)[0]
-        self._evaluate()
-        return self._out.copy()
-
-
 @lru_cache(maxsize=64)
-def true_states(scene: Scene, method: str = "DOP853", relative: float = 1e-11, smallest: float = 1e-13) -> Array:
+def true_states(scene: Scene, smallest: float = 1e-13) -> Array:
     """States (T, nx) at the output instants of a scene; integration starts anew at every instant of a sampled load."""
     model, time = FingerModel(scene), scene.time
-    if time is None:
-        raise ValueError("a motion needs time")
-    rate, x = Rate(scene, model), initial_state(scene, model)
+    signals, p, x = Signals(scene, model), np.array(model.p_nominal), initial_state(scene, model)
+
+    def rate(t: float, x: Array) -> Array:
+        return np.array(model.forward_dynamics(x, signals.u(t)[0], signals.w(t)[0], p)).ravel()
+
     instants = np.linspace(0.0, time.duration, round(time.duration / time.step) + 1)
     states, edges = [x], [0.0, *_corners(scene, time.duration), time.duration]
     for begin, end in pairwise(edges):
         within = instants[(instants > begin) & (instants <= end)]
         wanted = within if len(within) and within[-1] == end else np.append(within, end)
-        done = solve_ivp(rate, (begin, end), x, method, t_eval=wanted, rtol=relative, atol=smallest)
+        done = solve_ivp(rate, (begin, end), x, "DOP853", t_eval=wanted, rtol=1e-11, atol=smallest)
         if not done.success:
             raise RuntimeError(f"no truth: {done.message}")
         x = done.y[:, -1]

@@ -27,7 +27,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Equilibrium, equilibrium
-from tests.closed_forms.rods import bent_by_moment, bent_by_tip_force, buckled_column, euler_load
+from tests.closed_forms.rods import TipPose, bent_by_moment, bent_by_tip_force, buckled_column, euler_load
 from tests.rods import HANGING, UPRIGHT
 
 ELEMENTS = {"arc": 16, "clothoid": 4, "matched_clothoid": 4}
@@ -209,14 +209,15 @@ def _of(family: str) -> Iterator[Attempt]:
     case, slight = "at rest, pushed by 1e-9 EI/L2", sideways(family, count, 1e-9)
     yield add(case, partial(_deflected, slight, 1e-9 / 3.0), limit if family == "arc" else 1e-6)
     case, lopsided = "at rest, one element 1 % of the other", sideways(family, (0.594, 0.006), 0.5)
-    yield add(case, partial(at_rest, lopsided, partial(_pushed, 0.5)), 5e-2 if family == "arc" else 5e-4)
+    run = partial(at_rest, lopsided, partial(_level, bent_by_tip_force, 0.5))
+    yield add(case, run, 5e-2 if family == "arc" else 5e-4)
     case, pushed = "at rest, pushed by 10 EI/L2", sideways(family, count, 10.0)
-    yield add(case, partial(at_rest, pushed, partial(_pushed, 10.0)))
+    yield add(case, partial(at_rest, pushed, partial(_level, bent_by_tip_force, 10.0)))
     case, weight = "at rest, 100-fold tip mass", heavy(family, count)
     yield add(case, partial(at_rest, weight, partial(_tip, weight)), 4 * limit)
     for share, verdicts in ((1.0, (RIGHT,)), (1.05, (WARNED,)), (2.9, (WARNED,)), (3.1, (REFUSED,))):
         scene = coiled(family, 4, share)
-        run = partial(at_rest, scene, partial(_coil, 4 * share))
+        run = partial(at_rest, scene, partial(_level, bent_by_moment, 4 * share))
         yield add(f"at rest, coiled to {share:g} times the range", run, 1e-3, *verdicts)
     upright = standing(family, count)
     yield add("standing, straight and unstable", partial(straight_beyond_buckling, upright), 1e-9)
@@ -235,17 +236,10 @@ def _deflected(scene: Scene, deflection: float) -> Found:
     return Found(abs(found.tip[1] / LENGTH / deflection - 1.0), found.iterations, found.warnings)
 
 
-def _level(pose: Any) -> tuple[float, float]:
+def _level(form: Callable[[float], TipPose], load: float) -> tuple[float, float]:
     """Place of the tip of a closed form whose rod begins along world +X [m]."""
+    pose = form(load)
     return pose.along * LENGTH, pose.across * LENGTH
-
-
-def _pushed(load: float) -> tuple[float, float]:
-    return _level(bent_by_tip_force(load))
-
-
-def _coil(moment: float) -> tuple[float, float]:
-    return _level(bent_by_moment(moment))
 
 
 def _tip(scene: Scene) -> tuple[float, float]:
