@@ -80,24 +80,10 @@ def race(
     sample_seconds: float = 0.01,
     seed: int = 0,
 ) -> dict[str, Timing]:
-    """Time contestants side by side.
+    """Time contestants side by side, in so many rounds of samples of about ``sample_seconds``.
 
-    Parameters
-    ----------
-    contestants : mapping of str to callable
-        Each takes how many evaluations to do. One that raises is dropped; one that returns ``False`` is
-        counted as failed and goes on.
-    repeats : int
-        Rounds.
-    sample_seconds : float
-        How long a sample takes, about.
-    seed : int
-        Of the order within the rounds.
-
-    Returns
-    -------
-    dict of str to Timing
-        ``samples[k]`` of all that never failed belong to the same round.
+    A contestant that raises is dropped; one that returns ``False`` is counted as failed and goes on. ``seed`` is of the
+    order within the rounds. ``samples[k]`` of all that never failed belong to the same round.
     """
     timings = {name: Timing(name) for name in contestants}
     for name, run in contestants.items():
@@ -160,13 +146,7 @@ def _dropped(timing: Timing) -> bool:
 
 @contextlib.contextmanager
 def one_core() -> Iterator[int | None]:
-    """Keep this thread, and threads and processes started from it, on one core, where the system allows it.
-
-    Yields
-    ------
-    int or None
-        The core.
-    """
+    """Keep this thread, and threads and processes started from it, on one core, where the system allows it."""
     if not hasattr(os, "sched_setaffinity"):
         yield None
         return

@@ -57,20 +57,10 @@ class LoopRun:
 class CLoop:
     """A compiled closed loop.
 
-    Parameters
-    ----------
-    case : Case
-        Problem, references and plant.
-    source : str
-        C of the hooks named in ``mpc_loop.c`` and of all they need.
-    functions : sequence of casadi.Function
-        Generated apart and linked to it.
-    late : bool
-        Whether it linearizes once the state is known, with that state in its guess.
-    primal : float
-        Largest violation of the problem's equations and input limits that counts as solved.
-    flags : sequence of str
-        More of them for the compiler, to find headers and libraries.
+    ``source`` is the C of the hooks named in ``mpc_loop.c`` and of all they need, to which ``functions``, generated
+    apart, are linked, by compiler ``flags`` that find headers and libraries. A solver that is ``late`` linearizes once
+    the state is known, with that state in its guess; its step counts as solved where it violates the problem's
+    equations and input limits by ``primal`` at most.
     """
 
     def __init__(

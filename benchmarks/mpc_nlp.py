@@ -23,15 +23,8 @@ from continuum_grasp.control.ocp.stages import Stages
 class Nlp:
     """The problem.
 
-    Parameters
-    ----------
-    stages : Stages
-        The problem.
-    soft : bool
-        Rows may be violated at their penalty, as in ``Stages``; otherwise they are hard, and those of a single
-        variable are its bounds, which makes a smaller problem.
-    variational : bool
-        Tell CasADi the Jacobian of a stage's dynamics by the variational equations.
+    Where it is not ``soft``, rows are hard, and those of a single variable are its bounds, which makes a smaller
+    problem; ``variational`` tells CasADi the Jacobian of a stage's dynamics by the variational equations.
     """
 
     stages: Stages

@@ -30,14 +30,7 @@ def sqp_loop(case: Case, form: str) -> CLoop:
     """CasADi's ``sqpmethod`` and ``qrqp``, one Gauss-Newton iteration per step, as generated C in a closed loop.
 
     The guess is shifted, multipliers too, and its first state is the measured one. After a failure it starts again
-    from the state.
-
-    Parameters
-    ----------
-    case : Case
-        The loop.
-    form : str
-        One of ``FORMS``.
+    from the state. ``form`` is one of ``FORMS``.
     """
     stages = case.stages
     nlp = Nlp(stages, soft=form == "soft", variational=form in ("custom_jacobian", "soft"))
@@ -81,14 +74,8 @@ def braces(values: Array) -> str:
 def converged(case: Case, *, exact: bool = False, soft: bool = True) -> LoopRun:
     """The closed loop with every problem solved by IPOPT, from the shifted solution before.
 
-    Parameters
-    ----------
-    case : Case
-        The loop.
-    exact : bool
-        Exact Hessian instead of Gauss-Newton.
-    soft : bool
-        Violations at their penalty, as the real-time iteration has them; otherwise hard rows.
+    ``exact``: the exact Hessian in place of Gauss-Newton's; ``soft``: violations at their penalty, as the real-time
+    iteration has them, in place of hard rows.
     """
     nlp = Nlp(case.stages, soft=soft)
     options: dict[str, Any] = {"ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-9, "ipopt.max_iter": 200}

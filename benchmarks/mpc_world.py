@@ -22,18 +22,10 @@ FINER = 2
 
 
 class World:
-    """The plant of a controller.
+    """The plant of a controller; its state ``z`` may be set.
 
-    Its state z is that of the estimator, disturbances included, or that of the model where there is none.
-
-    Attributes
-    ----------
-    nx : int
-        States before the disturbances.
-    z : (nz,) ndarray
-        The state; may be set.
-    ranges : Ranges
-        Limits of the controller's numbers.
+    That is the state of the estimator, disturbances included, or that of the model where there is none, which has
+    ``nx`` entries. ``ranges`` are the limits of the controller's numbers.
     """
 
     def __init__(self, controller: Controller) -> None:

@@ -55,16 +55,9 @@ class ReleasePeers(Peer):
     ) -> PeerRun:
         """Build a simulation under a name and, with frames, run it for a second.
 
-        Parameters
-        ----------
-        name : str
-        kind : {"mujoco", "pyelastica", "soromox", "jsrm"}
-        rod : mapping
-            See ``describe_rod``.
-        settings : mapping
-            Arguments of the class in ``mujoco_chain``, ``pyelastica_rod`` or ``segment_release``.
-        frames : int
-            Instants in the second, or as many of them as are ends of steps; 0 for none.
+        ``kind`` is mujoco, pyelastica, soromox or jsrm, whose class in ``mujoco_chain``, ``pyelastica_rod`` or
+        ``segment_release`` takes the settings; ``rod`` is from ``describe_rod``. ``frames`` are instants in the second,
+        or as many of them as are ends of steps; 0 for none.
         """
         reply = self.ask(make=name, kind=kind, rod=dict(rod), settings=dict(settings), frames=frames)
         tip = np.empty((0, 2)) if reply["tip"] is None else np.array(reply["tip"], dtype=float)
@@ -180,11 +173,8 @@ def _settings(hinges: int, layout: str, steps: tuple[int, ...]) -> Iterator[dict
 def best(runs: list[ChainRun]) -> dict[str, ChainRun]:
     """The settings that are compared, of one number of hinges.
 
-    Returns
-    -------
-    dict
-        ``fastest``: the fewest evaluations with at most 1.5 times the error that the better layout has with the finest
-        steps, whatever its start; ``plain``: the same without the staggered start. Equal ones by error.
+    ``fastest``: the fewest evaluations with at most 1.5 times the error that the better layout has with the finest
+    steps, whatever its start; ``plain``: the same without the staggered start. Equal ones by error.
     """
     fine = min((r.error for r in runs if r.settings["steps"] == STEPS[-1]), default=math.inf)
     near = [r for r in runs if r.error <= _AT_ITS_ERROR * fine]
@@ -203,14 +193,7 @@ _SHORT = 1e-3
 
 
 def check(peers: ReleasePeers, rod: Mapping[str, Any], reference: Motion) -> tuple[Table, str, PeerRun]:
-    """Errors of PyElastica's rods, and what remains after extrapolation.
-
-    Returns
-    -------
-    Table
-    str, PeerRun
-        Name under which the rod that is timed was made, and its motion.
-    """
+    """Errors of PyElastica's rods, and what remains after extrapolation; name and motion of the rod that is timed."""
     rows: list[list[Any]] = []
 
     def make(elements: int, thickness: float, shifted: bool = True) -> tuple[str, PeerRun]:

@@ -31,21 +31,12 @@ ABOVE = 0.1
 
 
 def residuals(scene: GraspScene, arrays: Mapping[str, Any]) -> dict[str, float]:
-    """Residuals of a grasp.
+    """Residuals of a grasp, from ``GraspResult.arrays``.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        ``GraspResult.arrays``.
-
-    Returns
-    -------
-    dict
-        ``equilibrium``: of fingers and object, as parts of the greatest moment and force; ``cone``: friction and normal
-        forces beyond theirs, as a part of the greatest force; ``contact``: gaps, slopes and stored places, as parts of
-        the finger's length; ``penetration``: greatest depth of a finger in object or walls, as a part of its length;
-        ``limit``: tension, strain, bend, lengths and pose beyond their limits.
+    ``equilibrium``: of fingers and object, as parts of the greatest moment and force; ``cone``: friction and normal
+    forces beyond theirs, as a part of the greatest force; ``contact``: gaps, slopes and stored places, as parts of the
+    finger's length; ``penetration``: greatest depth of a finger in object or walls, as a part of its length;
+    ``limit``: tension, strain, bend, lengths and pose beyond their limits.
     """
     own = {key: value for key, value in arrays.items() if not key.startswith("held.")}
     worst = _Check(scene, own).worst

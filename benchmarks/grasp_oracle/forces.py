@@ -43,14 +43,9 @@ class Touch:
 
 
 class Balance:
-    """The equations of fingers and object at given shapes.
+    """The equations of fingers and object at given shapes: ``rows @ x = right`` [N], moments divided by a length.
 
-    Attributes
-    ----------
-    rows, right : ndarray
-        ``rows @ x = right`` [N], moments divided by a length.
-    weight : ndarray
-        What ``right`` gains per kilogram of the object.
+    ``weight`` is what ``right`` gains per kilogram of the object.
     """
 
     def __init__(self, numbers: Numbers, postures: list[Posture]) -> None:
@@ -151,18 +146,10 @@ class Forces:
     ) -> tuple[float, Array] | None:
         """Least of something over all forces that hold; None where there are none.
 
-        Parameters
-        ----------
-        balance : Balance
-        aim : {"sum", "tension", "normal", "mass", "slack"}
-            Sum of the tensions; the greatest tension; the greatest normal force; minus the object's mass; or the force
-            by which every limit of tensions and contact forces must give way [N].
-        exact : bool
-            Cut the cones until they hold.
-        drop : tuple of int
-            Equations left out.
-        loose : float
-            Residual of the equations that counts as none, per the scale of forces: of shapes that are rounded.
+        ``aim``: the sum of the tensions; the greatest "tension"; the greatest "normal" force; minus the object's
+        "mass"; or "slack", the force by which every limit of tensions and contact forces must give way [N]. ``exact``:
+        cut the cones until they hold. ``drop``: equations left out. ``loose``: residual of the equations that counts as
+        none, per the scale of forces: of shapes that are rounded.
         """
         limits, numbers, first = self.numbers.limits, self.numbers, balance.first
         width = balance.width + 1  # one more: what is aimed at

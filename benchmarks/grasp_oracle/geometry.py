@@ -27,25 +27,16 @@ CLEARANCE = 1e-6
 
 @dataclass(frozen=True)
 class Posture:
-    """A shape of the finger.
-
-    Attributes
-    ----------
-    u : float
-        Place of the middle contact on the grown outline [turns], or the first curvature times the length where there
-        is none.
-    side : int
-        +1: the section's x axis is the object's outward normal at the middle contact; -1: its opposite.
-    ends : ndarray (2, 2)
-        Curvatures [1/m].
-    lengths : ndarray (2,)
-        [m]
-    """
+    """A shape of the finger."""
 
     u: float
+    """Place of the middle contact on the grown outline [turns]; without one the first curvature times the length."""
     side: int
+    """+1: the section's x axis is the object's outward normal at the middle contact; -1: its opposite."""
     ends: Array
+    """Curvatures (2, 2) [1/m]."""
     lengths: Array
+    """Of the elements (2,) [m]."""
 
 
 class Fingers:

@@ -16,17 +16,7 @@ CORNERS = 0.05
 
 
 class Outline:
-    """Outline of a shape, grown by the finger's half thickness.
-
-    Parameters
-    ----------
-    part : Part
-        The shape in the object's frame.
-    pose : (float, float, float)
-        World x, y [m] and angle [rad] of that frame.
-    grown : float
-        By how much it is grown [m].
-    """
+    """Outline of a shape in its object's frame, whose pose is world x, y [m] and angle [rad], grown by a length [m]."""
 
     def __init__(self, part: Part, pose: tuple[float, float, float], grown: float) -> None:
         self.grown = grown

@@ -72,16 +72,8 @@ def guarded(expressions: list[ca.SX], symbol: ca.SX, theta: ca.SX, guard: float 
 def terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, slips: AsPrinted = _RIGHT, *, guard: float = GUARD) -> Terms:
     """Mass matrix, velocity products, gravity and Jacobians, point masses included.
 
-    Parameters
-    ----------
-    arcs : TwoArcs
-    theta, rate : casadi.SX
-        Bending angles [rad] and their rates [rad/s], (2,) each.
-    slips : AsPrinted
-        What is taken as printed.
-    guard : float
-        Smallest angle [rad]; 0 leaves the divisions bare. Rounding grows like a high power of 1 / theta and the guard
-        itself errs like its size, so no value is accurate near a straight finger.
+    ``guard`` is the smallest angle [rad]; 0 leaves the divisions bare. Rounding grows like a high power of 1 / theta
+    and the guard itself errs like its size, so no value is accurate near a straight finger.
     """
     symbol = ca.SX.sym("theta", 2)
     bent = Bent(arcs, symbol, slips)

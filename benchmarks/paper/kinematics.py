@@ -23,27 +23,19 @@ class TwoArcs:
     """Two arcs, the first from the base to the contact, the second from there to the tip; SI units, base axes.
 
     Each value is a number, or a CasADi symbol where it is a run-time argument.
-
-    Attributes
-    ----------
-    lengths : pair
-        L1, L2 [m].
-    mass_per_length : scalar
-        rho A [kg/m].
-    rotary_inertia : scalar
-        rho I_ca, rotary inertia per length [kg m].
-    contact_mass, tip_mass : scalar
-        Point masses at the ends of the arcs [kg].
-    gravity : pair
-        Gravity in the axes of the base, Y along the undeformed finger [m/s2].
     """
 
     lengths: tuple[Scalar, Scalar]
+    """L1, L2 [m]."""
     mass_per_length: Scalar
+    """rho A [kg/m]."""
     rotary_inertia: Scalar = 0.0
+    """rho I_ca, rotary inertia per length [kg m]."""
     contact_mass: Scalar = 0.0
     tip_mass: Scalar = 0.0
+    """Point masses at the ends of the arcs [kg]."""
     gravity: tuple[Scalar, Scalar] = (0.0, 0.0)
+    """Gravity in the axes of the base, Y along the undeformed finger [m/s2]."""
 
 
 class Terms(NamedTuple):
@@ -68,16 +60,7 @@ def is_zero(value: Scalar) -> bool:
 
 @dataclass(frozen=True)
 class Bent:
-    """Two arcs with bending angles.
-
-    Attributes
-    ----------
-    arcs : TwoArcs
-    theta : casadi.SX
-        The two angles [rad].
-    slips : AsPrinted
-        What is taken as printed; nothing by default.
-    """
+    """Two arcs with bending angles (2,) [rad], and what is taken as printed: nothing by default."""
 
     arcs: TwoArcs
     theta: ca.SX

@@ -208,14 +208,9 @@ def _check(structure: Structure) -> None:
 
 
 def paper_errors(scene: Scene, truth: Truth) -> dict[str, Errors]:
-    """Errors of two exact arcs, and of each variant of the paper's equations, against the exact rod.
+    """Errors of two exact arcs, and of each variant of the paper's equations, against the exact rod of a scene.
 
-    Parameters
-    ----------
-    scene : Scene
-        With ``fidelity`` of two arcs; forces and masses at contact and tip alone.
-    truth : Truth
-        Of that scene.
+    Its ``fidelity`` is of two arcs; forces and masses are at contact and tip alone.
     """
     held = scene.model_copy(update={"loads": truth.loads})
     models = {"two arcs": FingerModel(held, input_rates=False)}
