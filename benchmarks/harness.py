@@ -219,6 +219,11 @@ def linked(folder: Path, objects: Sequence[Path], flags: Sequence[str] = ()) -> 
     return ctypes.CDLL(str(library))
 
 
+def work_sizes(function: ca.Function, prefix: str = "SZ") -> dict[str, int]:
+    """Words for the sizes of what a generated function works on."""
+    return {f"{prefix}_{name.upper()}": getattr(function, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
+
+
 def defines(**values: object) -> str:
     """Lines of C that define some words."""
     return "".join(f"#define {name} {value}\n" for name, value in values.items())

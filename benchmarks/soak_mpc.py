@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import mpc_cases
 from benchmarks.harness import CFLAGS, CONFIGS, spread
-from benchmarks.mpc_world import World
+from benchmarks.mpc import cases as mpc_cases
+from benchmarks.mpc.world import World
 from benchmarks.report import Report, begun
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller

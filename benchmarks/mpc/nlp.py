@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.mpc_cases import outside, state_step
+from benchmarks.mpc.cases import outside, state_step
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages

@@ -10,8 +10,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.harness import CFLAGS, compiled, defines, generated, linked
-from benchmarks.mpc_cases import state_step
+from benchmarks.harness import CFLAGS, compiled, defines, generated, linked, work_sizes
+from benchmarks.mpc.cases import state_step
+from benchmarks.mpc.loop import c_text
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import estimation_of
@@ -84,10 +85,8 @@ class World:
 
     def _compiled(self, world: ca.Function) -> Any:
         self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
-        folder, sizes = Path(self._folder.name), {"NZ": world.numel_out(0)}
-        sizes |= {f"SZ_{name.upper()}": getattr(world, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
-        text = generated(world, with_mem=False, static_aux=True) + defines(**sizes)
-        text += Path(__file__).with_name("mpc_world.c").read_text(encoding="utf-8")
+        folder, sizes = Path(self._folder.name), defines(NZ=world.numel_out(0), **work_sizes(world))
+        text = generated(world, with_mem=False, static_aux=True) + sizes + c_text("world.c")
         function = linked(folder, [compiled(folder, "world_", text, (*CFLAGS, "-w"))]).advance
         function.restype = None
         return function

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 import continuum_grasp as cg
+from benchmarks.harness import CONFIGS
 from continuum_grasp.arrays import Array
 from continuum_grasp.control import ControlProblem
 from continuum_grasp.control.ocp.scene_problem import stages_of
@@ -17,7 +17,6 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
 
-CONFIGS = Path(__file__).parents[1] / "configs"
 FINER = 4
 """Runge-Kutta steps of the plant for one of the controller's model."""
 MISMATCH = 1.03

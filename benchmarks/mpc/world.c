@@ -1,4 +1,4 @@
-/* A period of the plant of mpc_world.py, whose generated function `world` stands above. */
+/* A period of the plant of world.py, whose generated function `world` stands above. */
 void advance(double *z, const double *u, const double *p, double *y)
 {
   static long long int iw[SZ_IW + 1];
