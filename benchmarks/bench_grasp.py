@@ -8,6 +8,7 @@ retained for a last look (fresh), tips of two and of three fingers, and scenes m
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -130,19 +131,14 @@ def add_efforts(report: Report, found: dict[str, list[Outcome]]) -> None:
 def judged(kind: str, rows: list[dict[str, Any]], effort: str, jobs: int, verbose: bool) -> list[Outcome]:
     """The outcomes of the scenes of some answers, in their order."""
     found: dict[int, Outcome] = {}
-    tasks = [(k, kind, row, effort) for k, row in enumerate(rows)]
-    for task, last, error in spread(_outcome, tasks, jobs):
+    for row, last, error in spread(partial(outcome, kind, effort=effort), rows, jobs):
         if error is not None:
             raise error
-        found[task[0]] = last
+        found[row["seed"]] = last
         if verbose:
             flags = "" if last.good and not last.false else "  <<<"
             print(kind, last.seed, last.what, last.status, last.note, flags, flush=True)
-    return [found[k] for k in range(len(rows))]
-
-
-def _outcome(task: tuple[int, str, dict[str, Any], str]) -> Outcome:
-    return outcome(*task[1:])
+    return [found[row["seed"]] for row in rows]
 
 
 def main() -> None:
@@ -151,7 +147,6 @@ def main() -> None:
         __doc__,
         kind=(tuple(KINDS), ""),
         count=(ONE, "most scenes of a kind"),
-        first=(0, "answers to pass over"),
         seeds=([int], "these seeds alone"),
         efforts=([str], "other efforts too, of one finger", EFFORTS),
         jobs=(cores(), "processes"),
@@ -161,8 +156,7 @@ def main() -> None:
     for kind in asked.kind:
         name, words, _ = KINDS[kind]
         report = Report(name, folder=asked.folder)
-        rows = known(kind)[asked.first :][: asked.count]
-        rows = [row for row in rows if not asked.seeds or row["seed"] in asked.seeds]
+        rows = [row for row in known(kind)[: asked.count] if not asked.seeds or row["seed"] in asked.seeds]
         outcomes = judged(kind, rows, "", asked.jobs, asked.verbose)
         if not outcomes:
             report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
