@@ -14,7 +14,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import CFLAGS, Timing, compiler, quartiles, ratios, run
+from benchmarks.harness import CFLAGS, compiler, run
 
 RESULTS = Path(__file__).with_name("results")
 PACKAGES = ("casadi", "numpy", "continuum-grasp")
@@ -129,35 +129,6 @@ class Report:
         """Add a table, to which rows may be added."""
         self.tables.append(Table(title, list(columns), [list(row) for row in rows], note))
         return self.tables[-1]
-
-    def add_race(
-        self,
-        title: str,
-        timings: Mapping[str, Timing],
-        reference: str,
-        *,
-        extra: Mapping[str, Sequence[Any]] | None = None,
-        extra_columns: Sequence[str] = (),
-        note: str = "",
-    ) -> dict[str, float]:
-        """Add times of one race and their ratios to the reference.
-
-        Returns
-        -------
-        dict of str to float
-            Median ratio of each to the reference.
-        """
-        found = ratios(timings, reference)
-        rows = []
-        for name, timing in timings.items():
-            low, middle, high = quartiles(timing.samples)
-            ns = [1e9 * middle, 1e9 * low, 1e9 * high]
-            cold = math.nan if timing.cold is None else 1e6 * timing.cold
-            more = list((extra or {}).get(name, [""] * len(extra_columns)))
-            rows.append([name, *ns, found[name][1], cold, *more, timing.reason or timing.status])
-        columns = ["", "median [ns]", "quartile 1 [ns]", "quartile 3 [ns]", f"times {reference}", "cold [us]"]
-        self.table(title, [*columns, *extra_columns, "status"], rows, note)
-        return {name: ratio[1] for name, ratio in found.items()}
 
     def claim(self, what: str, value: float, relation: str, limit: float) -> None:
         """Record a limit and the figure that has to keep it."""
