@@ -57,8 +57,6 @@ def scene_of_plant(of: Assignment, variation: Variation) -> Scene:
         tendon_friction=None,
     )
     body = control.object
-    if body is None:
-        raise InputError("a mission has an object")
     x, y = np.array(body.position) + np.array(variation.shift)
     law = mission.contact_law.replaced(friction=mission.contact_law.friction * variation.friction)
     return plant_scene(control.replaced(plant=own)).replaced(
@@ -79,11 +77,9 @@ def with_pads(text: str, scene: Scene) -> str:
     root = ET.fromstring(text)
     law, profile, world = scene.contact_law, scene.finger.profile, root.find("worldbody")
     option, body = root.find("option"), root.find(".//body[@name='object']")
-    if law is None or world is None or option is None or body is None or scene.object is None:
-        raise InputError("a mission needs an object and a contact law")
     option.attrib |= {"timestep": numbers(STEP), "gravity": numbers(0.0, 0.0, -scene.out_of_plane_gravity)}
     option.attrib |= {"impratio": "100", "noslip_iterations": "5"}
-    root.find("default/geom").set("solref", f"{numbers(4.0 * STEP)} 1")  # type: ignore[union-attr]
+    root.find("default/geom").set("solref", f"{numbers(4.0 * STEP)} 1")
     ET.SubElement(body, "joint", name="object_z", type="slide", axis="0 0 1")
     if isinstance(scene.object, Box):
         _as_box(root, body, scene.object)
@@ -105,9 +101,7 @@ def with_pads(text: str, scene: Scene) -> str:
         ET.SubElement(pad, "inertial", pos="0 0 0", mass=numbers(PAD_MASS), diaginertia="1e-8 1e-8 1e-8")
         ET.SubElement(pad, "geom", type="sphere", size=numbers(float(profile.half_thickness(at))), **touch)
     for wall in scene.walls:
-        found = world.find(f"geom[@name='support_{wall.name}']")
-        if found is not None:
-            world.remove(found)
+        world.remove(world.find(f"geom[@name='support_{wall.name}']"))
         (x, y), (nx, ny) = wall.point, wall.normal
         own = law.friction if wall.friction is None else wall.friction
         pad = ET.SubElement(world, "body", name=f"pad_{wall.name}", pos=numbers(x, y, 0.0))
@@ -116,18 +110,15 @@ def with_pads(text: str, scene: Scene) -> str:
         face = {"pos": numbers(-0.1 * nx, -0.1 * ny, 0.0), "euler": numbers(0.0, 0.0, wall.normal_angle)}
         grip = {"contype": "0", "conaffinity": "2", "friction": numbers(own, 0.0, 0.0)}
         ET.SubElement(pad, "geom", type="box", size=numbers(0.1, 0.1, 0.2), **face, **grip)
-    key = root.find("keyframe/key")
-    if key is not None:  # its numbers of joints are those before
-        zeros = sum(1 for _ in world.iter("joint"))
-        key.attrib |= {"qpos": numbers(*[0.0] * zeros), "qvel": numbers(*[0.0] * zeros)}
+    zeros = numbers(*[0.0] * sum(1 for _ in world.iter("joint")))  # the keyframe's are those before
+    root.find("keyframe/key").attrib |= {"qpos": zeros, "qvel": zeros}
     return ET.tostring(root, encoding="unicode")
 
 
 def _as_box(root: ET.Element, body: ET.Element, box: Box) -> None:
     """Two boxes and four rounds in place of the prism over a box's outline, which would touch a face at one point."""
-    asset, (old,) = root.find("asset"), body.findall("geom")
-    if asset is not None:
-        root.remove(asset)
+    (old,) = body.findall("geom")
+    root.remove(root.find("asset"))
     body.remove(old)
     given = {name: str(old.get(name)) for name in ("contype", "conaffinity", "friction")}
     w, h, r = 0.5 * box.width, 0.5 * box.height, box.corner_radius
@@ -144,15 +135,13 @@ def _as_box(root: ET.Element, body: ET.Element, box: Box) -> None:
 
 def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
     """The link of a place along the chain, and where it begins [m]."""
-    found = world.find(".//body[@name='base']")
-    begin = 0.0
-    while found is not None:
-        following = next((one for one in found.findall("body") if str(one.get("name")).startswith("link_")), None)
-        step = math.inf if following is None else float(str(following.get("pos")).split()[1])
-        if following is None or begin + step > at:
-            return found, begin
-        found, begin = following, begin + step
-    raise InputError("the chain has no base")
+    found, begin = world.find(".//body[@name='base']"), 0.0
+    while links := [one for one in found.findall("body") if one.get("name").startswith("link_")]:
+        end = begin + float(links[0].get("pos").split()[1])
+        if end > at:
+            break
+        found, begin = links[0], end
+    return found, begin
 
 
 def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variation) -> dict[str, Any]:
@@ -199,7 +188,7 @@ class _Sensors:
     """What a mission measures, from what MuJoCo answers."""
 
     def __init__(self, of: Assignment, text: str, scene: Scene) -> None:
-        measured, root = of.control.estimator.measured, ET.fromstring(text)  # type: ignore[union-attr]
+        measured, root = of.control.estimator.measured, ET.fromstring(text)
         if measured.tip is None or measured.tension is None or measured.bending is None:
             raise InputError("tip, tensions and bending are measured here", key="estimator.measured")
         self._base, self._at = scene.finger.base.angle, np.array(measured.bending.at)
