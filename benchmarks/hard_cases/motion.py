@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -120,54 +121,24 @@ def _corners(scene: Scene, duration: float) -> list[float]:
 # Scenes.
 
 
-def straight(family: str) -> Scene:
-    """No load at all."""
-    return nitinol(family, time={"duration": 0.5, "step": 0.01})
-
-
-def standing(family: str) -> Scene:
-    """Balanced exactly, under far more than the critical weight."""
-    return nitinol(family, angle=UPRIGHT, gravity=GRAVITY, tip_mass=0.1, time={"duration": 1.0, "step": 0.01})
-
-
 def nearly_straight(family: str) -> Scene:
     """Bends of 1e-6 rad; far above the reference's absolute tolerance of 1e-12."""
     q = coordinates(family, (1e-6, -0.5e-6), (0.3, 0.3))
     return nitinol(family, initial={"q": q}, time={"duration": 0.1, "step": 1e-4})
 
 
-def short_element(family: str) -> Scene:
-    """One element 1 % of the other, with 20 g at its end."""
-    return _released(family, (0.594, 0.006), tip_mass=0.02)
-
-
-def light_tip(family: str) -> Scene:
-    """The same without the mass: modes of 30 kHz."""
-    return _released(family, (0.594, 0.006), duration=0.05)
-
-
-def heavy_tip(family: str) -> Scene:
-    """A tip of 100 times the rod's mass, hanging and let go."""
-    return _released(family, 2, tip_mass=100 * MASS, angle=HANGING, pull=(6.0, 0.0), duration=1.0)
-
-
 def _released(
-    family: str,
-    elements: object,
-    *,
-    tip_mass: float = 0.0,
-    angle: float = HANGING,
-    pull: tuple[float, float] = (0.1, 0.0),
-    duration: float = 0.2,
+    family: str, elements: Any = 2, *, tip_mass: float = 0.0, pull: Any = (0.1, 0.0), duration: float = 0.2
 ) -> Scene:
+    """Hanging, pulled at the tip and let go."""
     initial = {"pose": "equilibrium", "held_by": [push(*pull)]}
     time = {"duration": duration, "step": 0.001}
-    return nitinol(family, elements, angle=angle, gravity=GRAVITY, tip_mass=tip_mass, initial=initial, time=time)
+    return nitinol(family, elements, angle=HANGING, gravity=GRAVITY, tip_mass=tip_mass, initial=initial, time=time)
 
 
 def swinging(family: str, periods: int) -> Scene:
     """Undamped swing in the first mode, 50 states per period."""
-    scene = _released(family, 2, tip_mass=0.02)
+    scene = _released(family, tip_mass=0.02)
     period = 1.0 / float(modes(scene.replaced(initial={"pose": "straight"})).frequencies_hz[0])
     step = round(period / 50, 6)
     return scene.replaced(time=scene.time.replaced(duration=round(50 * periods * step, 9), step=step))
@@ -202,12 +173,18 @@ def tension_step(family: str, rise: float, interpolation: str = "linear", lag: f
 def motion_attempts() -> Iterator[Attempt]:
     """All attempts at motions."""
     still = partial(straightness, along=(1.0, 0.0))
+    straight = partial(nitinol, time={"duration": 0.5, "step": 0.01})
     yield from _all("straight exactly", straight, still, 1e-15)
+    standing = partial(nitinol, angle=UPRIGHT, gravity=GRAVITY, tip_mass=0.1, time={"duration": 1.0, "step": 0.01})
     yield from _all("standing exactly, beyond buckling", standing, partial(straightness, along=(0.0, 1.0)), 1e-15)
     yield from _all("nearly straight, 1e-6 rad", nearly_straight, state_error, 1e-4)
-    yield from _all("one element 1 % of the other", short_element, tip_error, 1e-4)
-    yield from _all("light short tip, 30 kHz", light_tip, tip_error, 1e-4)
-    yield from _all("100-fold tip mass", heavy_tip, tip_error, 1e-4)
+    unequal = (0.594, 0.006)
+    released = partial(_released, elements=unequal, tip_mass=0.02)
+    yield from _all("one element 1 % of the other", released, tip_error, 1e-4)
+    released = partial(_released, elements=unequal, duration=0.05)
+    yield from _all("light short tip, 30 kHz", released, tip_error, 1e-4)
+    released = partial(_released, tip_mass=100 * MASS, pull=(6.0, 0.0), duration=1.0)
+    yield from _all("100-fold tip mass", released, tip_error, 1e-4)
     for family in FAMILIES:
         scene = swinging(family, 1000)
         least = _least_energy(scene)

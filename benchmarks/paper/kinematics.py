@@ -96,31 +96,10 @@ class Bent:
         return length / t**2 * ca.vertcat(1 - c - t * fraction * s, t * fraction * c - s)
 
     @property
-    def contact(self) -> ca.SX:
-        """r_c, equation (7)."""
-        return self.along_arc(0)
-
-    @property
-    def tip(self) -> ca.SX:
-        """r_t, equation (9)."""
-        return self.contact + self.rotation @ self.along_arc(1)
-
-    @property
-    def center1(self) -> ca.SX:
-        """Mass center of the first arc, equation (10)."""
-        t1, c1, s1, _, _, _ = self.trigonometry
-        return self.arcs.lengths[0] / t1**2 * ca.vertcat(s1 - t1, 1 - c1)
-
-    @property
     def relative_center2(self) -> ca.SX:
         """Mass center of the second arc from the contact in the axes there, right-hand side of equation (11)."""
         _, _, _, t2, c2, s2 = self.trigonometry
         return self.arcs.lengths[1] / t2**2 * ca.vertcat(s2 - t2, 1 - c2)
-
-    @property
-    def center2(self) -> ca.SX:
-        """Mass center of the second arc, equation (12)."""
-        return self.contact + self.rotation @ self.relative_center2
 
     def second_velocity(self, s: Scalar, rate: ca.SX) -> ca.SX:
         """Velocity at s [m] from the base on the second arc, equations (14)-(17)."""
@@ -129,11 +108,6 @@ class Bent:
         slope = self.along_arc_slope(1, s / l2 if "(16) s" in self.slips else fraction)
         turning = self.rotation_slope @ self.along_arc(1, fraction) * rate[0]
         return turning + self.rotation @ slope * rate[1] + self.along_arc_slope(0) * rate[0]
-
-    def tip_velocity(self, rate: ca.SX) -> ca.SX:
-        """Velocity of the tip, equation (18)."""
-        slope0, slope1 = self.along_arc_slope(0), self.along_arc_slope(1)
-        return (self.rotation_slope @ self.along_arc(1) + slope0) * rate[0] + self.rotation @ slope1 * rate[1]
 
     def _center_slope(self, which: int, cosine: float) -> ca.SX:
         """Derivative of an arc's mass center with respect to its angle; ``cosine``: the factor of cos in y."""
