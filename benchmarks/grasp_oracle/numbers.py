@@ -209,7 +209,6 @@ def _rests(wall: Any, part: Any, pose: tuple[float, float, float], size: float) 
 
 def _extreme(outline: Outline, direction: Array) -> Array:
     """The point of a smooth outline farthest in a direction."""
-    low, high = 0.0, 1.0
     u = np.linspace(0.0, 1.0, 721)
     best = int(np.argmax(outline.at(u)[0] @ direction))
     low, high = u[best] - 1.0 / 720, u[best] + 1.0 / 720
