@@ -139,30 +139,33 @@ def row(config: Path, folder: Path) -> list[Any]:
     return [len(units), size, beside, far, verdict, time.monotonic() - began]
 
 
-def shared(plant: Unit, control: Unit) -> tuple[list[str], list[str]]:
-    """Names of measurements and of commands, which both units have."""
-    measured = [name for name in plant.outputs if name.startswith("measurement.")]
-    return measured, [name for name in plant.inputs if name.startswith("command.")]
+def links(units: list[Unit]) -> list[tuple[int, int, str]]:
+    """From which unit to which, and under which name, a value is handed over between a plant and its controller."""
+    if len(units) == 1:
+        return []
+    names = [(0, 1, name) for name in units[0].outputs if name.startswith("measurement.")]
+    return names + [(1, 0, name) for name in units[0].inputs if name.startswith("command.")]
 
 
 def by_fmpy(units: list[Unit]) -> list[list[float]]:
     """Tips after each step; inputs are handed over at the start, and after each step of all units."""
     ones = [opened(unit) for unit in units]
     tips, h = [], max(unit.step for unit in units)
-    if len(ones) == 1:
-        for name, value in PULL.items():
-            ones[0].set(name, [value])
-    else:
-        ones[1].set("measurement.", ones[0].get("measurement."))
-        ones[0].set("command.", ones[1].get("command."))
+    for name, value in PULL.items() if len(ones) == 1 else ():
+        ones[0].set(name, [value])
+
+    def exchange() -> None:
+        if len(ones) > 1:
+            measured, command = ones[0].get("measurement."), ones[1].get("command.")
+            ones[1].set("measurement.", measured)
+            ones[0].set("command.", command)
+
+    exchange()
     for k in range(STEPS):
         for one in ones:
             one.step(k * h, h)
         tips.append(ones[0].get("tip.")[:2].tolist())
-        if len(ones) > 1:
-            command = ones[1].get("command.")
-            ones[1].set("measurement.", ones[0].get("measurement."))
-            ones[0].set("command.", command)
+        exchange()
     return tips
 
 
@@ -173,14 +176,10 @@ def by_ecos(units: list[Unit]) -> list[list[float]]:
     structure = EcosSimulationStructure()
     for unit in units:
         structure.add_model(unit.what, unit.file)
+    for source, sink, name in links(units):
+        structure.make_real_connection(f"{units[source].what}::{name}", f"{units[sink].what}::{name}")
     if len(units) == 1:
         structure.add_parameter_set("start", {f"plant::{name}": value for name, value in PULL.items()})
-    else:
-        measured, commands = shared(*units)
-        for name in measured:
-            structure.make_real_connection(f"plant::{name}", f"controller::{name}")
-        for name in commands:
-            structure.make_real_connection(f"controller::{name}", f"plant::{name}")
     tips = []
     with EcosSimulation(max(unit.step for unit in units), structure=structure) as simulation:
         simulation.init(parameter_set="start" if len(units) == 1 else None)
@@ -203,14 +202,10 @@ def by_libcosim(units: list[Unit]) -> list[list[float]]:
     numbers = [{v.name.decode(): v.reference for v in execution.slave_variables(k)} for k in at]
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
-    if len(units) == 1:
-        for name, value in PULL.items():
-            execution.real_initial_value(at[0], numbers[0][name], value)
-    else:
-        measured, commands = shared(*units)
-        for names, source, sink in ((measured, 0, 1), (commands, 1, 0)):
-            for name in names:
-                execution.connect_real_variables(at[source], numbers[source][name], at[sink], numbers[sink][name])
+    for name, value in PULL.items() if len(units) == 1 else ():
+        execution.real_initial_value(at[0], numbers[0][name], value)
+    for source, sink, name in links(units):
+        execution.connect_real_variables(at[source], numbers[source][name], at[sink], numbers[sink][name])
     tips = []
     for _ in range(STEPS):
         if not execution.step():

@@ -9,15 +9,13 @@ import os
 import platform
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import CFLAGS, compiler, run
+from continuum_grasp.results.record import created_now, machine, versions
 
 RESULTS = Path(__file__).with_name("results")
-PACKAGES = ("casadi", "numpy", "continuum-grasp")
 
 
 def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
@@ -73,9 +71,8 @@ def describe() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "governor": _read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor") or "not readable",
         "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
-        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
-        "python": platform.python_version(),
-        **{name: _version(name) for name in PACKAGES},
+        "system": " ".join(machine()[key] for key in ("system", "release", "architecture")),
+        **versions(),
         "compiler": _compiler_version(),
         "flags": " ".join(CFLAGS),
     }
@@ -147,7 +144,7 @@ class Report:
         """Everything, with plain JSON numbers (NaN as null)."""
         data = {
             "name": self.name,
-            "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "created": created_now(),
             "status": self.status,
             "seed": self.seed,
             "machine": self.machine,
@@ -231,13 +228,6 @@ def _read(path: str) -> str:
         return Path(path).read_text(encoding="utf-8").strip()
     except OSError:
         return ""
-
-
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "not installed"
 
 
 def _compiler_version() -> str:

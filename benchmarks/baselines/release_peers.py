@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -154,20 +155,15 @@ def sweep(
     peers: ReleasePeers, rod: Mapping[str, Any], hinges: int, reference: Motion, thin: bool = False
 ) -> list[ChainRun]:
     """All settings that run through, for one number of hinges; every other time step where ``thin``."""
-    found = []
-    for layout in ("middle", "clamp") if rod["uniform"] else ("middle",):
-        for settings in _settings(hinges, layout, STEPS[::2] if thin else STEPS):
-            motion = peers.make("swept", "mujoco", rod, settings)
-            error = rms_error(motion.tip, reference)
-            if error < 0.1 * rod["length"]:
-                found.append(ChainRun(settings, error, motion.cold))
+    found, layouts = [], ("middle", "clamp") if rod["uniform"] else ("middle",)
+    for layout, (integrator, staggered), steps in product(layouts, METHODS, STEPS[::2] if thin else STEPS):
+        settings = {"hinges": hinges, "layout": layout, "integrator": integrator, "staggered": staggered}
+        settings |= {"steps": steps}
+        motion = peers.make("swept", "mujoco", rod, settings)
+        error = rms_error(motion.tip, reference)
+        if error < 0.1 * rod["length"]:
+            found.append(ChainRun(settings, error, motion.cold))
     return found
-
-
-def _settings(hinges: int, layout: str, steps: tuple[int, ...]) -> Iterator[dict[str, Any]]:
-    for integrator, staggered in METHODS:
-        own = {"hinges": hinges, "layout": layout, "integrator": integrator, "staggered": staggered}
-        yield from ({**own, "steps": count} for count in steps)
 
 
 def best(runs: list[ChainRun]) -> dict[str, ChainRun]:

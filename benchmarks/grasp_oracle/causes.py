@@ -54,10 +54,10 @@ def tighten_two(seed: int, number: int) -> dict[str, Any] | None:
         return None
     row: dict[str, Any] = {}
     if shape == "strain":
-        row["diameter"] = scene.setups[0].finger.rod.diameter or 0.3 * scene.setups[0].finger.thickness_radius
+        row["diameter"] = _diameter(scene)
         least *= 0.5 * row["diameter"] / (search.hand.radius or search.hand.length)
-    if shape == "strain" and least > 0.5:
-        return None
+        if least > 0.5:
+            return None
     needs, limits = [least, second["needed"]], [least * random.uniform(*TIGHT), second["limit"]]
     return {"causes": [shape, force], "needed": needs, "limits": limits, **row}
 
@@ -112,15 +112,17 @@ def _mass(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | No
 
 
 def _strain(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
-    finger = scene.setups[0].finger
-    best = search.best(measure=lambda p: float(np.abs(p.ends).max()))
-    if best is None:
-        return None
-    diameter = finger.rod.diameter or 0.3 * finger.thickness_radius
-    needed = 0.5 * diameter * best.value
+    best, diameter = search.best(measure=lambda p: float(np.abs(p.ends).max())), _diameter(scene)
+    needed = math.inf if best is None else 0.5 * diameter * best.value
     if needed > 0.5:
         return None
     return {"needed": needed, "limit": needed * random.uniform(*TIGHT), "diameter": diameter}
+
+
+def _diameter(scene: GraspScene) -> float:
+    """The rod's diameter [m], or one for a rod without."""
+    finger = scene.setups[0].finger
+    return float(finger.rod.diameter or 0.3 * finger.thickness_radius)
 
 
 def _bend(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:

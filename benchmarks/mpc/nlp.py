@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.mpc.cases import outside, state_step
+from benchmarks.mpc.cases import outside, whole_stage
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
@@ -51,15 +51,10 @@ class Nlp:
     @cached_property
     def _following(self) -> ca.Function:
         """(x, u, p) -> xn after a stage."""
-        s = self.stages
-        x, u, p = (ca.MX.sym(name, size) for name, size in (("x", s.nx), ("u", s.nu), ("p", s.np)))
-        following, advance = x, state_step(s)
-        for _ in range(s.substeps):
-            following = advance(following, u, p, s.stage / s.substeps)
         options: dict[str, Any] = {"never_inline": True}
         if self.variational:
             options |= {"custom_jacobian": self._jacobian, "jac_penalty": 0}
-        return ca.Function("following", [x, u, p], [following], ["x", "u", "p"], ["xn"], options)
+        return whole_stage("following", self.stages, self.stages.substeps, **options)
 
     @cached_property
     def _jacobian(self) -> ca.Function:
