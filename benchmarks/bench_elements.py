@@ -22,7 +22,6 @@ import numpy as np
 
 from benchmarks.harness import Timing, compiled, compiler, defines, linked, one_core, race, run
 from benchmarks.report import Report, begun
-from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.source import generated as package_source
 from continuum_grasp.model import FingerModel, pattern
 from continuum_grasp.model.equations import Equations
@@ -52,14 +51,12 @@ class Compiled:
     """A function in a C loop: seconds of compiling, size of the code [kB], instructions, and time of an evaluation."""
 
     def __init__(self, function: ca.Function) -> None:
-        source, found = package_source(function.name(), function), find_compiler()
-        if found is None:
-            raise RuntimeError("no C compiler found")
+        source = package_source(function.name(), function)
         folder = Path(tempfile.mkdtemp(prefix="continuum-grasp-benchmark-"))
         words: dict[str, Any] = {"FUNCTION": function.name(), "NX": function.nnz_in(0)}
         for name, least in (("w", 1), ("iw", 1), ("arg", 3), ("res", 1)):
             words[f"SZ_{name.upper()}"] = max(getattr(function, f"sz_{name}")(), least)
-        flags, start = found.flags(source), time.perf_counter()
+        flags, start = compiler().flags(source), time.perf_counter()
         code = compiled(folder, "code", source, flags)
         self.seconds = time.perf_counter() - start
         self.kilobytes = sum(map(int, run(["size", code]).splitlines()[1].split()[:2])) / 1000
@@ -82,7 +79,7 @@ class Compiled:
             return float("nan")
         # It knows no AVX-512.
         narrow = [flag.replace("-march=native", "-march=x86-64-v3") for flag in flags]
-        run([compiler(), *narrow, folder / "loop.c", folder / "code.c", "-o", folder / "count", "-lm"])
+        run([compiler().command[0], *narrow, folder / "loop.c", folder / "code.c", "-o", folder / "count", "-lm"])
         line = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", folder / "count"]
         totals = [
             int(re.findall(r"Collected : (\d+)", run([*line, count], stderr=subprocess.STDOUT))[0])

@@ -22,7 +22,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.core.compiler import Compiler, find_compiler
 from continuum_grasp.workers import ProcessPool
 
 ROOT = Path(__file__).parents[1]
@@ -123,12 +123,12 @@ def spread(
 # C.
 
 
-def compiler() -> str:
+def compiler() -> Compiler:
     """The C compiler that the package itself would use."""
     found = find_compiler()
     if found is None:
         raise RuntimeError("no C compiler found: the benchmarks need CC, cc, gcc or clang")
-    return found.command[0]
+    return found
 
 
 def run(command: Sequence[object], **options: Any) -> str:
@@ -156,14 +156,14 @@ def compiled(folder: Path, name: str, source: str, flags: Sequence[str] = CFLAGS
     """The object file of a C source, compiled apart from all others."""
     file = folder / f"{name}.c"
     file.write_text(source, encoding="utf-8")
-    run([compiler(), *flags, "-c", file, "-o", file.with_suffix(".o")])
+    run([compiler().command[0], *flags, "-c", file, "-o", file.with_suffix(".o")])
     return file.with_suffix(".o")
 
 
 def linked(folder: Path, objects: Sequence[Path], flags: Sequence[str] = ()) -> ctypes.CDLL:
     """The library of some object files, without optimization across them."""
     library = folder / "linked.so"
-    run([compiler(), "-shared", "-Wl,-Bsymbolic", *objects, "-o", library, *flags, "-lm"])
+    run([compiler().command[0], "-shared", "-Wl,-Bsymbolic", *objects, "-o", library, *flags, "-lm"])
     return ctypes.CDLL(str(library))
 
 

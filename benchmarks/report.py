@@ -232,6 +232,6 @@ def _read(path: str) -> str:
 
 def _compiler_version() -> str:
     try:
-        return run([compiler(), "--version"]).splitlines()[0]
+        return run([compiler().command[0], "--version"]).splitlines()[0]
     except (RuntimeError, OSError) as error:
         return f"none ({error})"
