@@ -128,16 +128,15 @@ def add_efforts(report: Report, found: dict[str, list[Outcome]]) -> None:
     report.table("Efforts of the search", columns, rows, "Times after the build, processor time.")
 
 
-def judged(kind: str, rows: list[dict[str, Any]], effort: str, jobs: int, verbose: bool) -> list[Outcome]:
+def judged(kind: str, rows: list[dict[str, Any]], effort: str, jobs: int) -> list[Outcome]:
     """The outcomes of the scenes of some answers, in their order."""
     found: dict[int, Outcome] = {}
     for row, last, error in spread(partial(outcome, kind, effort=effort), rows, jobs):
         if error is not None:
             raise error
         found[row["seed"]] = last
-        if verbose:
-            flags = "" if last.good and not last.false else "  <<<"
-            print(kind, last.seed, last.what, last.status, last.note, flags, flush=True)
+        flags = "" if last.good and not last.false else "  <<<"
+        print(kind, last.seed, last.what, last.status, last.note, flags, flush=True)
     return [found[row["seed"]] for row in rows]
 
 
@@ -151,13 +150,12 @@ def main() -> None:
         efforts=([str], "other efforts too, of one finger", EFFORTS),
         jobs=(cores(), "processes"),
         folder=(RESULTS, "where to write the reports"),
-        verbose=False,
     )
     for kind in asked.kind:
         name, words, _ = KINDS[kind]
         report = Report(name, folder=asked.folder)
         rows = [row for row in known(kind)[: asked.count] if not asked.seeds or row["seed"] in asked.seeds]
-        outcomes = judged(kind, rows, "", asked.jobs, asked.verbose)
+        outcomes = judged(kind, rows, "", asked.jobs)
         if not outcomes:
             report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
         elif kind in ("none", "both"):
@@ -165,7 +163,7 @@ def main() -> None:
         else:
             add_held(report, kind, outcomes, words)
             efforts = [e for e in asked.efforts if e != "normal" and kind == "one"]
-            by = {e: judged(kind, rows, e, asked.jobs, asked.verbose) for e in efforts} | {"normal": outcomes}
+            by = {e: judged(kind, rows, e, asked.jobs) for e in efforts} | {"normal": outcomes}
             if efforts:
                 add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
         report.finish()

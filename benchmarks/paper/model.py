@@ -45,28 +45,13 @@ class PaperModel(FingerModel):
     (43) and actuation (42) are right in the paper and the same in both; positions and the potential energy are the
     exact ones, whatever the variant.
 
-    Parameters
-    ----------
-    finger : Scene or Finger
-        What ``FingerModel`` takes, as are the further keywords (``contacts``, ``gravity``, ``elements`` as lengths,
-        ``parameters``, ...). Point masses and loads must be at the contact or at the tip.
-    variant : str
-        ``closed_printed``: equations (10)-(38) with every slip of ``slips.DYNAMIC``, read as said there;
-        ``closed_corrected``: the same without; ``appendix_printed``: (A.1)-(A.4); ``appendix_corrected``: their 56
-        wrong coefficients put right, with the rotary inertia that (A.1) drops; ``appendix_unrotated``: the same, but
-        the velocity of the contact is not turned into the axes of the second arc.
-    slips : collection of str, optional
-        For ``closed_corrected``: keys of ``slips.SLIPS`` that are taken as printed.
-    gravity_across : bool
-        For ``appendix_printed``: take gravity across the straight finger, which (A.4) does not have, from the corrected
-        appendix.
-    guard : float
-        Smallest angle of the closed forms [rad], which divide by it.
-
-    Raises
-    ------
-    InputError
-        If the variant is unknown, or the finger is more than the paper describes.
+    ``finger`` and further keywords are as of ``FingerModel``; point masses and loads must be at the contact or at the
+    tip, else it is an InputError. Variants: ``closed_printed``, equations (10)-(38) with every slip of
+    ``slips.DYNAMIC``, read as said there; ``closed_corrected``, the same without, or with some ``slips`` of
+    ``slips.SLIPS``; ``appendix_printed``, (A.1)-(A.4), with ``gravity_across`` the straight finger, which (A.4) does
+    not have, from the corrected appendix; ``appendix_corrected``, their 56 wrong coefficients put right, with the
+    rotary inertia that (A.1) drops; ``appendix_unrotated``, the same, but the velocity of the contact is not turned
+    into the axes of the second arc. ``guard`` is the smallest angle of the closed forms [rad], which divide by it.
     """
 
     def __init__(
