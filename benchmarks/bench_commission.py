@@ -18,6 +18,7 @@ import numpy as np
 
 os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
+from benchmarks.harness import CONFIGS, ROOT
 from benchmarks.report import begun
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
@@ -29,6 +30,8 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from continuum_grasp.scene.load import load
 
+SCENES = {"sagging": ROOT / "benchmarks/commission_sagging.yaml", "flat": CONFIGS / "mpc/steady_tip.yaml"}
+"""A finger that sags in the plane of its camera, and one that lies flat."""
 _SHIFT, _TURN, _SCALE, _CELL, _DRIVE = 0.010, math.radians(8.0), 0.1, 5.0, 0.5
 """Greatest shift [m], turn [rad] and error of the scale [1] of the camera, and zeros of cells and drives [N]."""
 _NEAR = 2e-3
@@ -38,12 +41,6 @@ _KINDS: dict[str, dict[str, Any]] = {
     "guides": {"guides": 24, "axial_stiffness": 3e4, "tendon_friction": 0.01},
 }
 _PLANT = ("bending_stiffness", "tip_mass", "material_damping", "drive_time_constant")
-
-
-def scene_of(name: str) -> ControlScene:
-    """The closed loop: a finger that sags in the plane of its camera, or one that lies flat."""
-    files = {"sagging": "benchmarks/commission_sagging.yaml", "flat": "configs/mpc/steady_tip.yaml"}
-    return load(files[name])
 
 
 def mounting_of(rng: np.random.Generator, mirrored: bool) -> Mounting:
@@ -128,10 +125,10 @@ def main() -> None:
         plants=100,
         first=(0, "number of the first plant"),
         seed=33,
-        scene=("sagging", "", ("sagging", "flat")),
+        scene=("sagging", "", SCENES),
         no_loop=(False, "do not close the loop afterwards"),
     )
-    scene = scene_of(asked.scene)
+    scene = load(SCENES[asked.scene])
     columns = ["plant", "kind", "status", "wrong", "camera [mm]", "angle [mrad]", "scale [1e-3]", "drives [N]"]
     columns += ["cells [N]", "beyond interval", "from the setpoint [mm]", "tip [mm]"]
     table = report.table("Benches", columns, note=__doc__ or "")

@@ -113,19 +113,16 @@ def add(report: Report, rows: list[Row]) -> None:
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["kind"], row["effort"]), []).append(row)
-    times, table = [], []
+    columns = ["kind", "effort", "status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
+    times = report.table("By kind and status", columns, note="Processor time after the build.")
+    table = report.table("By kind", ["kind", "effort", "scenes", "images", *wrong])
     for (kind, effort), group in groups.items():
         found = [len(each) for each in judged(group, known).values()]
-        table.append([kind, effort, len({row["scene"] for row in group}), len(group), *found])
+        table.add(kind, effort, len({row["scene"] for row in group}), len(group), *found)
         for status in sorted({row["status"] for row in group}):
             some = [row for row in group if row["status"] == status]
-            spent = [
-                np.percentile([row[key] or 0.0 for row in some], p) for key in ("ms", "iterations") for p in (50, 95)
-            ]
-            times.append([kind, effort, status, len(some), *map(float, spent)])
-    columns = ["kind", "effort", "status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
-    report.table("By kind and status", columns, times, "Processor time after the build.")
-    report.table("By kind", ["kind", "effort", "scenes", "images", *wrong], table)
+            spent = [np.percentile([row[key] or 0.0 for row in some], (50, 95)) for key in ("ms", "iterations")]
+            times.add(kind, effort, status, len(some), *np.concatenate(spent).tolist())
     for what, found in wrong.items():
         if found:
             report.table(what, ["scene"], [[each] for each in found])

@@ -181,7 +181,10 @@ def add_python(report: Report, asked: argparse.Namespace) -> None:
 
 def add_oracle(report: Report, asked: argparse.Namespace) -> None:
     """Answers to random QPs against those of an active-set solver."""
-    rows, limit = [], 1e-6 if asked.precision == "double" else 1e-3
+    columns = ["set", "N nx nu ns others", "problems", "median", "99.9 %", "worst", "cost above", "cost below"]
+    columns += ["rounds", "most rounds", "not solved", "no answer of qpOASES"]
+    note = "Largest difference of the answer over its largest entry; cost over the larger of 1 and itself."
+    table, limit = report.table("Against qpOASES", columns, note=note), 1e-6 if asked.precision == "double" else 1e-3
     sets = min(SETS, asked.problems)
     for k in range(sets):
         size, rng = SIZES[k % len(SIZES)], np.random.default_rng((report.seed, k))
@@ -203,13 +206,8 @@ def add_oracle(report: Report, asked: argparse.Namespace) -> None:
             off.append(np.abs(z - expected).max() / np.abs(expected).max())
             above.append((q.cost(z) - least) / max(1.0, abs(least)))
         numbers = *np.quantile(off, [0.5, 0.999, 1.0]), max(above), min(above), *np.quantile(rounds, [0.5, 1.0])
-        rows.append([k, " ".join(map(str, size)), len(off), *map(float, numbers), unsolved, unanswered])
-        print(rows[-1], flush=True)
-    columns = ["set", "N nx nu ns others", "problems", "median", "99.9 %", "worst", "cost above", "cost below"]
-    columns += ["rounds", "most rounds", "not solved", "no answer of qpOASES"]
-    note = "Largest difference of the answer over its largest entry; cost over the larger of 1 and itself."
-    report.table("Against qpOASES", columns, rows, note)
-    report.claim("worst difference from qpOASES", max(row[5] for row in rows), "<=", limit)
+        table.add(k, " ".join(map(str, size)), len(off), *map(float, numbers), unsolved, unanswered)
+    report.claim("worst difference from qpOASES", max(row[5] for row in table.rows), "<=", limit)
 
 
 PARTS = {"race": add_race, "converged": add_converged, "python": add_python, "oracle": add_oracle}

@@ -19,6 +19,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from benchmarks.baselines import Peer
+from benchmarks.report import Table as ReportTable
 from benchmarks.report import arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import plant_scene
@@ -249,18 +250,16 @@ def main() -> None:
         )
     control, peer = Controller(of.control, deadline=math.inf), Peer("mujoco_mission.py")
     drawn = variations(mission.trials.replaced(count=asked.plants))
-    good = 0
+    columns = ["plant", "", "", "turned off [deg]", "sunk [mm]", "moved [mm]", "force off [%]", "fallbacks"]
+    table, good = ReportTable(asked.mission, columns), 0
+    print(*columns, sep=" | ")
     for k, variation in enumerate(drawn):
         found = carry_out(of, control, peer, variation)
         good += found["held"] and found["released"] and found.get("turned", True)
-        turned = f"turned {math.degrees(found['turn_error']):+.2f} deg off, " if "turn_error" in found else ""
         words = "held" if found["held"] else "dropped", "released" if found["released"] else "not released"
-        print(
-            f"{k + 1}: {turned}{', '.join(words)}, "
-            f"sunk {1e3 * found['sunk']:.2f} mm, moved {1e3 * found['moved']:.2f} mm, "
-            f"force {100.0 * found['force']:+.1f} %, fallbacks {found['fallbacks']}",
-            flush=True,
-        )
+        turned = math.degrees(found["turn_error"]) if "turn_error" in found else ""
+        moved = 1e3 * found["sunk"], 1e3 * found["moved"]
+        table.add(k + 1, *words, turned, *moved, 100.0 * found["force"], found["fallbacks"])
     done = "held and released" if mission.turn is None else "turned, held and released"
     print(f"{good} of {len(drawn)} plants {done} the object")
     peer.close()

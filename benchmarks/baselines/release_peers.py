@@ -85,9 +85,8 @@ def describe_rod(scene: Scene, truth: Truth) -> dict[str, Any]:
         bend = held.angle(np.linspace(0.0, length, _PLACES)) - finger.base.angle
     middles = (np.arange(_PLACES - 1) + 0.5) * length / (_PLACES - 1)
     stiffness, density = profile.bending_stiffness(middles), profile.linear_density(middles)
-    moments = [
-        (channel.to, float(np.dot(channel.arms, _tensions(scene)))) for channel in finger.channels if _tensions(scene)
-    ]
+    tensions = () if scene.actuation is None else scene.actuation.tensions or ()  # constant ones [N]
+    moments = [(channel.to, float(np.dot(channel.arms, tensions))) for channel in finger.channels if tensions]
     if any(channel.shape(0.5 * channel.to) != 1.0 for channel in finger.channels):
         raise ValueError("the peers can take tendons of constant offset only")
     return {
@@ -110,12 +109,6 @@ def describe_rod(scene: Scene, truth: Truth) -> dict[str, Any]:
         "marks": sorted({*profile.breaks, *(to for to, _ in moments if to < length)}),
         "chains": {str(hinges): export_mjcf(scene, hinges=hinges).text for hinges in HINGES},
     }
-
-
-def _tensions(scene: Scene) -> list[float]:
-    """Constant tensions of a scene [N]."""
-    tensions = None if scene.actuation is None else scene.actuation.tensions
-    return [float(one) for one in tensions or ()]  # type: ignore[arg-type]
 
 
 # MuJoCo: the settings of a hinge chain that are tried, and the best of them.

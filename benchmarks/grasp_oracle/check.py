@@ -213,18 +213,14 @@ class _Check:
 
     def _supports(self) -> None:
         bare = self._outlines(0.0)
-        for k, name in enumerate(self.names):
+        for k, (name, place) in enumerate(zip(self.names, self.positions, strict=True)):
+            off = [math.dist(place, peg.position) - peg.radius for peg in self.scene.pegs if name == peg.name]
             for wall in self.scene.walls:
                 if name == wall.name or name.startswith(wall.name + "."):
-                    off = float((self.positions[k] - np.array(wall.point)) @ np.array(wall.normal))
-                    self._note("contact", abs(off) / self.length)
+                    off.append(float((place - np.array(wall.point)) @ np.array(wall.normal)))
                     self._note("contact", np.abs(self.normals[k] + np.array(wall.normal)).max())
-                    self._note("contact", abs(min(float(o.gap(self.positions[k])) for o in bare)) / self.length)
-            for peg in self.scene.pegs:
-                if name == peg.name:
-                    off = math.dist(self.positions[k], peg.position) - peg.radius
-                    self._note("contact", abs(off) / self.length)
-                    self._note("contact", abs(min(float(o.gap(self.positions[k])) for o in bare)) / self.length)
+            for apart in (*off, *(min(float(o.gap(place)) for o in bare) for _ in off)):
+                self._note("contact", abs(apart) / self.length)
 
 
 class _Finger:

@@ -46,19 +46,14 @@ def moved(scene: Scene, method: str, measure: Measure) -> Found:
     return Found(measure(path), steps, path.warnings)
 
 
-def tip_error(path: Trajectory) -> float:
-    """Greatest error of the tip against the truth, per length."""
-    states = true_states(_timeless(path.scene))
-    true = Trajectory(path.t, states, path.u, path.w, path.model, path.scene)
-    return float(np.hypot(*(path.tip - true.tip).T).max() / LENGTH)
-
-
-def wide_error(path: Trajectory) -> float:
-    """As ``tip_error``, against the truth of the same elements evaluated to rounding over six times the range."""
+def tip_error(path: Trajectory, wide: bool = False) -> float:
+    """Greatest error of the tip against the truth, per length: of the same model, or ``wide`` of the same elements
+    evaluated to rounding over six times the range.
+    """
     scene = _timeless(path.scene)
-    fidelity = scene.fidelity.model_copy(update={"bending_range": 6.0, "accuracy": 1e-13})
-    wide = scene.model_copy(update={"fidelity": fidelity})
-    true = Trajectory(path.t, true_states(wide), path.u, path.w, FingerModel(wide), wide)
+    if wide:
+        scene = scene.changed({"fidelity.bending_range": 6.0, "fidelity.accuracy": 1e-13})
+    true = Trajectory(path.t, true_states(scene), path.u, path.w, FingerModel(scene), scene)
     return float(np.hypot(*(path.tip - true.tip).T).max() / LENGTH)
 
 
@@ -231,7 +226,7 @@ def _beyond_the_range() -> Iterator[Attempt]:
     """A start bent to the range and beyond it, and let go."""
     for share, verdicts in ((1.0, (RIGHT, WARNED)), (1.2, (WARNED,)), (2.9, (WARNED, REFUSED)), (3.1, (REFUSED,))):
         for family in FAMILIES:
-            run = partial(_made, partial(_bent, share=share), family, "auto", wide_error)
+            run = partial(_made, partial(_bent, share=share), family, "auto", partial(tip_error, wide=True))
             yield Attempt(f"let go at {share:g} times the range", family, "auto", run, 1e-3, verdicts)
 
 
