@@ -1,8 +1,7 @@
 """Errors of the families, at rest, in frequency and in motion, against the exact rod and a fine model.
 
-Run ``python -m benchmarks.bench_accuracy`` in the root of the repository. The paper's rod, 0.6 m of NiTi, where it
-moves; loads at rest in units of E I / L^2. Also: what it costs to reach a first frequency within 0.1 % and a tip within
-1e-4 of the length.
+The paper's rod, 0.6 m of NiTi, where it moves; loads at rest in units of E I / L^2. Also: what it costs to reach a
+first frequency within 0.1 % and a tip within 1e-4 of the length.
 
 ``--graded`` takes rods that are not uniform instead, with loads in E I / L^2 of the base, and compares with clothoids
 whose curvature, rather than moment, is linear, which the package does not have (``rod_shapes``).

@@ -1,8 +1,8 @@
 """Whether a tolerance chooses rightly: within it, and nothing cheaper would have done.
 
-Run ``python -m benchmarks.bench_fidelity`` in the root of the repository. Random scenes, each with one of some
-tolerances; the chosen model is measured again against the exact rod at other places, and every cheaper choice on the
-list of up to one element more (arcs: as long as they may be cheaper) is measured too.
+Random scenes, each with one of some tolerances; the chosen model is measured again against the exact rod at other
+places, and every cheaper choice on the list of up to one element more (arcs: as long as they may be cheaper) is
+measured too.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """How often the grasp optimizer finds the grasp that there is, and says why there is none.
 
-Run ``python -m benchmarks.bench_grasp`` in the root of the repository. Random scenes whose answers are known from
-solvers that share nothing with the package (``benchmarks.grasp_oracle``): one finger, the same with scenes that are
-retained for a last look (fresh), tips of two and of three fingers, and scenes made infeasible by one or by two limits.
+Random scenes whose answers are known from solvers that share nothing with the package (``benchmarks.grasp_oracle``):
+one finger, the same with scenes that are retained for a last look (fresh), tips of two and of three fingers, and scenes
+made infeasible by one or by two limits.
 """
 
 from __future__ import annotations

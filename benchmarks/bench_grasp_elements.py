@@ -1,9 +1,8 @@
 """Whether a grasp scene and its images have the same grasp, with fingers of several elements, and how long that takes.
 
-Run ``python -m benchmarks.bench_grasp_elements`` in the root of the repository. Scenes are random
-(``benchmarks.grasp_images``); the best of all images of a scene is the oracle.
-Grasps of uniform fingers are checked by equations that share nothing with the package, and outlines that two elements
-do not hold are searched by brute force (``benchmarks.grasp_oracle``). Times are processor time after the build.
+Scenes are random (``benchmarks.grasp_images``); the best of all images of a scene is the oracle. Grasps of uniform
+fingers are checked by equations that share nothing with the package, and outlines that two elements do not hold are
+searched by brute force (``benchmarks.grasp_oracle``). Times are processor time after the build.
 
 Every outcome is a line of the record ``--rows``, to which a further run adds what it lacks: ``--population 1`` is the
 whole list of scenes, ``--population 0.1`` a tenth of every kind, ``--count 0`` writes the report alone.

@@ -1,8 +1,8 @@
 """Hard cases: what the program makes of each, against a truth that it did not produce.
 
-Run ``python -m benchmarks.bench_hard_cases`` in the root of the repository. Statics are measured against the exact
-elastica and closed forms, motions against SciPy's integration under error control, swings by their energy. A case ends
-in a right answer, a warning or a refusal that says why; anything else is WRONG.
+Statics are measured against the exact elastica and closed forms, motions against SciPy's integration under error
+control, swings by their energy. A case ends in a right answer, a warning or a refusal that says why; anything else is
+WRONG.
 """
 
 from __future__ import annotations

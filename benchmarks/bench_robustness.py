@@ -1,8 +1,7 @@
 """Every shipped loop on plants that differ in values, drive, wiring, sensors and call rate.
 
-Run ``python -m benchmarks.bench_robustness`` in the root of the repository. A loop has to stay near the ideal one,
-which is the loop on the plant that its scene describes, or to reach a safe state that has a name; and its command must
-not swing. A loop that does neither without a word is silent, the worst of all.
+A loop has to stay near the ideal one, which is the loop on the plant that its scene describes, or to reach a safe state
+that has a name; and its command must not swing. A loop that does neither without a word is silent, the worst of all.
 """
 
 from __future__ import annotations

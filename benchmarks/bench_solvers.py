@@ -1,7 +1,7 @@
 """Solvers of nonlinear problems against each other on the shipped plans and grasps.
 
-Run ``python -m benchmarks.bench_solvers`` in the root of the repository. Each scene is solved by every solver from the
-same starts; plans also by IPOPT with the Hessian that the other solver needs, so that nothing but the solver differs.
+Each scene is solved by every solver from the same starts; plans also by IPOPT with the Hessian that the other solver
+needs, so that nothing but the solver differs.
 """
 
 from __future__ import annotations

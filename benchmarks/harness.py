@@ -141,10 +141,10 @@ def run(command: Sequence[object], **options: Any) -> str:
     return done.stdout
 
 
-def generated(function: ca.Function, **options: Any) -> str:
+def generated(function: ca.Function) -> str:
     """CasADi's C of a function; RuntimeError if it could not write it: CasADi only warns, and writes an #error."""
-    given = {"casadi_int": "long long int", "with_header": False, **options}
-    generator = ca.CodeGenerator(f"{function.name()}.c", given)
+    options = {"casadi_int": "long long int", "with_header": False, "with_mem": False, "static_aux": True}
+    generator = ca.CodeGenerator(f"{function.name()}.c", options)
     generator.add(function)
     text = str(generator.dump())
     if "#error" in text:
@@ -152,7 +152,7 @@ def generated(function: ca.Function, **options: Any) -> str:
     return text
 
 
-def compiled(folder: Path, name: str, source: str, flags: Sequence[str] = CFLAGS) -> Path:
+def compiled(folder: Path, name: str, source: str, flags: Sequence[str]) -> Path:
     """The object file of a C source, compiled apart from all others."""
     file = folder / f"{name}.c"
     file.write_text(source, encoding="utf-8")

@@ -1,9 +1,8 @@
 """A controller against the clock: jitter, latency and overruns of a loop with a simulated bench.
 
-Run ``python -m benchmarks.realtime_loop`` in the root of the repository. The plant of the scene (eight clothoids,
-another stiffness and damping, friction, noise, delay) moves on in the rest of each period, so that only reading,
-computing and writing count. The period is that of the scene; ``--spin`` asks the clock instead of sleeping at the end
-of the waiting.
+The plant of the scene (eight clothoids, another stiffness and damping, friction, noise, delay) moves on in the rest of
+each period, so that only reading, computing and writing count. The period is that of the scene; ``--spin`` asks the
+clock instead of sleeping at the end of the waiting.
 """
 
 from __future__ import annotations

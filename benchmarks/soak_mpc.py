@@ -1,9 +1,9 @@
 """A million steps of controllers in closed loops, with everything wrong that a controller may be given.
 
-Run ``python -m benchmarks.soak_mpc`` in the root of the repository. Scenes run in worker processes, so that a crash is
-seen; references, disturbances, pushes and what is injected are drawn at random. After every step: the command
-is finite and within the limits of input and rate, the status is one of the documented ones, and each fault injected
-shows among the anomalies. A controller that trips is left to its ramp for a while and then begins anew.
+Scenes run in worker processes, so that a crash is seen; references, disturbances, pushes and what is injected are drawn
+at random. After every step: the command is finite and within the limits of input and rate, the status is one of the
+documented ones, and each fault injected shows among the anomalies. A controller that trips is left to its ramp for a
+while and then begins anew.
 
 With ``--nominal`` nothing is injected; references jump, and fingers are stiffer or softer by up to a fifth: nothing may
 trip.

@@ -56,13 +56,11 @@ class Balance:
         self.touches += [Touch(r.name, np.array(r.point), np.array(r.normal), r.friction) for r in numbers.rests]
         self.first = 2 * len(numbers.hands)
         self.width = self.first + 3 * len(self.touches)
-        self.rows_: list[Array] = []
-        self.right_: list[float] = []
-        self.weight_: list[float] = []
+        self._equations: list[tuple[Array, float, float]] = []
         for k, (hand, posture) in enumerate(zip(numbers.hands, postures, strict=True)):
             self._finger(k, hand, posture)
         self._object()
-        self.rows, self.right, self.weight = np.array(self.rows_), np.array(self.right_), np.array(self.weight_)
+        self.rows, self.right, self.weight = (np.array(part) for part in zip(*self._equations, strict=True))
 
     def _touch(self, k: int, hand: Hand, posture: Posture) -> None:
         def at(s: float) -> Section:
@@ -79,9 +77,7 @@ class Balance:
             self.touches.append(Touch(f"{hand.name}.{name}", place, normal, None, k, there))
 
     def _add(self, row: Array, right: float, weight: float = 0.0) -> None:
-        self.rows_.append(row)
-        self.right_.append(right)
-        self.weight_.append(weight)
+        self._equations.append((row, right, weight))
 
     def _finger(self, k: int, hand: Hand, posture: Posture) -> None:
         ends, lengths = posture.ends, posture.lengths

@@ -85,7 +85,7 @@ class CLoop:
         sizes |= {"REFS": (stages.stages + 1) * stages.nr}
         units = {"solver": source, "loop": defines(**sizes, **work_sizes(plant, "PLANT")) + c_text("loop.c")}
         for function in (plant, *functions):
-            units[f"{function.name()}_"] = generated(function, with_mem=False, static_aux=True)
+            units[f"{function.name()}_"] = generated(function)
         objects = [compiled(folder, name, text, (*FLAGS, *flags)) for name, text in units.items()]
         self._library = linked(folder, objects, flags)
         self._library.timer_cost.restype = ctypes.c_double

@@ -86,7 +86,7 @@ class World:
     def _compiled(self, world: ca.Function) -> Any:
         self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
         folder, sizes = Path(self._folder.name), defines(NZ=world.numel_out(0), **work_sizes(world))
-        text = generated(world, with_mem=False, static_aux=True) + sizes + c_text("world.c")
+        text = generated(world) + sizes + c_text("world.c")
         function = linked(folder, [compiled(folder, "world_", text, (*CFLAGS, "-w"))]).advance
         function.restype = None
         return function
