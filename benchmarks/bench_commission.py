@@ -64,24 +64,20 @@ def mounting_of(rng: np.random.Generator, mirrored: bool) -> Mounting:
     )
 
 
-def judged(found: Commissioning, true: Mounting) -> tuple[list[str], dict[str, float]]:
-    """Connections that are wrong, and errors of numbers: of the camera [m, rad, 1], of drives and cells [N]."""
+def judged(found: Commissioning, true: Mounting) -> tuple[list[str], list[float]]:
+    """Connections that are wrong, and errors of numbers: of the camera [mm, mrad, 1e-3], of drives and cells [N]."""
     own = found.mounting
     wrong = [] if own.camera.mirrored == true.camera.mirrored else ["mirrored"]
     for key in ("drives", "tensions"):
         pairs = [(one.of, one.sign) for one in getattr(own, key)], [(one.of, one.sign) for one in getattr(true, key)]
         wrong += [key] if pairs[0] != pairs[1] else []
-    camera = own.camera, true.camera
-    off = {
-        "camera": math.dist(*(one.position for one in camera)),
-        "angle": abs(camera[0].angle - camera[1].angle),
-        "scale": abs(camera[0].scale / camera[1].scale - 1.0),
-    }
+    camera, known = own.camera, true.camera
+    off = [math.dist(camera.position, known.position), camera.angle - known.angle, camera.scale / known.scale - 1.0]
+    zeros = [math.nan, math.nan]
     if not wrong:
-        for key in ("drives", "tensions"):
-            zeros = zip(getattr(own, key), getattr(true, key), strict=True)
-            off[key] = max(abs(a.zero - b.zero) for a, b in zeros)
-    return wrong, off
+        pairs = zip(own.drives, true.drives, strict=True), zip(own.tensions, true.tensions, strict=True)
+        zeros = [max(abs(a.zero - b.zero) for a, b in one) for one in pairs]
+    return wrong, [*(1e3 * abs(value) for value in off), *zeros]
 
 
 def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: bool) -> list[Any]:
@@ -94,12 +90,12 @@ def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: 
         found = commission(scene, plant=plant)
     except ContinuumGraspError as error:
         return [f"{type(error).__name__}", str(error)[:80], *[math.nan] * 5, "", math.nan, math.nan]
-    wrong, off = judged(found, true)
+    wrong, errors = judged(found, true)
     values = *true.camera.position, true.camera.angle, true.camera.scale
-    beyond = []
-    for name, value in zip(("camera_x", "camera_y", "camera_angle", "camera_scale"), values, strict=True):
+    known, beyond = zip(("camera_x", "camera_y", "camera_angle", "camera_scale"), values, strict=True), []
+    for name, value in () if wrong else known:
         low, high = found.intervals[found.names.index(name)]
-        beyond += [name] if not wrong and not low <= value <= high else []
+        beyond += [] if low <= value <= high else [name]
     tip = missed = math.nan
     if found.usable and closed:
         corrected = found.apply()
@@ -110,11 +106,6 @@ def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: 
             ends.append(loop.tip[-30:].mean(axis=0))
         tip = 1e3 * float(np.hypot(*(ends[0] - ends[1])))
         missed = 1e3 * float(np.hypot(*(ends[0] - np.array(corrected.reference.tip))))
-    scales = (1e3, 1e3, 1e3, 1.0, 1.0)
-    errors = [
-        factor * off.get(key, math.nan)
-        for key, factor in zip(("camera", "angle", "scale", "drives", "tensions"), scales, strict=True)
-    ]
     return [found.status, " ".join(wrong), *errors, " ".join(beyond), missed, tip]
 
 

@@ -65,11 +65,9 @@ def pushes(friction: float, name: str, place: str) -> list[list[Any]]:
             first = next(((t, force, feels) for t, force, feels in reports if force and feels.detected), None)
             late = 1.2 if first is None else first[0] - 0.8 - 3.0 * threshold / speed
             words = name, str(friction), place, "releasing" if back else "pulling", "helps" if way > 0 else "opposes"
-            row: list[Any] = [", ".join(words)]
-            row += [1e3 * threshold, np.nan if first is None else 1e3 * first[1], 1e3 * late]
-            if first is not None:
-                row += [1e3 * float(v) for v in first[2].forces[at]]
-            rows.append([*row, sum(feels.contact is not Contact.FREE for feels in free)])
+            felt, *forces = [np.nan] * 3 if first is None else 1e3 * np.array([first[1], *first[2].forces[at]])
+            alarms = sum(feels.contact is not Contact.FREE for feels in free)
+            rows.append([", ".join(words), 1e3 * threshold, felt, 1e3 * late, *forces, alarms])
     return rows
 
 

@@ -19,8 +19,6 @@ from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["CAUSES", "tighten", "tighten_two", "tightened"]
-
 CAUSES = ("tension", "friction", "mass", "strain", "reach", "clearance", "tension", "friction", "mass", "bend")
 """Taken in turn."""
 PAIRS = (("strain", "tension"), ("strain", "friction"), ("strain", "tension"), ("strain", "mass"), ("bend", "tension"))

@@ -14,8 +14,6 @@ from benchmarks.grasp_oracle.rod import Array, Section, section, trace
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
-__all__ = ["LIMITS", "residuals"]
-
 LIMITS = {
     "equilibrium": 1e-6,
     "cone": 1e-6,

@@ -15,8 +15,6 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.parts import SuperellipsePart
 
-__all__ = ["Hand", "Limits", "Numbers", "Rest"]
-
 TOUCH = 1e-6
 """Gap, as a part of the object's size, up to which it lies against a wall."""
 

@@ -16,8 +16,6 @@ import numpy as np
 
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["DRAWN", "digest", "scene_of"]
-
 G = 9.81
 
 

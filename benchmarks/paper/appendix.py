@@ -9,8 +9,6 @@ import casadi as ca
 from benchmarks.paper.coefficients import BIAS, GRAVITY_ACROSS, GRAVITY_ALONG, JACOBIAN, MASS, Polynomial, Reading
 from benchmarks.paper.kinematics import Terms, TwoArcs
 
-__all__ = ["POSITION", "terms"]
-
 POSITION: dict[str, dict[int, tuple[Fraction, Fraction]]] = {
     "x": {
         1: (Fraction(-1, 2), Fraction(-1, 2)),

@@ -11,8 +11,6 @@ import casadi as ca
 from benchmarks.paper.kinematics import Bent, Terms, TwoArcs, is_zero
 from benchmarks.paper.slips import AsPrinted
 
-__all__ = ["GUARD", "christoffel", "guarded", "rod_mass_matrix", "terms"]
-
 GUARD = 0.005
 """[rad]; about where the error of the guard meets the rounding of the divisions: no value does better."""
 

@@ -10,18 +10,6 @@ from typing import Literal
 
 from continuum_grasp.model.planar import Scalar
 
-__all__ = [
-    "BIAS",
-    "GRAVITY_ACROSS",
-    "GRAVITY_ALONG",
-    "JACOBIAN",
-    "MASS",
-    "Coefficient",
-    "Monomial",
-    "Polynomial",
-    "Reading",
-]
-
 Reading = Literal["corrected", "printed", "unrotated"]
 """Which of the three values of a coefficient is taken."""
 

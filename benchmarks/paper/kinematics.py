@@ -13,8 +13,6 @@ import casadi as ca
 from benchmarks.paper.slips import AsPrinted
 from continuum_grasp.model.planar import Scalar
 
-__all__ = ["Bent", "Terms", "TwoArcs", "is_zero"]
-
 _RIGHT = AsPrinted()
 
 

@@ -25,8 +25,6 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["VARIANTS", "PaperModel", "paper_errors"]
-
 _CLOSED: dict[str, frozenset[str]] = {"closed_printed": DYNAMIC, "closed_corrected": frozenset()}
 _APPENDIX: dict[str, Reading] = {
     "appendix_printed": "printed",

@@ -12,8 +12,6 @@ from fractions import Fraction
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["ALL", "DYNAMIC", "SLIPS", "AsPrinted", "Slip"]
-
 
 @dataclass(frozen=True)
 class Slip:
