@@ -36,10 +36,8 @@ EFFORTS = ("quick", "normal", "thorough")
 
 def known(kind: str) -> list[dict[str, Any]]:
     """The answers of a kind."""
-    if kind in ("one", "fresh"):
-        rows = answers("one")
-        return rows[:ONE] if kind == "one" else rows[ONE:]
-    return answers(kind)
+    rows = answers("one" if kind == "fresh" else kind)
+    return {"one": rows[:ONE], "fresh": rows[ONE:]}.get(kind, rows)
 
 
 def share(outcomes: list[Outcome], name: str) -> float:

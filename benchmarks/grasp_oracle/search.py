@@ -300,7 +300,8 @@ class Search:
     def _excess(self, posture: Posture) -> tuple[float, int]:
         """Signed measure of how far the equations contradict each other; which one is best left out."""
         balance = self._balance(posture)
-        planar = [k for k in range(len(balance.rows)) if np.abs(np.delete(balance.rows[k], _lifts(balance))).max() > 0]
+        lifts = range(balance.first + 2, balance.width, 3)
+        planar = [k for k in range(len(balance.rows)) if np.abs(np.delete(balance.rows[k], lifts)).max() > 0]
         columns = [0] + [balance.first + 3 * c + j for c in range(len(balance.touches)) for j in (0, 1)]
         right = balance.right + self.numbers.limits.mass * balance.weight
         square = np.column_stack([balance.rows[np.ix_(planar, columns)], right[planar] / self.numbers.scale])
@@ -334,10 +335,6 @@ class Search:
 
 def _alike(p: Posture, q: Posture) -> bool:
     return bool(np.abs(q.ends - p.ends).max() * p.lengths.sum() < 2.0)
-
-
-def _lifts(balance: Balance) -> list[int]:
-    return [balance.first + 3 * c + 2 for c in range(len(balance.touches))]
 
 
 def _golden(

@@ -82,15 +82,31 @@ def energy_drift(path: Trajectory, least: float) -> float:
 # Truth.
 
 
+def _rate(scene: Scene, model: FingerModel) -> Callable[[float, Array], Array]:
+    """State derivative of a model in its scene, on CasADi's virtual machine."""
+    signals, (buffer, evaluate) = Signals(scene, model), model.forward_dynamics.buffer()
+    given = [np.zeros(model.nx), signals.u(0.0)[0], signals.w(0.0)[0], np.array(model.p_nominal)]
+    found = np.zeros(model.nx)
+    for k, array in enumerate(given):
+        if array.size:
+            buffer.set_arg(k, memoryview(array))
+    buffer.set_res(0, memoryview(found))
+
+    def rate(t: float, x: Array) -> Array:
+        given[0][:] = x
+        if not signals.constant:
+            given[1][:], given[2][:] = signals.u(t)[0], signals.w(t)[0]
+        evaluate()
+        return found.copy()
+
+    return rate
+
+
 @lru_cache(maxsize=64)
 def true_states(scene: Scene, smallest: float = 1e-13) -> Array:
     """States (T, nx) at the output instants of a scene; integration starts anew at every instant of a sampled load."""
     model, time = FingerModel(scene), scene.time
-    signals, p, x = Signals(scene, model), np.array(model.p_nominal), initial_state(scene, model)
-
-    def rate(t: float, x: Array) -> Array:
-        return np.array(model.forward_dynamics(x, signals.u(t)[0], signals.w(t)[0], p)).ravel()
-
+    rate, x = _rate(scene, model), initial_state(scene, model)
     instants = np.linspace(0.0, time.duration, round(time.duration / time.step) + 1)
     states, edges = [x], [0.0, *_corners(scene, time.duration), time.duration]
     for begin, end in pairwise(edges):
