@@ -92,7 +92,7 @@ def _rate(scene: Scene, model: FingerModel) -> Callable[[float, Array], Array]:
             buffer.set_arg(k, memoryview(array))
     buffer.set_res(0, memoryview(found))
 
-    def rate(t: float, x: Array) -> Array:
+    def rate(t: float, x: Array, _: Any = buffer) -> Array:  # which has to live as long
         given[0][:] = x
         if not signals.constant:
             given[1][:], given[2][:] = signals.u(t)[0], signals.w(t)[0]
