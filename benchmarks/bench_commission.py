@@ -18,7 +18,8 @@ import numpy as np
 
 os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
-from benchmarks.report import Report, arguments
+from benchmarks.harness import CONFIGS, ROOT
+from benchmarks.report import begun
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.run import run_closed_loop
@@ -29,19 +30,17 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from continuum_grasp.scene.load import load
 
+SCENES = {"sagging": ROOT / "benchmarks/commission_sagging.yaml", "flat": CONFIGS / "mpc/steady_tip.yaml"}
+"""A finger that sags in the plane of its camera, and one that lies flat."""
 _SHIFT, _TURN, _SCALE, _CELL, _DRIVE = 0.010, math.radians(8.0), 0.1, 5.0, 0.5
 """Greatest shift [m], turn [rad] and error of the scale [1] of the camera, and zeros of cells and drives [N]."""
 _NEAR = 2e-3
 """Distance of the tip from its setpoint within which a bench counts as commissioned [m]."""
+_KINDS: dict[str, dict[str, Any]] = {
+    "elements": {"fidelity": {"family": "clothoid", "elements": 6}, "tendon_friction": 0.01},
+    "guides": {"guides": 24, "axial_stiffness": 3e4, "tendon_friction": 0.01},
+}
 _PLANT = ("bending_stiffness", "tip_mass", "material_damping", "drive_time_constant")
-
-
-def scene_of(name: str) -> ControlScene:
-    """The closed loop: a finger that sags in the plane of its camera, or one that lies flat."""
-    files = {"sagging": "benchmarks/commission_sagging.yaml", "flat": "configs/mpc/steady_tip.yaml"}
-    found = load(files[name])
-    assert isinstance(found, ControlScene)
-    return found
 
 
 def mounting_of(rng: np.random.Generator, mirrored: bool) -> Mounting:
@@ -65,80 +64,20 @@ def mounting_of(rng: np.random.Generator, mirrored: bool) -> Mounting:
     )
 
 
-def judged(found: Commissioning, true: Mounting) -> tuple[list[str], dict[str, float]]:
-    """Connections that are wrong, and errors of numbers: of the camera [m, rad, 1], of drives and cells [N]."""
+def judged(found: Commissioning, true: Mounting) -> tuple[list[str], list[float]]:
+    """Connections that are wrong, and errors of numbers: of the camera [mm, mrad, 1e-3], of drives and cells [N]."""
     own = found.mounting
     wrong = [] if own.camera.mirrored == true.camera.mirrored else ["mirrored"]
     for key in ("drives", "tensions"):
         pairs = [(one.of, one.sign) for one in getattr(own, key)], [(one.of, one.sign) for one in getattr(true, key)]
         wrong += [key] if pairs[0] != pairs[1] else []
-    camera = own.camera, true.camera
-    off = {
-        "camera": math.dist(*(one.position for one in camera)),
-        "angle": abs(camera[0].angle - camera[1].angle),
-        "scale": abs(camera[0].scale / camera[1].scale - 1.0),
-    }
+    camera, known = own.camera, true.camera
+    off = [math.dist(camera.position, known.position), camera.angle - known.angle, camera.scale / known.scale - 1.0]
+    zeros = [math.nan, math.nan]
     if not wrong:
-        for key in ("drives", "tensions"):
-            zeros = zip(getattr(own, key), getattr(true, key), strict=True)
-            off[key] = max(abs(a.zero - b.zero) for a, b in zeros)
-    return wrong, off
-
-
-def main() -> None:
-    asked = arguments(
-        __doc__,
-        plants=100,
-        first=(0, "number of the first plant"),
-        seed=33,
-        scene=("sagging", "", ("sagging", "flat")),
-        no_loop=(False, "do not close the loop afterwards"),
-    )
-    scene = scene_of(asked.scene)
-    kinds: dict[str, dict[str, Any]] = {
-        "elements": {"fidelity": {"family": "clothoid", "elements": 6}, "tendon_friction": 0.01},
-        "guides": {"guides": 24, "axial_stiffness": 3e4, "tendon_friction": 0.01},
-    }
-    models, nominal = dict[str, PlantModel](), dict[str, Any]()
-    rows: list[list[Any]] = []
-    for number in range(asked.first, asked.first + asked.plants):
-        rng = np.random.default_rng([asked.seed, number])
-        kind = "guides" if number % 3 == 2 else "elements"
-        mirrored = bool(rng.random() < 0.5)
-        true = mounting_of(rng, mirrored)
-        periods = float(rng.uniform(0.0, 2.0))
-        estimator = scene.estimator
-        assert estimator is not None
-        changes = {"delay": estimator.delay + periods * scene.controller.step, "seed": number}
-        plant = kinds[kind] | changes
-        tried = scene.changed({"plant": plant | {"mounting": true}})
-        if asked.scene == "flat":  # a flat finger does not show which side is up: the camera is known
-            tried = tried.changed({"mounting": {"camera": {"mirrored": mirrored}}})
-        if kind not in models:
-            models[kind] = PlantModel(tried, parameters=_PLANT if kind == "elements" else _PLANT[:1])
-            nominal[kind] = models[kind].p.copy()
-        model = models[kind]
-        model.p = nominal[kind].copy()
-        model.p[0] *= rng.uniform(0.85, 1.15)
-        if kind == "elements":
-            model.p[1] += rng.uniform(0.0, 2e-3)  # kg
-            model.p[2] *= rng.uniform(0.7, 1.5)
-            model.p[3] *= rng.uniform(0.6, 1.6)
-        row = [number, kind, *tried_bench(tried, model, true, not asked.no_loop)]
-        rows.append(row)
-        print(row, flush=True)
-    report = Report(f"commission_{asked.scene}", asked.seed)
-    columns = ["plant", "kind", "status", "wrong", "camera [mm]", "angle [mrad]", "scale [1e-3]", "drives [N]"]
-    columns += ["cells [N]", "beyond interval", "from the setpoint [mm]", "tip [mm]"]
-    report.table("Benches", columns, rows, __doc__ or "")
-    known = [row for row in rows if row[2] == "identified"]
-    near = [row for row in known if row[-1] <= 1e3 * _NEAR]
-    false = [row for row in known if row[3]]
-    summary = [[len(rows), len(known), len(near), len(false)]]
-    report.table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"], summary, "")
-    for file in report.write():
-        print(file)
-    print(summary)
+        pairs = zip(own.drives, true.drives, strict=True), zip(own.tensions, true.tensions, strict=True)
+        zeros = [max(abs(a.zero - b.zero) for a, b in one) for one in pairs]
+    return wrong, [*(1e3 * abs(value) for value in off), *zeros]
 
 
 def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: bool) -> list[Any]:
@@ -151,19 +90,12 @@ def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: 
         found = commission(scene, plant=plant)
     except ContinuumGraspError as error:
         return [f"{type(error).__name__}", str(error)[:80], *[math.nan] * 5, "", math.nan, math.nan]
-    wrong, off = judged(found, true)
-    numbers = {
-        "camera_x": true.camera.position[0],
-        "camera_y": true.camera.position[1],
-        "camera_angle": true.camera.angle,
-        "camera_scale": true.camera.scale,
-    }
-    beyond = [
-        name
-        for name, value in numbers.items()
-        if not wrong
-        and not found.intervals[found.names.index(name)][0] <= value <= found.intervals[found.names.index(name)][1]
-    ]
+    wrong, errors = judged(found, true)
+    values = *true.camera.position, true.camera.angle, true.camera.scale
+    known, beyond = zip(("camera_x", "camera_y", "camera_angle", "camera_scale"), values, strict=True), []
+    for name, value in () if wrong else known:
+        low, high = found.intervals[found.names.index(name)]
+        beyond += [] if low <= value <= high else [name]
     tip = missed = math.nan
     if found.usable and closed:
         corrected = found.apply()
@@ -174,12 +106,51 @@ def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: 
             ends.append(loop.tip[-30:].mean(axis=0))
         tip = 1e3 * float(np.hypot(*(ends[0] - ends[1])))
         missed = 1e3 * float(np.hypot(*(ends[0] - np.array(corrected.reference.tip))))
-    scales = (1e3, 1e3, 1e3, 1.0, 1.0)
-    errors = [
-        factor * off.get(key, math.nan)
-        for key, factor in zip(("camera", "angle", "scale", "drives", "tensions"), scales, strict=True)
-    ]
     return [found.status, " ".join(wrong), *errors, " ".join(beyond), missed, tip]
+
+
+def main() -> None:
+    asked, report = begun(
+        __doc__,
+        lambda asked: f"commission_{asked.scene}",
+        plants=100,
+        first=(0, "number of the first plant"),
+        seed=33,
+        scene=("sagging", "", SCENES),
+        no_loop=(False, "do not close the loop afterwards"),
+    )
+    scene = load(SCENES[asked.scene])
+    columns = ["plant", "kind", "status", "wrong", "camera [mm]", "angle [mrad]", "scale [1e-3]", "drives [N]"]
+    columns += ["cells [N]", "beyond interval", "from the setpoint [mm]", "tip [mm]"]
+    table = report.table("Benches", columns, note=__doc__ or "")
+    models, nominal = dict[str, PlantModel](), dict[str, Any]()
+    for number in range(asked.first, asked.first + asked.plants):
+        rng = np.random.default_rng([asked.seed, number])
+        kind = "guides" if number % 3 == 2 else "elements"
+        mirrored = bool(rng.random() < 0.5)
+        true = mounting_of(rng, mirrored)
+        delay = scene.estimator.delay + float(rng.uniform(0.0, 2.0)) * scene.controller.step
+        tried = scene.changed({"plant": _KINDS[kind] | {"delay": delay, "seed": number, "mounting": true}})
+        if asked.scene == "flat":  # a flat finger does not show which side is up: the camera is known
+            tried = tried.changed({"mounting": {"camera": {"mirrored": mirrored}}})
+        if kind not in models:
+            models[kind] = PlantModel(tried, parameters=_PLANT if kind == "elements" else _PLANT[:1])
+            nominal[kind] = models[kind].p.copy()
+        model = models[kind]
+        model.p = nominal[kind].copy()
+        model.p[0] *= rng.uniform(0.85, 1.15)
+        if kind == "elements":
+            model.p[1] += rng.uniform(0.0, 2e-3)  # kg
+            model.p[2] *= rng.uniform(0.7, 1.5)
+            model.p[3] *= rng.uniform(0.6, 1.6)
+        table.add(number, kind, *tried_bench(tried, model, true, not asked.no_loop))
+    known = [row for row in table.rows if row[2] == "identified"]
+    near = [row for row in known if row[-1] <= 1e3 * _NEAR]
+    false = [row for row in known if row[3]]
+    report.table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"]).add(
+        len(table.rows), len(known), len(near), len(false)
+    )
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -10,15 +10,17 @@ chains with two tendons on one pulley or on a motor each, with payloads, random 
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Report, arguments
+from benchmarks.report import Report, begun
 from continuum_grasp.control import Contact, ContactDetector
 from tests.contact_cases import EXACT, RADIUS, PairPlant, pair_scene, plant, scene, trial, wander
 
-FRICTIONS = (0.05, 0.1, 0.2, 0.3)
+TRIAL = {0.05: (19, 69), 0.1: (38, 137), 0.2: (76, 275), 0.3: (115, 413)}
+"""Frictions, and the least forces at tip and middle in the trial with an unknown history [mN]."""
 IDENTIFIED = {"bending_stiffness": 0.02, "tendon_friction": 0.1, "coulomb_friction": 0.1, "tension": 0.03}
 PLACES = {"tip": (1, None, 1.0), "middle": (0, 10, 3.0)}
 """Entry of the detector's places, hinges before the push, and how fast it grows [N/s]."""
@@ -63,11 +65,9 @@ def pushes(friction: float, name: str, place: str) -> list[list[Any]]:
             first = next(((t, force, feels) for t, force, feels in reports if force and feels.detected), None)
             late = 1.2 if first is None else first[0] - 0.8 - 3.0 * threshold / speed
             words = name, str(friction), place, "releasing" if back else "pulling", "helps" if way > 0 else "opposes"
-            row: list[Any] = [", ".join(words)]
-            row += [1e3 * threshold, np.nan if first is None else 1e3 * first[1], 1e3 * late]
-            if first is not None:
-                row += [1e3 * float(v) for v in first[2].forces[at]]
-            rows.append([*row, sum(feels.contact is not Contact.FREE for feels in free)])
+            felt, *forces = [np.nan] * 3 if first is None else 1e3 * np.array([first[1], *first[2].forces[at]])
+            alarms = sum(feels.contact is not Contact.FREE for feels in free)
+            rows.append([", ".join(words), 1e3 * threshold, felt, 1e3 * late, *forces, alarms])
     return rows
 
 
@@ -94,48 +94,37 @@ def free_motion(steps: int, seed: int) -> tuple[int, int, float]:
 
 def _touched(report: Report) -> None:
     """Tables of thresholds and pushes."""
-    columns = [
-        f"{what}, {at}" for what in ("history unknown", "dry friction", "identified", "default") for at in PLACES
-    ]
-    least = [[friction, *thresholds(friction)] for friction in FRICTIONS]
-    report.table("Least forces that are detected [mN]", ["friction", "half the loop [N]", *columns], least)
-    for row, known in zip(least, ((19, 69), (38, 137), (76, 275), (115, 413)), strict=True):
-        for value, wanted, at in zip(row[2:4], known, PLACES, strict=True):
-            report.claim(
-                f"history unknown, friction {row[0]}, {at}: off the trial", abs(value / wanted - 1.0), "<=", 0.06
-            )
-    print(least, flush=True)
-    rows = [
-        row
-        for name in ("identified", "default")
-        for friction in (0.1, 0.3)
-        for place in PLACES
-        for row in pushes(friction, name, place)
-    ]
+    kinds = ("history unknown", "dry friction", "identified", "default")
+    columns = [f"{what}, {at}" for what in kinds for at in PLACES]
+    least = report.table("Least forces that are detected [mN]", ["friction", "half the loop [N]", *columns])
+    for friction, known in TRIAL.items():
+        least.add(friction, *thresholds(friction))
+        for value, wanted, at in zip(least.rows[-1][2:4], known, PLACES, strict=True):
+            what = f"history unknown, friction {friction}, {at}: off the trial"
+            report.claim(what, abs(value / wanted - 1.0), "<=", 0.06)
     columns = ["", "threshold [mN]", "detected at [mN]", "after three times the threshold [ms]", "force, least [mN]"]
-    report.table("Pushes", [*columns, "force, most [mN]", "alarms before"], rows)
-    report.claim(
-        "latest detection after three times the threshold [s]", 1e-3 * max(row[3] for row in rows), "<=", LATEST
-    )
-    report.claim("alarms before pushes", sum(row[-1] for row in rows), "<=", 0)
-    for row in rows:
-        print(row, flush=True)
+    table = report.table("Pushes", [*columns, "force, most [mN]", "alarms before"])
+    for name, friction, place in product(("identified", "default"), (0.1, 0.3), PLACES):
+        for row in pushes(friction, name, place):
+            table.add(*row)
+    latest = 1e-3 * max(row[3] for row in table.rows)
+    report.claim("latest detection after three times the threshold [s]", latest, "<=", LATEST)
+    report.claim("alarms before pushes", sum(row[-1] for row in table.rows), "<=", 0)
 
 
 def main() -> None:
-    given = arguments(__doc__, plants=(50, "plants of 2000 steps each"), free=(False, "free motion alone"))
-    plants = given.plants
-    report = Report("contact", 0)
+    plants = (50, "plants of 2000 steps each")
+    given, report = begun(__doc__, "contact", plants=plants, free=(False, "free motion alone"))
     if not given.free:
         _touched(report)
     found = []
-    for seed in range(plants):
+    for seed in range(given.plants):
         found.append(free_motion(2000, seed))
         print(seed, found[-1], flush=True)
-    alarms, uncertain, use = zip(*found, strict=True)
-    table = [[2000 * plants, sum(alarms), sum(uncertain), float(max(use))]]
-    report.table("Free motion", ["steps", "alarms", "uncertain", "greatest residual per bound"], table)
-    report.claim(f"false alarms in {2000 * plants} steps", sum(alarms), "<=", 0)
+    (alarms, uncertain, use), steps = zip(*found, strict=True), 2000 * given.plants
+    columns = ["steps", "alarms", "uncertain", "greatest residual per bound"]
+    report.table("Free motion", columns, [[steps, sum(alarms), sum(uncertain), float(max(use))]])
+    report.claim(f"false alarms in {steps} steps", sum(alarms), "<=", 0)
     report.finish()
 
 

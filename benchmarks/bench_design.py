@@ -13,20 +13,19 @@ from itertools import product
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
 
 DESIGN = "configs/design/mug_finger.yaml"
 
 
 def main() -> None:
     """Measure and write the report."""
-    count = arguments(__doc__, count=(10, "values of each variable in the sweep")).count
+    asked, report = begun(__doc__, "design", count=(10, "values of each variable in the sweep"))
     began = time.process_time()
     found = cg.optimize_design(DESIGN)
     designed = time.process_time()
-    axes = [
-        [place.way.value(share) for share in np.linspace(0.0, 1.0, count).tolist()] for place in found.space.coordinates
-    ]
+    shares = np.linspace(0.0, 1.0, asked.count).tolist()
+    axes = [[place.way.value(share) for share in shares] for place in found.space.coordinates]
     # Why there is no grasp is not asked.
     scene = cg.load(found.scene.file.parent / found.scene.scene).changed({"solver.max_total_iterations": 400})
     costs = []
@@ -35,14 +34,11 @@ def main() -> None:
         costs.append(grasp.tension + 4000.0 * values[0] if grasp.solved else math.inf)
     swept = time.process_time()
     counts = [found.statistics[name] for name in ("full_searches", "solver_runs")]
-    rows = [
-        ["design", found.best.cost, *counts, designed - began],
-        ["sweep", min(costs), len(costs), 0, swept - designed],
-    ]
     columns = ["", "cost", "full searches", "runs from nearby grasps", "processor time [s]"]
     note = f"{DESIGN}, three variables. {sum(map(math.isfinite, costs))} scenes of the sweep have a grasp."
-    report = Report("design", 0)
-    report.table("A design by gradient beside a sweep", columns, rows, note)
+    table = report.table("A design by gradient beside a sweep", columns, note=note)
+    table.add("design", found.best.cost, *counts, designed - began)
+    table.add("sweep", min(costs), len(costs), 0, swept - designed)
     report.claim("cost per that of the sweep", found.best.cost / min(costs), "<=", 1.0)
     report.claim("solutions per those of the sweep", sum(counts) / len(costs), "<=", 0.05)
     report.finish()

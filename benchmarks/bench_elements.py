@@ -20,9 +20,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.harness import compiled, compiler, defines, linked, one_core, race, run
-from benchmarks.report import Report, arguments
-from continuum_grasp.core.compiler import find_compiler
+from benchmarks.harness import Timing, compiled, compiler, defines, linked, one_core, race, run
+from benchmarks.report import Report, begun
 from continuum_grasp.core.source import generated as package_source
 from continuum_grasp.model import FingerModel, pattern
 from continuum_grasp.model.equations import Equations
@@ -52,14 +51,12 @@ class Compiled:
     """A function in a C loop: seconds of compiling, size of the code [kB], instructions, and time of an evaluation."""
 
     def __init__(self, function: ca.Function) -> None:
-        source, found = package_source(function.name(), function), find_compiler()
-        if found is None:
-            raise RuntimeError("no C compiler found")
+        source = package_source(function.name(), function)
         folder = Path(tempfile.mkdtemp(prefix="continuum-grasp-benchmark-"))
         words: dict[str, Any] = {"FUNCTION": function.name(), "NX": function.nnz_in(0)}
         for name, least in (("w", 1), ("iw", 1), ("arg", 3), ("res", 1)):
             words[f"SZ_{name.upper()}"] = max(getattr(function, f"sz_{name}")(), least)
-        flags, start = found.flags(source), time.perf_counter()
+        flags, start = compiler().flags(source), time.perf_counter()
         code = compiled(folder, "code", source, flags)
         self.seconds = time.perf_counter() - start
         self.kilobytes = sum(map(int, run(["size", code]).splitlines()[1].split()[:2])) / 1000
@@ -72,13 +69,17 @@ class Compiled:
     def __call__(self, count: int) -> None:
         self._library.loop(ctypes.c_longlong(count))
 
+    def figures(self, timing: Timing) -> list[float]:
+        """Instructions, time [ns], seconds of compiling, and size [kB]."""
+        return [self.instructions, 1e9 * timing.median, self.seconds, self.kilobytes]
+
     def _counted(self, folder: Path, flags: Sequence[str]) -> float:
         """Instructions of an evaluation, as valgrind counts them; NaN without it."""
         if shutil.which("valgrind") is None:
             return float("nan")
         # It knows no AVX-512.
         narrow = [flag.replace("-march=native", "-march=x86-64-v3") for flag in flags]
-        run([compiler(), *narrow, folder / "loop.c", folder / "code.c", "-o", folder / "count", "-lm"])
+        run([compiler().command[0], *narrow, folder / "loop.c", folder / "code.c", "-o", folder / "count", "-lm"])
         line = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", folder / "count"]
         totals = [
             int(re.findall(r"Collected : (\d+)", run([*line, count], stderr=subprocess.STDOUT))[0])
@@ -115,12 +116,18 @@ def agreement(model: FingerModel, dense: ca.Function) -> tuple[float, float]:
 
 def growth(report: Report, family: str, most: int, most_dense: int) -> None:
     """Dense against sweep over the number of elements."""
-    rows: list[list[Any]] = []
-    nothing = float("nan")
+    columns = ["elements"]
+    columns += [f"{word} {name}" for name in ("dense", "sweep") for word in ("instructions", "ns", "compile s", "kB")]
+    note = (
+        "Instructions of x86-64 with AVX2 and FMA, counted by valgrind; ns with all that the processor has. The "
+        f"package takes the dense program below {FEWEST} elements."
+    )
+    columns += ["build s", "difference", "condition x rounding"]
+    table, nothing = report.table(f"Forward dynamics, {family}", columns, note=note), float("nan")
     for count in [c for c in ELEMENTS if c <= most]:
         model = model_of(family, count)
         found: dict[str, Compiled] = {}
-        error = rounding = nothing
+        error = rounding = built = nothing
         if count <= most_dense:
             dense = dense_of(model)
             found["dense"] = Compiled(dense)
@@ -131,42 +138,26 @@ def growth(report: Report, family: str, most: int, most_dense: int) -> None:
             found["sweep"] = Compiled(swept)
             if "dense" in found:
                 error, rounding = agreement(model, dense)
-        else:
-            built = nothing
         with one_core():
             timings = race(dict(found), repeats=15, seed=report.seed)
-        cells: list[Any] = [count]
+        cells: list[Any] = []
         for name in ("dense", "sweep"):
-            if name in found:
-                own = found[name]
-                cells += [own.instructions, 1e9 * timings[name].median, own.seconds, own.kilobytes]
-            else:
-                cells += [nothing] * 4
-        rows.append([*cells, built, error, rounding])
-        print(family, rows[-1], flush=True)
+            own = found.get(name)
+            cells += [nothing] * 4 if own is None else own.figures(timings[name])
+        table.add(count, *cells, built, error, rounding)
         if family == FAMILIES[0] and count == 32:
-            report.claim("instructions of 32 matched elements", rows[-1][5], "<=", TARGET)
-            report.claim("seconds to compile 32 matched elements", rows[-1][7], "<=", 1.0)
+            report.claim("instructions of 32 matched elements", cells[4], "<=", TARGET)
+            report.claim("seconds to compile 32 matched elements", cells[6], "<=", 1.0)
             report.claim("agreement of 32 matched elements per condition times rounding", error / rounding, "<=", 1.0)
-    cost = {row[0]: row[5] for row in rows}
+    cost = {row[0]: row[5] for row in table.rows}
     if family == FAMILIES[0] and {32, 128} <= cost.keys():
         report.claim("128 elements take so many times the instructions of 32", cost[128] / cost[32], "<=", 6.0)
-    columns = ["elements"]
-    columns += [f"{word} {name}" for name in ("dense", "sweep") for word in ("instructions", "ns", "compile s", "kB")]
-    columns += ["build s", "difference", "condition x rounding"]
-    note = (
-        "Instructions of x86-64 with AVX2 and FMA, counted by valgrind; ns with all that the processor has. The "
-        f"package takes the dense program below {FEWEST} elements."
-    )
-    report.table(f"Forward dynamics, {family}", columns, rows, note)
 
 
 def main() -> None:
     """Run what is asked for and write the report."""
-    asked = arguments(
-        __doc__, elements=(max(ELEMENTS), "most elements"), dense=(32, "most elements of the dense program"), seed=0
-    )
-    report = Report("elements", asked.seed)
+    most, dense = (max(ELEMENTS), "most elements"), (32, "most elements of the dense program")
+    asked, report = begun(__doc__, "elements", elements=most, dense=dense, seed=0)
     pattern.FEWEST_ELEMENTS = 2  # sweeps of few elements too, to compare
     for family in FAMILIES:
         growth(report, family, asked.elements, asked.dense)

@@ -9,12 +9,11 @@ thread, medians of rounds, of a step of all plants by ``FingerVectorEnv.step`` w
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
 
 from benchmarks.harness import one_core
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
 from continuum_grasp.environments import TASKS, FingerVectorEnv
 
 ROUNDS, STEPS, HELD = 9, 40, 10
@@ -42,8 +41,11 @@ def rate(env: FingerVectorEnv, seed: int) -> tuple[float, int]:
 
 
 def main() -> None:
-    asked = arguments(__doc__, count=(1024, "plants of an environment"), seed=0)
-    report, rows = Report("environments", asked.seed), list[list[Any]]()
+    asked, report = begun(__doc__, "environments", count=(1024, "plants of an environment"), seed=0)
+    columns = ["environment", "sensors", "states", "instructions", "steps of RK4", "time error [1/length]"]
+    columns += ["environment steps/s", "episodes"]
+    note = f"{asked.count} plants, one core, double precision; CPU time, medians of {ROUNDS} rounds of {STEPS} steps."
+    table = report.table("Environments", columns, note=note)
     for name, task in TASKS.items():
         for sensors in ("state", None):
             env = FingerVectorEnv(task, asked.count, sensors=sensors)
@@ -51,13 +53,8 @@ def main() -> None:
                 whole, ended = rate(env, asked.seed)
             words = "state" if sensors else ", ".join(env.sensors)
             instructions = env._plants.model.forward_dynamics.n_instructions()
-            rows.append([name, words, env.x.shape[1], instructions, env.substeps, env.time_error, whole, ended])
-            print(rows[-1], flush=True)
+            table.add(name, words, env.x.shape[1], instructions, env.substeps, env.time_error, whole, ended)
             report.claim(f"{name}, {words}: environment steps/s", whole, ">=", RATES[name])
-    columns = ["environment", "sensors", "states", "instructions", "steps of RK4", "time error [1/length]"]
-    columns += ["environment steps/s", "episodes"]
-    note = f"{asked.count} plants, one core, double precision; CPU time, medians of {ROUNDS} rounds of {STEPS} steps."
-    report.table("Environments", columns, rows, note)
     report.finish()
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, design_experiments
 
 _SIGMA = 5e-4
@@ -56,7 +56,7 @@ def even(rows: int) -> list[dict[str, float]]:
 
 
 def main() -> None:
-    asked = arguments(__doc__, fingers=40, rows=6, seed=34)
+    asked, report = begun(__doc__, "experiments", fingers=40, rows=6, seed=34)
     assumed = scene(asked.rows)
     plan = design_experiments(assumed)
     names = list(_CHOICES)
@@ -86,17 +86,13 @@ def main() -> None:
             low, high = fit.intervals.T
             found[way].append([high - low, fit.values - truth, (low <= truth) & (truth <= high)])
         print(number, flush=True)
-    table = []
+    columns = ["unknown", "unit", "poses", "interval, median width", "error, r.m.s.", "covered [%]"]
+    table = report.table("Poses", columns, note=__doc__ or "")
     for k, (name, unit) in enumerate(zip(plan.names, plan.units, strict=True)):
         for way in ways:
             width, off, inside = np.array(found[way], dtype=float)[:, :, k].T
             numbers = np.median(width), np.sqrt(np.mean(off**2)), 100.0 * np.mean(inside)
-            table.append([name, unit, way, *map(float, numbers)])
-    report = Report("experiments", asked.seed)
-    columns = ["unknown", "unit", "poses", "interval, median width", "error, r.m.s.", "covered [%]"]
-    report.table("Poses", columns, table, __doc__ or "")
-    for row in table:
-        print(row)
+            table.add(name, unit, way, *map(float, numbers))
     report.finish()
 
 

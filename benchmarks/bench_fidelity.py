@@ -1,8 +1,8 @@
 """Whether a tolerance chooses rightly: within it, and nothing cheaper would have done.
 
-Run ``python -m benchmarks.bench_fidelity`` in the root of the repository. Random scenes, each with one of some
-tolerances; the chosen model is measured again against the exact rod at other places, and every cheaper choice on the
-list of up to one element more (arcs: as long as they may be cheaper) is measured too.
+Random scenes, each with one of some tolerances; the chosen model is measured again against the exact rod at other
+places, and every cheaper choice on the list of up to one element more (arcs: as long as they may be cheaper) is
+measured too.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
 from continuum_grasp.accuracy.choice import COUNTS, assess, choices, coordinates_near, open_families
 from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, choose_fidelity
 from continuum_grasp.errors import SolverError
@@ -124,9 +124,9 @@ def cheaper(chosen: Chosen) -> str:
 
 def main() -> None:
     """Choose for every scene, check, and write the report."""
-    asked = arguments(__doc__, seed=0, scenes=200)
-    report, rows, seconds = Report("fidelity", asked.seed), [], []
-    counts: dict[str, int] = {"met": 0, "dominated": 0, "chosen": 0}
+    asked, report = begun(__doc__, "fidelity", seed=0, scenes=200)
+    columns = ["scene", "tolerance", "family", "elements", "accuracy", "instructions", "error / L", "frequency"]
+    table = report.table("What was chosen", [*columns, "choosing [s]", "cheaper"])
     for number, tolerance in zip(range(asked.scenes), itertools.cycle(TOLERANCES), strict=False):
         seed = asked.seed + number
         scene = random_scene(seed)
@@ -135,28 +135,18 @@ def main() -> None:
         except SolverError as error:
             report.missing.append(f"scene {seed}, tolerance {tolerance:g}: {str(error).splitlines()[0]}")
             continue
-        best, error, other = chosen.best, again(chosen), cheaper(chosen)
+        best, choice = chosen.best, chosen.best.choice
         frequency = float(best.frequencies[0]) if scene.time is not None else float("nan")
-        counts["chosen"] += 1
-        counts["met"] += error <= tolerance * (1 + 1e-6)
-        counts["dominated"] += bool(other)
-        seconds.append(chosen.seconds)
-        choice = best.choice
-        rows.append(
-            [
-                *(seed, tolerance, choice.family, choice.elements, choice.accuracy, best.instructions),
-                *(error, frequency, chosen.seconds, other or "-"),
-            ]
-        )
-    met, dominated = (100.0 * counts[name] / max(counts["chosen"], 1) for name in ("met", "dominated"))
+        made = seed, tolerance, choice.family, choice.elements, choice.accuracy, best.instructions
+        table.add(*made, again(chosen), frequency, chosen.seconds, cheaper(chosen) or "-")
+    count, seconds = max(len(table.rows), 1), [row[8] for row in table.rows]
+    met = 100.0 * sum(row[6] <= row[1] * (1 + 1e-6) for row in table.rows) / count
+    dominated = 100.0 * sum(row[9] != "-" for row in table.rows) / count
     report.claim("scenes that meet their tolerance, per cent", met, ">=", 99.0)
     report.claim("scenes for which nothing cheaper would do, per cent", 100.0 - dominated, ">=", 90.0)
-    columns = ["scene", "tolerance", "family", "elements", "accuracy", "instructions", "error / L", "frequency"]
-    columns += ["choosing [s]", "cheaper"]
-    note = (
-        f"{counts['chosen']} scenes; choosing took {np.median(seconds):.2f} s (median), {max(seconds):.2f} s at most."
+    table.note = (
+        f"{len(seconds)} scenes; choosing took {np.median(seconds):.2f} s (median), {max(seconds):.2f} s at most."
     )
-    report.table("What was chosen", columns, rows, note)
     report.finish()
 
 

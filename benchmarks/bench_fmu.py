@@ -25,6 +25,7 @@ import time
 import zipfile
 from collections.abc import Callable
 from importlib import metadata
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,8 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 import continuum_grasp as cg
-from benchmarks.report import Report, arguments
+from benchmarks.harness import CONFIGS
+from benchmarks.report import Report, begun
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
@@ -45,7 +47,6 @@ from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
 from tests.export_cases import shared_library
 from tests.fmu_cases import Instance
-from tests.rods import ROOT
 
 STEPS = 100
 """Internal steps of a finger, periods of a closed loop."""
@@ -135,34 +136,36 @@ def row(config: Path, folder: Path) -> list[Any]:
         beside, far, most = finger(scene, units, folder) if isinstance(scene, Scene) else loop(scene, units)
         verdict = "equal" if far == 0.0 else f"equal within {most:g}" if far <= most else "**differs**"
     size = sum(unit.file.stat().st_size for unit in units.values()) / 1000.0
-    name = f"{config.parent.name}/{config.stem}"
-    return [name, len(units), size, beside, far, verdict, time.monotonic() - began]
+    return [len(units), size, beside, far, verdict, time.monotonic() - began]
 
 
-def shared(plant: Unit, control: Unit) -> tuple[list[str], list[str]]:
-    """Names of measurements and of commands, which both units have."""
-    measured = [name for name in plant.outputs if name.startswith("measurement.")]
-    return measured, [name for name in plant.inputs if name.startswith("command.")]
+def links(units: list[Unit]) -> list[tuple[int, int, str]]:
+    """From which unit to which, and under which name, a value is handed over between a plant and its controller."""
+    if len(units) == 1:
+        return []
+    names = [(0, 1, name) for name in units[0].outputs if name.startswith("measurement.")]
+    return names + [(1, 0, name) for name in units[0].inputs if name.startswith("command.")]
 
 
 def by_fmpy(units: list[Unit]) -> list[list[float]]:
     """Tips after each step; inputs are handed over at the start, and after each step of all units."""
     ones = [opened(unit) for unit in units]
     tips, h = [], max(unit.step for unit in units)
-    if len(ones) == 1:
-        for name, value in PULL.items():
-            ones[0].set(name, [value])
-    else:
-        ones[1].set("measurement.", ones[0].get("measurement."))
-        ones[0].set("command.", ones[1].get("command."))
+    for name, value in PULL.items() if len(ones) == 1 else ():
+        ones[0].set(name, [value])
+
+    def exchange() -> None:
+        if len(ones) > 1:
+            measured, command = ones[0].get("measurement."), ones[1].get("command.")
+            ones[1].set("measurement.", measured)
+            ones[0].set("command.", command)
+
+    exchange()
     for k in range(STEPS):
         for one in ones:
             one.step(k * h, h)
         tips.append(ones[0].get("tip.")[:2].tolist())
-        if len(ones) > 1:
-            command = ones[1].get("command.")
-            ones[1].set("measurement.", ones[0].get("measurement."))
-            ones[0].set("command.", command)
+        exchange()
     return tips
 
 
@@ -173,14 +176,10 @@ def by_ecos(units: list[Unit]) -> list[list[float]]:
     structure = EcosSimulationStructure()
     for unit in units:
         structure.add_model(unit.what, unit.file)
+    for source, sink, name in links(units):
+        structure.make_real_connection(f"{units[source].what}::{name}", f"{units[sink].what}::{name}")
     if len(units) == 1:
         structure.add_parameter_set("start", {f"plant::{name}": value for name, value in PULL.items()})
-    else:
-        measured, commands = shared(*units)
-        for name in measured:
-            structure.make_real_connection(f"plant::{name}", f"controller::{name}")
-        for name in commands:
-            structure.make_real_connection(f"controller::{name}", f"plant::{name}")
     tips = []
     with EcosSimulation(max(unit.step for unit in units), structure=structure) as simulation:
         simulation.init(parameter_set="start" if len(units) == 1 else None)
@@ -203,14 +202,10 @@ def by_libcosim(units: list[Unit]) -> list[list[float]]:
     numbers = [{v.name.decode(): v.reference for v in execution.slave_variables(k)} for k in at]
     observer = CosimObserver.create_last_value()
     execution.add_observer(observer)
-    if len(units) == 1:
-        for name, value in PULL.items():
-            execution.real_initial_value(at[0], numbers[0][name], value)
-    else:
-        measured, commands = shared(*units)
-        for names, source, sink in ((measured, 0, 1), (commands, 1, 0)):
-            for name in names:
-                execution.connect_real_variables(at[source], numbers[source][name], at[sink], numbers[sink][name])
+    for name, value in PULL.items() if len(units) == 1 else ():
+        execution.real_initial_value(at[0], numbers[0][name], value)
+    for source, sink, name in links(units):
+        execution.connect_real_variables(at[source], numbers[source][name], at[sink], numbers[sink][name])
     tips = []
     for _ in range(STEPS):
         if not execution.step():
@@ -226,15 +221,18 @@ TOOLS: dict[str, tuple[str, tuple[str, ...], Callable[[list[Unit]], Any]]] = {
 """By name: package, versions of the standard that it reads, and how it steps."""
 
 
-def try_tools() -> None:
-    """Step units by every tool, and write the report."""
-    report, rows = Report("fmu_tools", 0), list[list[Any]]()
+def try_tools(report: Report) -> None:
+    """Step units by every tool."""
+    columns = ["tool", "FMI", "units", "tip, largest difference from fmpy [m]", "end, from run_closed_loop [mm]"]
+    note = f"{STEPS} steps of 1 ms of a finger, {STEPS} periods of 10 ms of a loop; fmpy {metadata.version('fmpy')}."
+    table = report.table("Functional mock-up units in other tools", columns, note=note)
     with tempfile.TemporaryDirectory() as folder:
-        loop = load(ROOT / "configs/mpc/steady_tip.yaml")
+        loop = load(CONFIGS / "mpc/steady_tip.yaml")
         prompt = loop.replaced(plant=loop.plant.replaced(delay=0.0))
-        fingers = export_fmu(ROOT / "configs/simulate/tendon_step.yaml", folder)
+        fingers = export_fmu(CONFIGS / "simulate/tendon_step.yaml", folder)
         plants = export_fmu(prompt, folder, what=["plant"], name="steady_tip")
         controllers = export_fmu(loop, folder, what=["controller"], name="steady_tip")
+        groups = {"finger": fingers, "plant and controller": [*plants, *controllers]}
         silent = loop.replaced(plant=loop.plant.replaced(noise=0.0), duration=STEPS * loop.controller.step)
         end = cg.run_closed_loop(silent).tip[-1]
         for tool, (package, versions, steps) in TOOLS.items():
@@ -243,48 +241,42 @@ def try_tools() -> None:
             except metadata.PackageNotFoundError:
                 report.missing.append(f"{tool}: {package} is not installed")
                 continue
-            for fmi in versions:
-                for what, group in (("finger", (fingers,)), ("plant and controller", (plants, controllers))):
-                    units = [unit for made in group for unit in made if unit.fmi == fmi]
-                    expected, found = np.array(by_fmpy(units)), np.array(steps(units))
-                    far = float(np.abs(found - expected).max())
-                    away = 1e3 * float(np.linalg.norm(found[-1] - end)) if len(units) > 1 else None
-                    rows.append([name, f"{fmi}.0", what, far, away])
-                    print(*rows[-1], sep=" | ", flush=True)
-                    report.claim(f"{tool}, FMI {fmi}.0, {what}: difference from fmpy [m]", far, "<=", 0.0)
-    columns = ["tool", "FMI", "units", "tip, largest difference from fmpy [m]", "end, from run_closed_loop [mm]"]
-    note = f"{STEPS} steps of 1 ms of a finger, {STEPS} periods of 10 ms of a loop; fmpy {metadata.version('fmpy')}."
-    report.table("Functional mock-up units in other tools", columns, rows, note)
-    report.finish()
+            for fmi, (what, made) in product(versions, groups.items()):
+                units = [unit for unit in made if unit.fmi == fmi]
+                expected, found = np.array(by_fmpy(units)), np.array(steps(units))
+                far = float(np.abs(found - expected).max())
+                away = 1e3 * float(np.linalg.norm(found[-1] - end)) if len(units) > 1 else None
+                table.add(name, f"{fmi}.0", what, far, away)
+                report.claim(f"{tool}, FMI {fmi}.0, {what}: difference from fmpy [m]", far, "<=", 0.0)
 
 
-def main() -> None:
-    asked = arguments(
-        __doc__,
-        only=([str], "configurations, such as mpc/steady_tip"),
-        tools=(False, "other tools instead"),
-    )
-    if asked.tools:
-        return try_tools()
-    shipped = [path for kind in ("simulate", "mpc") for path in sorted((ROOT / "configs" / kind).glob("*.yaml"))]
-    report, rows = Report("fmu", 0), list[list[Any]]()
-    for config in shipped:
+def try_shipped(report: Report, only: list[str]) -> None:
+    """Compare the units of the shipped configurations, or of some."""
+    columns = ["configuration", "units", "kB", "beside", "largest difference", "verdict", "s"]
+    note = f"{STEPS} steps of a finger, differences of states; {STEPS} periods of a loop, of commands per the largest."
+    table = report.table("Functional mock-up units of the shipped configurations", columns, note=note)
+    for config in [path for kind in ("simulate", "mpc") for path in sorted((CONFIGS / kind).glob("*.yaml"))]:
         name = f"{config.parent.name}/{config.stem}"
-        if asked.only and name not in asked.only:
+        if only and name not in only:
             report.missing.append(name)
             continue
         with tempfile.TemporaryDirectory() as folder:
             try:
-                rows.append(row(config, Path(folder)))
+                table.add(name, *row(config, Path(folder)))
             except Exception as error:
-                rows.append([name, 0, 0.0, "", None, f"**failed**: {type(error).__name__}: {error}", 0.0])
-        print(*rows[-1], sep=" | ", flush=True)
-    report.claim("configurations whose units are neither equal nor refused", sum("**" in r[5] for r in rows), "<=", 0)
-    columns = ["configuration", "units", "kB", "beside", "largest difference", "verdict", "s"]
-    note = f"{STEPS} steps of a finger, differences of states; {STEPS} periods of a loop, of commands per the largest."
-    report.table("Functional mock-up units of the shipped configurations", columns, rows, note)
+                table.add(name, 0, 0.0, "", None, f"**failed**: {type(error).__name__}: {error}", 0.0)
+    wrong = sum("**" in row[5] for row in table.rows)
+    report.claim("configurations whose units are neither equal nor refused", wrong, "<=", 0)
+
+
+def main() -> None:
+    some, tools = ([str], "configurations, such as mpc/steady_tip"), (False, "other tools instead")
+    asked, report = begun(__doc__, lambda asked: "fmu_tools" if asked.tools else "fmu", only=some, tools=tools)
+    if asked.tools:
+        try_tools(report)
+    else:
+        try_shipped(report, asked.only)
     report.finish()
-    return None
 
 
 if __name__ == "__main__":

@@ -1,13 +1,14 @@
 """How often the grasp optimizer finds the grasp that there is, and says why there is none.
 
-Run ``python -m benchmarks.bench_grasp`` in the root of the repository. Random scenes whose answers are known from
-solvers that share nothing with the package (``benchmarks.grasp_oracle``): one finger, the same with scenes that are
-retained for a last look (fresh), tips of two and of three fingers, and scenes made infeasible by one or by two limits.
+Random scenes whose answers are known from solvers that share nothing with the package (``benchmarks.grasp_oracle``):
+one finger, the same with scenes that are retained for a last look (fresh), tips of two and of three fingers, and scenes
+made infeasible by one or by two limits.
 """
 
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,10 +36,8 @@ EFFORTS = ("quick", "normal", "thorough")
 
 def known(kind: str) -> list[dict[str, Any]]:
     """The answers of a kind."""
-    if kind in ("one", "fresh"):
-        rows = answers("one")
-        return rows[:ONE] if kind == "one" else rows[ONE:]
-    return answers(kind)
+    rows = answers("one" if kind == "fresh" else kind)
+    return {"one": rows[:ONE], "fresh": rows[ONE:]}.get(kind, rows)
 
 
 def share(outcomes: list[Outcome], name: str) -> float:
@@ -127,22 +126,16 @@ def add_efforts(report: Report, found: dict[str, list[Outcome]]) -> None:
     report.table("Efforts of the search", columns, rows, "Times after the build, processor time.")
 
 
-def judged(kind: str, rows: list[dict[str, Any]], effort: str, jobs: int, verbose: bool) -> list[Outcome]:
+def judged(kind: str, rows: list[dict[str, Any]], effort: str, jobs: int) -> list[Outcome]:
     """The outcomes of the scenes of some answers, in their order."""
     found: dict[int, Outcome] = {}
-    tasks = [(k, kind, row, effort) for k, row in enumerate(rows)]
-    for task, last, error in spread(_outcome, tasks, jobs):
+    for row, last, error in spread(partial(outcome, kind, effort=effort), rows, jobs):
         if error is not None:
             raise error
-        found[task[0]] = last
-        if verbose:
-            flags = "" if last.good and not last.false else "  <<<"
-            print(kind, last.seed, last.what, last.status, last.note, flags, flush=True)
-    return [found[k] for k in range(len(rows))]
-
-
-def _outcome(task: tuple[int, str, dict[str, Any], str]) -> Outcome:
-    return outcome(*task[1:])
+        found[row["seed"]] = last
+        flags = "" if last.good and not last.false else "  <<<"
+        print(kind, last.seed, last.what, last.status, last.note, flags, flush=True)
+    return [found[row["seed"]] for row in rows]
 
 
 def main() -> None:
@@ -151,19 +144,16 @@ def main() -> None:
         __doc__,
         kind=(tuple(KINDS), ""),
         count=(ONE, "most scenes of a kind"),
-        first=(0, "answers to pass over"),
         seeds=([int], "these seeds alone"),
         efforts=([str], "other efforts too, of one finger", EFFORTS),
         jobs=(cores(), "processes"),
         folder=(RESULTS, "where to write the reports"),
-        verbose=False,
     )
     for kind in asked.kind:
         name, words, _ = KINDS[kind]
-        report = Report(name, 0)
-        rows = known(kind)[asked.first :][: asked.count]
-        rows = [row for row in rows if not asked.seeds or row["seed"] in asked.seeds]
-        outcomes = judged(kind, rows, "", asked.jobs, asked.verbose)
+        report = Report(name, folder=asked.folder)
+        rows = [row for row in known(kind)[: asked.count] if not asked.seeds or row["seed"] in asked.seeds]
+        outcomes = judged(kind, rows, "", asked.jobs)
         if not outcomes:
             report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
         elif kind in ("none", "both"):
@@ -171,10 +161,10 @@ def main() -> None:
         else:
             add_held(report, kind, outcomes, words)
             efforts = [e for e in asked.efforts if e != "normal" and kind == "one"]
-            by = {e: judged(kind, rows, e, asked.jobs, asked.verbose) for e in efforts} | {"normal": outcomes}
+            by = {e: judged(kind, rows, e, asked.jobs) for e in efforts} | {"normal": outcomes}
             if efforts:
                 add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
-        report.finish(asked.folder)
+        report.finish()
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
 """Whether a grasp scene and its images have the same grasp, with fingers of several elements, and how long that takes.
 
-Run ``python -m benchmarks.bench_grasp_elements`` in the root of the repository. Scenes are random
-(``benchmarks.grasp_images``); the best of all images of a scene is the oracle.
-Grasps of uniform fingers are checked by equations that share nothing with the package, and outlines that two elements
-do not hold are searched by brute force (``benchmarks.grasp_oracle``). Times are processor time after the build.
+Scenes are random (``benchmarks.grasp_images``); the best of all images of a scene is the oracle. Grasps of uniform
+fingers are checked by equations that share nothing with the package, and outlines that two elements do not hold are
+searched by brute force (``benchmarks.grasp_oracle``). Times are processor time after the build.
 
 Every outcome is a line of the record ``--rows``, to which a further run adds what it lacks: ``--population 1`` is the
 whole list of scenes, ``--population 0.1`` a tenth of every kind, ``--count 0`` writes the report alone.
@@ -14,7 +13,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import time
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -24,13 +22,10 @@ import numpy as np
 from benchmarks.grasp_images import IMAGES, drawn, force_unit, images, scene_of
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.numbers import numbers
-from benchmarks.grasp_oracle.search import Search as Oracle
+from benchmarks.grasp_oracle.search import Search
+from benchmarks.grasp_outcomes import solved
 from benchmarks.harness import spread
-from benchmarks.report import RESULTS, Report, Table, arguments
-from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.values import tension_of
-from continuum_grasp.nlp import Budget
+from benchmarks.report import Report, begun
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.workers import cores
 
@@ -43,30 +38,26 @@ POPULATION = {"one": 1000, "two": 300, "three": 100, "tapered": 200, "outline": 
 Row = dict[str, Any]
 
 
-def outcome(task: tuple[str, str, str, Row, int, str, bool]) -> Row:
+def outcome(task: tuple[str, str, str, Row, int, str]) -> Row:
     """What becomes of an image: status, tension in its unit of force, processor time, iterations; the greatest residual
     of a grasp per its limit, and whether the brute force has one where the package has none.
     """
-    kind, name, image, data, elements, effort, searches = task
+    kind, name, image, data, elements, effort = task
     scene = scene_of(data, elements).changed({"solver.effort": effort})
     most = sum(setup.max_tension for setup in scene.setups)
     row: Row = {"kind": kind, "scene": name, "image": image, "effort": effort, "most": most / force_unit(image)}
-    began, used = time.perf_counter(), time.process_time()
-    try:
-        status, tension, build, iterations, arrays = _searched(scene) if searches else _solved(scene)
-    except Exception as error:  # whatever it is, it is an outcome
-        return row | {"status": "error", "tension": None, "ms": None, "iterations": 0, "note": repr(error)[:200]}
-    used, share = time.process_time() - used, (time.process_time() - used) / (time.perf_counter() - began)
-    tension = None if tension is None else tension / force_unit(image)
+    result, seconds, note = solved(scene)
+    if result is None:
+        return row | {"status": "error", "tension": None, "ms": None, "iterations": 0, "note": note}
     row |= {
-        "status": status,
-        "tension": tension,
-        "ms": round(1e3 * (used - build * share), 1),
-        "iterations": iterations,
+        "status": str(result.status),
+        "tension": float(result.tension) / force_unit(image) if result.solved else None,
+        "ms": round(1e3 * (seconds["all_seconds"] - seconds["build_seconds"]), 1),
+        "iterations": result.statistics["total_iterations"],
     }
-    if arrays is not None and kind != "tapered":
-        row["residual"] = max(value / LIMITS[key] for key, value in residuals(scene, arrays).items())
-    elif arrays is None and kind == "outline" and elements == 2:
+    if result.solved and kind != "tapered":
+        row["residual"] = max(value / LIMITS[key] for key, value in residuals(scene, result.arrays).items())
+    elif not result.solved and kind == "outline" and elements == 2:
         row["held"] = held(scene)
     return row
 
@@ -77,27 +68,8 @@ def held(scene: GraspScene) -> float | None:
     limits, (hand,) = given.limits, given.hands
     slack = {name: (1.0 - SLACK) * getattr(limits, name) for name in ("friction", "normal", "strain", "bend")}
     tight = given.limited(**slack, mass=limits.mass * (1.0 + SLACK), tension=(1.0 - SLACK) * hand.most)
-    best = Oracle(tight).best()
+    best = Search(tight).best()
     return None if best is None else best.value
-
-
-def _solved(scene: GraspScene) -> tuple[str, float | None, float, int, Any]:
-    result = optimize_grasp(scene, raise_on_failure=False)
-    counts = result.statistics
-    tension, arrays = (float(result.tension), result.arrays) if result.solved else (None, None)
-    return str(result.status), tension, counts["build_seconds"], counts["total_iterations"], arrays
-
-
-def _searched(scene: GraspScene) -> tuple[str, float | None, float, int, Any]:
-    """The search alone, without reasons why there is no grasp."""
-    search = Search(scene, budget := Budget.of(scene.solver))
-    search.run()
-    used = scene.solver.max_total_iterations - budget.left
-    if search.best is None:
-        return "none", None, search.build_seconds, used, None
-    arrays = search.best.arrays
-    status = "open" if search.exploration.open else "found"
-    return status, tension_of(scene, arrays), search.build_seconds, used, arrays
 
 
 def judged(rows: list[Row], known: dict[str, float]) -> dict[str, list[str]]:
@@ -128,33 +100,31 @@ def judged(rows: list[Row], known: dict[str, float]) -> dict[str, list[str]]:
     return wrong
 
 
-def report_of(name: str, rows: list[Row]) -> Report:
+def add(report: Report, rows: list[Row]) -> None:
     """Claims and tables of some rows."""
     known: dict[str, float] = {}
     for row in rows:
         if row["tension"] is not None:
             known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
-    report, wrong = Report(name, 0), judged(rows, known)
+    wrong = judged(rows, known)
     for what, found in wrong.items():
         report.claim(what, len(found), "<=", 0)
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         groups.setdefault((row["kind"], row["effort"]), []).append(row)
-    times, table = [], []
+    columns = ["kind", "effort", "status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
+    times = report.table("By kind and status", columns, note="Processor time after the build.")
+    table = report.table("By kind", ["kind", "effort", "scenes", "images", *wrong])
     for (kind, effort), group in groups.items():
         found = [len(each) for each in judged(group, known).values()]
-        table.append([kind, effort, len({row["scene"] for row in group}), len(group), *found])
+        table.add(kind, effort, len({row["scene"] for row in group}), len(group), *found)
         for status in sorted({row["status"] for row in group}):
             some = [row for row in group if row["status"] == status]
-            spent = [
-                np.percentile([row[key] or 0.0 for row in some], p) for key in ("ms", "iterations") for p in (50, 95)
-            ]
-            times.append([kind, effort, status, len(some), *map(float, spent)])
-    columns = ["kind", "effort", "status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
-    report.table("By kind and status", columns, times, "Processor time after the build.")
-    report.table("By kind", ["kind", "effort", "scenes", "images", *wrong], table)
-    report.tables += [Table(what, ["scene"], [[each] for each in found]) for what, found in wrong.items() if found]
-    return report
+            spent = [np.percentile([row[key] or 0.0 for row in some], (50, 95)) for key in ("ms", "iterations")]
+            times.add(kind, effort, status, len(some), *np.concatenate(spent).tolist())
+    for what, found in wrong.items():
+        if found:
+            report.table(what, ["scene"], [[each] for each in found])
 
 
 def read(file: Path) -> list[Row]:
@@ -165,8 +135,9 @@ def read(file: Path) -> list[Row]:
 
 def main() -> None:
     """Run the scenes asked for and write the report."""
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        "grasp_elements",
         kind=(["one"], "one, union, two, three, wrap, tapered, outline, infeasible"),
         first=(0, "the first seed"),
         count=(40, "seeds per kind"),
@@ -174,11 +145,8 @@ def main() -> None:
         elements=[4, 8],
         effort=(["normal"], "quick, normal, thorough"),
         images=(tuple(IMAGES), ""),
-        search=(False, "no reasons why there is no grasp"),
         rows=(Path, "record to go on with; by default one in the folder"),
         jobs=(cores(), "processes"),
-        name=("grasp_elements", "name of the report"),
-        folder=(RESULTS, "where to write the report"),
     )
     counts = dict.fromkeys(asked.kind, asked.count)
     if asked.population is not None:
@@ -188,7 +156,7 @@ def main() -> None:
     rows = read(record)
     done = {(row["scene"], row["image"], row["effort"]) for row in rows}
     tasks = [
-        (kind, name, image, shown, n, effort, asked.search)
+        (kind, name, image, shown, n, effort)
         for effort, n, (kind, count) in product(asked.effort, asked.elements, counts.items())
         for seed in range(asked.first, asked.first + count)
         for image, shown in images(drawn(kind, seed), asked.images).items()
@@ -204,7 +172,8 @@ def main() -> None:
             # A new line first: an interruption may have torn the last one.
             lines.write("\n" + json.dumps(row))
             lines.flush()
-    report_of(asked.name, rows).finish(asked.folder)
+    add(report, rows)
+    report.finish()
 
 
 if __name__ == "__main__":

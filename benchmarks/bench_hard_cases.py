@@ -1,18 +1,19 @@
 """Hard cases: what the program makes of each, against a truth that it did not produce.
 
-Run ``python -m benchmarks.bench_hard_cases`` in the root of the repository. Statics are measured against the exact
-elastica and closed forms, motions against SciPy's integration under error control, swings by their energy. A case ends
-in a right answer, a warning or a refusal that says why; anything else is WRONG.
+Statics are measured against the exact elastica and closed forms, motions against SciPy's integration under error
+control, swings by their energy. A case ends in a right answer, a warning or a refusal that says why; anything else is
+WRONG.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from time import perf_counter
 
 from benchmarks.hard_cases import RIGHT, WRONG, judge
 from benchmarks.hard_cases.motion import motion_attempts
 from benchmarks.hard_cases.statics import static_attempts
-from benchmarks.report import Report, Table, arguments
+from benchmarks.report import begun
 
 COLUMNS = ["case", "family", "method", "error", "limit", "steps", "time [s]", "verdict"]
 NOTE = """\
@@ -24,26 +25,23 @@ need it, the truth.""".replace("\n", " ")
 
 def main() -> None:
     """Make every attempt and write the report."""
-    only = arguments(__doc__, only=("", "attempts with this in case, family and method")).only
-    report, all_judged = Report("hard_cases", 0), []
+    asked, report = begun(__doc__, "hard_cases", only=("", "attempts with this in case, family and method"))
+    summary, counts, surprising = report.table("Verdicts", ["verdict", "attempts"]), Counter[str](), 0
     for title, attempts in (("At rest", static_attempts()), ("In motion", motion_attempts())):
-        rows: list[list[object]] = []
-        for attempt in attempts:
-            if only not in attempt.name:
-                continue
-            j = judge(attempt)
-            print(f"{attempt.name}: {j.verdict}", flush=True)
-            rows.append([attempt.case, attempt.family, attempt.method, j.error, attempt.limit, j.steps, j.seconds])
-            rows[-1].append(j.verdict)
-            all_judged.append(j)
-        report.table(title, COLUMNS, rows, NOTE)
-    counts = Counter(j.kind for j in all_judged)
-    rows = [[kind, counts[kind]] for kind in sorted(counts, key=lambda k: (k != RIGHT, k))]
-    report.tables.insert(0, Table("Verdicts", ["verdict", "attempts"], rows))
+        table = report.table(title, COLUMNS, note=NOTE)
+        for attempt in [attempt for attempt in attempts if asked.only in attempt.name]:
+            began = perf_counter()
+            error, steps, verdict = judge(attempt)
+            named, kind = (attempt.case, attempt.family, attempt.method), verdict.partition(":")[0]
+            table.add(*named, error, attempt.limit, steps, perf_counter() - began, verdict)
+            counts[kind] += 1
+            surprising += kind not in attempt.expected
+    for kind in sorted(counts, key=lambda k: (k != RIGHT, k)):
+        summary.add(kind, counts[kind])
     report.claim("wrong answers", counts[WRONG], "<=", 0)
-    report.claim("verdicts other than expected", sum(j.surprising for j in all_judged), "<=", 0)
-    if only:
-        report.missing.append(f"all attempts without {only!r}")
+    report.claim("verdicts other than expected", surprising, "<=", 0)
+    if asked.only:
+        report.missing.append(f"all attempts without {asked.only!r}")
     report.finish()
 
 

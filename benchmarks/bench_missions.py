@@ -12,16 +12,15 @@ with ``slip`` (hours on one core), and says of each plant whether its grasp woul
 
 from __future__ import annotations
 
-import argparse
 import warnings
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Report, Table, plain
+from benchmarks.harness import CONFIGS
+from benchmarks.report import Report, begun, plain
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
@@ -31,9 +30,8 @@ from continuum_grasp.mission.outcomes import Outcome
 from continuum_grasp.mission.plant import Variation, reserve
 from continuum_grasp.mission.run import run_mission, run_trials
 from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import MissionScene
 
-SCENE = "configs/mission/pinch.yaml"
+SCENE = CONFIGS / "mission/pinch.yaml"
 SEED = 20274
 ELEMENTS = 4
 """Clothoids of each finger of the plant [1]: half of those of the shipped mission, which compile for a minute."""
@@ -98,7 +96,6 @@ def carried_out(changes: dict[str, Any]) -> tuple[list[Any], bool | None]:
     """Columns of the table from the grasp on, and whether it was held and released; None where nothing was run."""
     try:
         scene = load(SCENE, changes)
-        assert isinstance(scene, MissionScene)
         grasp = optimize_grasp(scene.grasp)
         if not grasp.solved:
             return [grasp.status.value, *[""] * 7, grasp.advice.partition("\n")[0]], None
@@ -136,67 +133,66 @@ def outcome(one: Outcome) -> str:
     return "squeezed and held" if verdict.slipped else "held"
 
 
-def slip_table(name: str, fall: float, found: dict[bool, Sequence[Outcome]]) -> Table:
-    """Outcomes of a mission by what its certificate says, held as planned (False) and watched (True)."""
-    scene = load(f"configs/mission/{name}.yaml")
-    assert isinstance(scene, MissionScene)
-    assignments, rows = assign(scene), list[list[Any]]()
+def slip_table(report: Report, name: str, fall: float, found: dict[bool, Sequence[Outcome]]) -> None:
+    """Add outcomes of a mission by what its certificate says, held as planned (False) and watched (True)."""
+    title = f"{name}: friction falls by {100 * fall:.0f} % in the hold"
+    table = report.table(title, ["", "certificate holds it", "plants", *OUTCOMES], note=f"With {WATCHED}.")
+    assignments = assign(load(CONFIGS / f"mission/{name}.yaml"))
     for watched, outcomes in found.items():
         counts = Counter((holds(assignments, one.variation), outcome(one)) for one in outcomes)
         worst = [1e3 * one.verdict.sunk for one in outcomes if one.verdict is not None and one.verdict.held]
         for word in HOLDS:
             row = [counts[word, what] for what in OUTCOMES]
-            rows.append(["slip answered" if watched else "as planned", word, sum(row), *row])
+            table.add("slip answered" if watched else "as planned", word, sum(row), *row)
         most = max(worst, default=np.nan)
-        rows.append(["", "all, and sunk at worst where held [mm]", len(outcomes), most, *[""] * 4])
-    title = f"{name}: friction falls by {100 * fall:.0f} % in the hold"
-    return Table(title, ["", "certificate holds it", "plants", *OUTCOMES], rows, f"With {WATCHED}.")
+        table.add("", "all, and sunk at worst where held [mm]", len(outcomes), most, *[""] * 4)
 
 
-def slips() -> None:
-    """Carry missions out whose friction falls, and write the report."""
-    report = Report("mission_slip", SLIP_SEED)
+def slips(report: Report) -> None:
+    """Carry missions out whose friction falls."""
     for name, fall, count in SLIPS:
         changes = [f"trials.seed={SLIP_SEED}", f"trials.friction_fall={fall}"]
-        file, found = Path("configs/mission") / f"{name}.yaml", dict[bool, Sequence[Outcome]]()
+        found = dict[bool, Sequence[Outcome]]()
         for watched, plants in ((False, min(count, PLANNED)), (True, count)):
             own = [*changes, f"trials.count={plants}", *[WATCHED] * watched]
-            found[watched] = run_trials(load(file, own))
-        report.tables.append(slip_table(name, fall, found))
+            found[watched] = run_trials(load(CONFIGS / f"mission/{name}.yaml", own))
+        slip_table(report, name, fall, found)
         lost = sum(outcome(one) == "dropped" for one in found[True])
         report.claim(f"{name}, friction {100 * fall:.0f} % less, slip answered: dropped", lost, "<=", 0)
-        print(*report.tables[-1].rows, sep="\n", flush=True)
-    report.finish()
+
+
+def missions(report: Report, count: int, only: list[int]) -> None:
+    """Draw and carry out missions, or some of the draws."""
+    rng, done = np.random.default_rng(report.seed), list[bool]()
+    table = report.table("Missions of two fingers drawn at random", COLUMNS, note=__doc__.partition("\n")[0])
+    for k in range(1, DRAWS * count + 1):
+        body, fingers, changes = drawn(rng)
+        if only and k not in only:
+            continue
+        found, succeeded = carried_out(changes)
+        table.add(body, fingers, *found)
+        done += [] if succeeded is None else [succeeded]
+        if len(done) == count:
+            break
+    report.claim("held and released", sum(done), ">=", count)
 
 
 def main() -> None:
-    """Draw and carry out missions, and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--missions", type=int, default=10, help="how many are carried out")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--only", type=int, action="append", default=[], help="this draw alone, counted from 1")
-    parser.add_argument("--slip", action="store_true", help="plants whose friction falls, instead")
-    asked = parser.parse_args()
+    """Carry missions out, and write the report."""
+    asked, report = begun(
+        __doc__,
+        lambda asked: "mission_slip" if asked.slip else "missions",
+        missions=(10, "how many are carried out"),
+        seed=SEED,
+        only=([int], "these draws alone, counted from 1"),
+        slip=(False, "plants whose friction falls, instead"),
+    )
     warnings.simplefilter("ignore")
     if asked.slip:
-        return slips()
-    rng, rows, done = np.random.default_rng(asked.seed), list[list[Any]](), list[bool]()
-    for k in range(1, DRAWS * asked.missions + 1):
-        body, fingers, changes = drawn(rng)
-        if asked.only and k not in asked.only:
-            continue
-        found, succeeded = carried_out(changes)
-        rows.append([body, fingers, *found])
-        print(k, *rows[-1], sep=" | ", flush=True)
-        done += [] if succeeded is None else [succeeded]
-        if len(done) == asked.missions:
-            break
-    print(f"{sum(done)} of {len(done)} held and released")
-    if asked.only:
-        return
-    report = Report("missions", asked.seed)
-    report.table("Missions of two fingers drawn at random", COLUMNS, rows, __doc__.partition("\n")[0])
-    report.claim("held and released", sum(done), ">=", asked.missions)
+        report.seed = SLIP_SEED
+        slips(report)
+    else:
+        missions(report, asked.missions, asked.only)
     report.finish()
 
 

@@ -2,7 +2,7 @@
 
 Run ``python -m benchmarks.bench_mpc`` in the root of the repository; parts of it by ``--only``, problems by ``--cases``
 (``cart_pole`` and ``two_links`` are no continuum fingers). Closed loops in C on one core, timed by the processor time
-of their thread in rounds in which the solvers take turns: the package's, acados (see ``mpc_external``) and CasADi's
+of their thread in rounds in which the solvers take turns: the package's, acados (see ``mpc.peers``) and CasADi's
 generated ``sqpmethod``; the same problems solved to convergence by IPOPT and do-mpc, from Python. What is not there is
 listed as not measured. ``--only oracle`` instead solves random QPs (penalties over five orders, absent bounds, states
 up to ten times the bounds, random plans) by the C and by qpOASES, which has the slacks of the rows as variables.
@@ -19,21 +19,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks import mpc_cases
-from benchmarks.harness import one_core, quartiles
-from benchmarks.mpc_cases import Case
-from benchmarks.mpc_external import acados_loops, dompc
-from benchmarks.mpc_loop import FLAGS, CLoop, LoopRun, rti_loop
-from benchmarks.mpc_peers import FORMS, converged, sqp_loop
-from benchmarks.mpc_world import World
+from benchmarks.harness import CONFIGS, one_core, quartiles
+from benchmarks.mpc import cases as mpc_cases
+from benchmarks.mpc.cases import Case
+from benchmarks.mpc.loop import FLAGS, CLoop, LoopRun, rti_loop
+from benchmarks.mpc.peers import FORMS, acados_loops, converged, dompc, sqp_loop
+from benchmarks.mpc.world import World
 from benchmarks.real_time_iteration import RealTimeIteration
-from benchmarks.report import RESULTS, Report, arguments
+from benchmarks.report import Report, begun
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
-
-Array = NDArray[np.float64]
 
 OURS = ("ours, scalar", "ours, lanes", "ours, lanes, float")
 PEER = "sqpmethod + qrqp, custom_jacobian"
@@ -158,7 +155,7 @@ def add_python(report: Report, asked: argparse.Namespace) -> None:
     """What a step from Python takes beyond its phases in C."""
     rows = []
     for name in CONTROLLED:
-        controller = Controller(mpc_cases.CONFIGS / "mpc" / f"{name}.yaml", deadline=math.inf)
+        controller = Controller(CONFIGS / "mpc" / f"{name}.yaml", deadline=math.inf)
         plant, stages = World(controller), controller.stages
         u, took = np.clip(np.zeros(stages.nu), stages.u_min, stages.u_max), []
         with one_core():
@@ -184,7 +181,10 @@ def add_python(report: Report, asked: argparse.Namespace) -> None:
 
 def add_oracle(report: Report, asked: argparse.Namespace) -> None:
     """Answers to random QPs against those of an active-set solver."""
-    rows, limit = [], 1e-6 if asked.precision == "double" else 1e-3
+    columns = ["set", "N nx nu ns others", "problems", "median", "99.9 %", "worst", "cost above", "cost below"]
+    columns += ["rounds", "most rounds", "not solved", "no answer of qpOASES"]
+    note = "Largest difference of the answer over its largest entry; cost over the larger of 1 and itself."
+    table, limit = report.table("Against qpOASES", columns, note=note), 1e-6 if asked.precision == "double" else 1e-3
     sets = min(SETS, asked.problems)
     for k in range(sets):
         size, rng = SIZES[k % len(SIZES)], np.random.default_rng((report.seed, k))
@@ -206,13 +206,8 @@ def add_oracle(report: Report, asked: argparse.Namespace) -> None:
             off.append(np.abs(z - expected).max() / np.abs(expected).max())
             above.append((q.cost(z) - least) / max(1.0, abs(least)))
         numbers = *np.quantile(off, [0.5, 0.999, 1.0]), max(above), min(above), *np.quantile(rounds, [0.5, 1.0])
-        rows.append([k, " ".join(map(str, size)), len(off), *map(float, numbers), unsolved, unanswered])
-        print(rows[-1], flush=True)
-    columns = ["set", "N nx nu ns others", "problems", "median", "99.9 %", "worst", "cost above", "cost below"]
-    columns += ["rounds", "most rounds", "not solved", "no answer of qpOASES"]
-    note = "Largest difference of the answer over its largest entry; cost over the larger of 1 and itself."
-    report.table("Against qpOASES", columns, rows, note)
-    report.claim("worst difference from qpOASES", max(row[5] for row in rows), "<=", limit)
+        table.add(k, " ".join(map(str, size)), len(off), *map(float, numbers), unsolved, unanswered)
+    report.claim("worst difference from qpOASES", max(row[5] for row in table.rows), "<=", limit)
 
 
 PARTS = {"race": add_race, "converged": add_converged, "python": add_python, "oracle": add_oracle}
@@ -220,8 +215,9 @@ PARTS = {"race": add_race, "converged": add_converged, "python": add_python, "or
 
 def main() -> None:
     """Run the parts asked for and write the report."""
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        "mpc",
         only=(["race", "converged", "python"], "", PARTS),
         cases=(mpc_cases.NAMES, ""),
         rounds=15,
@@ -230,16 +226,13 @@ def main() -> None:
         problems=(10_000, "QPs for qpOASES"),
         precision=("double", "of the C beside qpOASES", ("double", "float")),
         seed=0,
-        name=("mpc", "name of the report"),
-        folder=(RESULTS, "where to write it"),
     )
-    report = Report(asked.name, asked.seed)
     report.machine["flags"] = " ".join(FLAGS)
     for part in asked.only:
         PARTS[part](report, asked)
         print(part, "done", time.strftime("%H:%M:%S"), flush=True)
     report.machine["load_average_after"] = list(os.getloadavg())
-    report.finish(asked.folder)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -11,14 +11,16 @@ from __future__ import annotations
 import math
 import shutil
 import time
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Report, arguments
+from benchmarks.harness import ROOT
+from benchmarks.report import begun
 
-PAGES = Path(__file__).parents[1] / "docs" / "live"
+PAGES = ROOT / "docs" / "live"
 WIDTHS = (390, 900, 1280)
 HEIGHT = 1000
 """Of the windows, as the widths in CSS pixels."""
@@ -149,26 +151,23 @@ def drag(browser: Chromium | Firefox, file: Path, width: int, seconds: float) ->
 
 
 def main() -> None:
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        lambda asked: "pages" if asked.browser == "chromium" else "pages_firefox",
         browser=("chromium", "", ("chromium", "firefox")),
         binary=(str, "program of the browser"),
         seconds=(10.0, "of each page and width"),
     )
     browser = (Chromium if asked.browser == "chromium" else Firefox)(asked.binary)
-    rows = []
-    for file in sorted(PAGES.glob("*.html")):
-        for width in WIDTHS:
-            rows.append(drag(browser, file, width, asked.seconds))
-            print(*(f"{v:.3g}" if isinstance(v, float) else v for v in rows[-1]), flush=True)
-    browser.close()
-    report = Report("pages" if asked.browser == "chromium" else "pages_firefox", 0)
-    report.claim("frames/s, least of all", min(row[2] for row in rows), ">=", 50.0)
-    report.claim("simulated seconds per second, least of all", min(row[7] for row in rows), ">=", 0.98)
     columns = ["page", "width [px]", "frames/s", "frame, median [ms]", "95 % [ms]", "worst [ms]"]
     columns += [f"later than {LATE:g} ms [%]", "simulated s per s", "moves of the mouse/s"]
     note = f"Headless {browser.version}, {asked.seconds:g} s each, {HEIGHT} px high, while the mouse drags."
-    report.table("Frames of the pages in real time", columns, rows, note)
+    table = report.table("Frames of the pages in real time", columns, note=note)
+    for file, width in product(sorted(PAGES.glob("*.html")), WIDTHS):
+        table.add(*drag(browser, file, width, asked.seconds))
+    browser.close()
+    report.claim("frames/s, least of all", min(row[2] for row in table.rows), ">=", 50.0)
+    report.claim("simulated seconds per second, least of all", min(row[7] for row in table.rows), ">=", 0.98)
     report.finish()
 
 

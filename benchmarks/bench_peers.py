@@ -11,14 +11,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from benchmarks.baselines import PeerError, release_peers
 from benchmarks.baselines.release_ours import OwnRun, front, own_runs, rms_error
 from benchmarks.baselines.release_peers import HINGES, ChainRun, ReleasePeers, describe_rod
-from benchmarks.harness import Timing, one_core, race, ratios
-from benchmarks.report import Report, Table, arguments
+from benchmarks.harness import CONFIGS, Timing, one_core, quartiles, race
+from benchmarks.report import Report, begun
 from continuum_grasp.accuracy.motion import Motion, reference_motion
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.scene import Actuation, Rod
@@ -26,7 +25,6 @@ from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.scene.tendons import Tendon
 
-CONFIGS = Path(__file__).parents[1] / "configs" / "simulate"
 FRAME = 0.2
 """Span that counts as one evaluation [s]; whole numbers of all steps."""
 LARGEST = 0.03
@@ -81,8 +79,7 @@ class Release:
 
 def releases() -> dict[str, Release]:
     """What can be measured, by short names."""
-    held = cast(Scene, load(CONFIGS / "nitinol_release_000g.yaml"))
-    heavy = cast(Scene, load(CONFIGS / "nitinol_release_020g.yaml"))
+    held, heavy = (load(CONFIGS / f"simulate/nitinol_release_{mass}g.yaml") for mass in ("000", "020"))
     straight = held.model_copy(update={"initial": Initial(pose="straight")})
     segments = ("mujoco", "soromox", "jsrm")
     taper = _graded(straight, {"to": 0.6, "diameter": (0.003, 0.00075)})
@@ -191,25 +188,25 @@ def measure(release: Release, peers: ReleasePeers | None, report: Report) -> Non
             entries += more
         except PeerError as error:
             report.missing.append(f"{LABELS[library]}, {release.title}: {error}")
-    timings = race(
-        {e.name: e.run for e in entries}, repeats=7 if release.graded else 15, sample_seconds=0.05, seed=report.seed
-    )
-    factors = {e.name: FRAME / timings[e.name].median for e in entries}
-    extra = {e.name: [1e3 * e.error, e.steps, factors[e.name], 1e3 * e.cold] for e in entries}
-    title = f"Rod {release.title}"
-    report.add_race(
-        f"{title}: time of {1e3 * FRAME:g} ms of motion",
-        timings,
-        entries[0].name,
-        extra=extra,
-        extra_columns=["r.m.s. error [mm]", "steps per s", "real-time factor", "to build [ms]"],
-        note=f"Reference good to {1e3 * release.reference.error * release.scene.finger.rod.length:.1g} mm (estimated).",
-    )
-    report.tables.append(equal_error(entries, timings, title))
+    repeats, first = 7 if release.graded else 15, entries[0].name
+    timings = race({e.name: e.run for e in entries}, repeats=repeats, sample_seconds=0.05, seed=report.seed)
+    columns = ["", "median [ns]", "quartile 1 [ns]", "quartile 3 [ns]", f"times {first}", "cold [us]"]
+    columns += ["r.m.s. error [mm]", "steps per s", "real-time factor", "to build [ms]"]
+    off, title = 1e3 * release.reference.error * release.scene.finger.rod.length, f"Rod {release.title}"
+    note = f"Reference good to {off:.1g} mm (estimated)."
+    table = report.table(f"{title}: time of {1e3 * FRAME:g} ms of motion", columns, note=note)
+    for e in entries:
+        timing = timings[e.name]
+        low, middle, high = (1e9 * value for value in quartiles(timing.samples))
+        table.add(
+            *(e.name, middle, low, high, timing.per(timings[first]), 1e6 * timing.cold),
+            *(1e3 * e.error, e.steps, FRAME / timing.median, 1e3 * e.cold),
+        )
+    add_equal_error(report, entries, timings, title)
     if release.rod["uniform"] and CLAIMED in chains:
         fastest = chains[CLAIMED]
         ours = cheapest(entries, timings, fastest.error)
-        factor = math.nan if ours is None else ratios(timings, ours.name)[fastest.name][1]
+        factor = math.nan if ours is None else timings[fastest.name].per(timings[ours.name])
         text = f"{release.title}: {CLAIMED} hinges in MuJoCo / ours, time"
         report.claim(f"{text}, its fastest setting, ours with no more error", factor, ">=", 50)
 
@@ -220,31 +217,28 @@ def cheapest(entries: list[Entry], timings: dict[str, Timing], error: float) -> 
     return min(good, key=lambda e: timings[e.name].median, default=None)
 
 
-def equal_error(entries: list[Entry], timings: dict[str, Timing], title: str) -> Table:
+def add_equal_error(report: Report, entries: list[Entry], timings: dict[str, Timing], title: str) -> None:
     """For each peer our fastest choice with at most its error, and how many times faster."""
-    rows: list[list[Any]] = []
-    for peer in entries:
-        if peer.library != "ours":
-            best = cheapest(entries, timings, peer.error)
-            if best is None:
-                rows.append([peer.name, 1e3 * peer.error, "none", None, None])
-            else:
-                ratio = ratios(timings, best.name)[peer.name][1]
-                rows.append([peer.name, 1e3 * peer.error, best.name, 1e3 * best.error, ratio])
     columns = ["peer", "its error [mm]", "our fastest with at most that", "our error [mm]", "times as fast"]
-    return Table(f"{title}: at equal error", columns, rows)
+    table = report.table(f"{title}: at equal error", columns)
+    for peer in [entry for entry in entries if entry.library != "ours"]:
+        best = cheapest(entries, timings, peer.error)
+        found = ["none", None, None]
+        if best is not None:
+            found = [best.name, 1e3 * best.error, timings[peer.name].per(timings[best.name])]
+        table.add(peer.name, 1e3 * peer.error, *found)
 
 
 def main() -> None:
     """Measure the scenes that are asked for; write the report."""
     known = releases()
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        lambda asked: "peers_graded" if asked.graded else "peers",
         seed=0,
         scenes=(["straight", "held", "undamped"], "", known),
         graded=(False, "the rods that are not uniform, and a tendon's end inside"),
     )
-    report = Report("peers_graded" if asked.graded else "peers", asked.seed)
     peers, installed = None, list[str]()
     with one_core():
         try:

@@ -14,18 +14,16 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.guess import first_state_of_plan
 from continuum_grasp.scene import Tendons
 from continuum_grasp.scene.plan import PlanScene
 from tests.control_cases import CABLE, DRIVES, HAND
-
-Array = NDArray[np.float64]
 
 LEAST_PULL = 6e-4
 """Cable by which the other winch is wound further than the bend asks for [m]."""
@@ -109,18 +107,15 @@ def row(seed: int, drive: str) -> list[Any]:
 
 
 def main() -> None:
-    asked = arguments(__doc__, count=(20, "cases"))
-    report = Report("plans", 0)
+    asked, report = begun(__doc__, "plans", count=(20, "cases"))
     columns = ["seed", "", "friction, cells", "family", "objective", "status"]
     columns += ["off its goal [um]", "moves on by [um]", "processor time [s]"]
     for drive, title, share in (("winches", "Two winches", 0.9), ("pulley", "One pulley", 1.0)):
-        rows = []
+        table = report.table(title, columns)
         for seed in range(asked.count):
-            rows.append(row(seed, drive))
-            print(rows[-1], flush=True)
-        report.table(title, columns, rows)
-        good = [one for one in rows if one[5] in ("feasible", "optimal")]
-        report.claim(f"share of plans that were found, {title.lower()}", len(good) / len(rows), ">=", share)
+            table.add(*row(seed, drive))
+        good = [one for one in table.rows if one[5] in ("feasible", "optimal")]
+        report.claim(f"share of plans that were found, {title.lower()}", len(good) / asked.count, ">=", share)
         report.claim(f"their tips move on by [um], {title.lower()}", max(one[7] for one in good), "<=", 180.0)
     report.finish()
 

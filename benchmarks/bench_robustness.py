@@ -1,26 +1,24 @@
 """Every shipped loop on plants that differ in values, drive, wiring, sensors and call rate.
 
-Run ``python -m benchmarks.bench_robustness`` in the root of the repository. A loop has to stay near the ideal one,
-which is the loop on the plant that its scene describes, or to reach a safe state that has a name; and its command must
-not swing. A loop that does neither without a word is silent, the worst of all.
+A loop has to stay near the ideal one, which is the loop on the plant that its scene describes, or to reach a safe state
+that has a name; and its command must not swing. A loop that does neither without a word is silent, the worst of all.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import continuum_grasp as cg
-from benchmarks.mpc_cases import CONFIGS
-from benchmarks.report import RESULTS, Report, arguments
+from benchmarks.harness import CONFIGS
+from benchmarks.report import Report, begun
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.command import Command
@@ -28,8 +26,6 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.errors import NumericalError
-
-Array = NDArray[np.float64]
 
 LOOPS = tuple(sorted(path.stem for path in (CONFIGS / "mpc").glob("*.yaml")))
 DURATION = {"nitinol_moment": 12.0}
@@ -56,23 +52,17 @@ class Outcome:
     """What came of one run."""
 
     loop: str
-    group: str
-    name: str
+    wrong: Wrong
     seed: int
-    mild: bool
     error: float
     """Root mean square distance of the tip from its setpoint in the last second [m]."""
     ideal: float
     """The same of the ideal loop."""
     length: float
-    change: float
-    """Root mean square change of the command per period in the last second [input]."""
     swing: float
-    """The same as a share of the rate limit."""
+    """Root mean square change of the command per period in the last second, as a share of its rate limit."""
     worst_swing: float
     """Greatest of all seconds."""
-    status: dict[str, int]
-    health: dict[str, int]
     reported: float
     """When a health other than ok was first reported that the ideal loop has not [s]; NaN never."""
     tripped: float
@@ -129,10 +119,8 @@ def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun
     """A closed loop, and whether the plant's motion was lost in it."""
     scene, control = bench.scene, bench.control
     plant = bench.plant(wrong, seed)
-    points, again = (
-        setpoints(Outputs.of(scene.controller.cost, control.prediction), scene.reference),
-        REPEATED.get(loop, math.inf),
-    )
+    points = setpoints(Outputs.of(scene.controller.cost, control.prediction), scene.reference)
+    again = REPEATED.get(loop, math.inf)
     duration = DURATION.get(loop, OTHERS) + DRIFTING * (wrong.fault == "drift")
     # Repeated ones are functions of time.
     functions = {
@@ -162,18 +150,13 @@ def outcome(
     mean = _rms(error[-last:])
     return Outcome(
         loop=loop,
-        group=wrong.group,
-        name=wrong.name,
+        wrong=wrong,
         seed=seed,
-        mild=wrong.mild,
         error=mean,
         ideal=mean if math.isnan(ideal) else ideal,
         length=run.length,
-        change=_rms(change[-last:]),
         swing=_rms(change[-last:]) / limit,
         worst_swing=max(seconds) / limit,
-        status=dict(Counter(run.status)),
-        health=dict(Counter(run.health)),
         reported=float(run.t[odd[0]]) if odd else math.nan,
         tripped=float(run.t[since]) if safe else math.nan,
         text=run.health_texts[odd[0]] if odd else "",
@@ -214,26 +197,16 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
     report.claim("cases", len(found), ">=", 500)
     report.claim("silent: bad and no word of it", sum(one.silent for one in found), "<=", 0)
     report.claim("command swings at the end", sum(one.swings for one in found), "<=", 0)
-    report.claim(
-        "neither near the ideal loop nor in a safe state", sum(not (one.near or one.safe) for one in found), "<=", 0
-    )
+    lost = sum(not (one.near or one.safe) for one in found)
+    report.claim("neither near the ideal loop nor in a safe state", lost, "<=", 0)
     for loop in MILD_LOOPS:
-        more = [1e3 * (one.error - one.ideal) for one in found if one.loop == loop and one.mild]
-        report.claim(
-            f"{loop}: error of mild differences beyond the ideal loop's [mm]", max(more, default=math.nan), "<=", 2
-        )
-    ideal = [one for one in found if one.group == "as shipped"]
+        more = [1e3 * (one.error - one.ideal) for one in found if one.loop == loop and one.wrong.mild]
+        what = f"{loop}: error of mild differences beyond the ideal loop's [mm]"
+        report.claim(what, max(more, default=math.nan), "<=", 2)
+    ideal = [one for one in found if one.wrong.group == "as shipped"]
     false = sum(not math.isnan(one.reported) for one in ideal if one.loop != "pulse")
     report.claim("reports on plants as shipped, but for the knock of pulse", false, "<=", 0)
     loops = sorted({one.loop for one in found})
-    rows = []
-    for group, name in dict.fromkeys((one.group, one.name) for one in found):
-        same = [one for one in found if (one.group, one.name) == (group, name)]
-        row: list[Any] = [group, name]
-        for loop in loops:
-            row.append(_cell([one for one in same if one.loop == loop]))
-        rows.append([*row, max(one.swing for one in same)])
-    columns = ["", "plant", *loops, "greatest swing"]
     note = (
         f"Root mean square distance of the tip from its setpoint over the last {LAST:g} s of {OTHERS:g} s "
         f"(nitinol_moment: {DURATION['nitinol_moment']:g} s; {DRIFTING:g} s more where a sensor drifts), of the seeds "
@@ -242,12 +215,15 @@ def add(report: Report, found: Sequence[Outcome]) -> None:
         f"the command per period as a share of the rate limit, bound {SWINGS:g}. Sensors fail after {FAULT:g} s; all "
         "else is wrong from the start."
     )
-    report.table("Last second", columns, rows, note)
-    counts = [
-        [loop, *[sum(one.loop == loop and one.verdict == v for one in found) for v in _VERDICTS]] for loop in loops
-    ]
-    counts.append(["all", *[sum(one.verdict == v for one in found) for v in _VERDICTS]])
-    report.table("Verdicts", ["", *_VERDICTS], counts)
+    table = report.table("Last second", ["", "plant", *loops, "greatest swing"], note=note)
+    for group, name in dict.fromkeys((one.wrong.group, one.wrong.name) for one in found):
+        same = [one for one in found if (one.wrong.group, one.wrong.name) == (group, name)]
+        cells = [_cell([one for one in same if one.loop == loop]) for loop in loops]
+        table.add(group, name, *cells, max(one.swing for one in same))
+    table = report.table("Verdicts", ["", *_VERDICTS])
+    for loop in [*loops, "all"]:
+        some = [one for one in found if loop in (one.loop, "all")]
+        table.add(loop, *(sum(one.verdict == verdict for one in some) for verdict in _VERDICTS))
 
 
 _VERDICTS = ("near", "near, reported", "safe state", "far, reported", "swings, reported", "SILENT")
@@ -266,21 +242,20 @@ def _cell(same: Sequence[Outcome]) -> str:
 
 def main() -> None:
     """Run the loops asked for and write the report."""
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        "robustness",
         loops=(LOOPS, ""),
         groups=([str], "of wrong plants; all where not given"),
         seeds=(2, "how many noises of each"),
         seed=(0, "the first"),
         jobs=1,
-        name=("robustness", "name of the report"),
-        folder=(RESULTS, "where to write it"),
     )
-    report, seeds = Report(asked.name, asked.seed), range(asked.seed, asked.seed + asked.seeds)
+    seeds = range(asked.seed, asked.seed + asked.seeds)
     with ProcessPoolExecutor(asked.jobs) as pool:
         tasks = [pool.submit(outcomes, loop, seeds, asked.groups) for loop in asked.loops]
         add(report, [one for task in tasks for one in task.result()])
-    report.finish(asked.folder)
+    report.finish()
 
 
 if __name__ == "__main__":

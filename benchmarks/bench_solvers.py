@@ -1,22 +1,21 @@
 """Solvers of nonlinear problems against each other on the shipped plans and grasps.
 
-Run ``python -m benchmarks.bench_solvers`` in the root of the repository. Each scene is solved by every solver from the
-same starts; plans also by IPOPT with the Hessian that the other solver needs, so that nothing but the solver differs.
+Each scene is solved by every solver from the same starts; plans also by IPOPT with the Hessian that the other solver
+needs, so that nothing but the solver differs.
 """
 
 from __future__ import annotations
 
 import time
-from pathlib import Path
 from typing import Any
 
-from benchmarks.report import Report, arguments
+from benchmarks.harness import CONFIGS
+from benchmarks.report import begun
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import NLP, Attempt, Budget, Solver, Start
 from continuum_grasp.planning import plan
 from continuum_grasp.scene.load import load
 
-CONFIGS = Path(__file__).parents[1] / "configs"
 PLANS = ("tip_to_point", "past_a_post")
 GRASPS = ("mug", "pinch", "wrap", "mug_arcs", "mug_robust", "box_edge", "table_peg", "preshaped")
 GAUSS_NEWTON = "solver.hessian=gauss_newton"
@@ -31,18 +30,8 @@ KINDS = {
 """Overrides of the scene, by the label of its row."""
 CAP = 2000
 """Iterations of all starts together, so that a solver that does not converge ends too."""
-COLUMNS = [
-    "scene",
-    "solver",
-    "status",
-    "objective",
-    "starts",
-    "converged",
-    "iterations (best)",
-    "iterations",
-    "solver [s of CPU]",
-    "total [s of CPU]",
-]
+COLUMNS = ["scene", "solver", "status", "objective", "starts", "converged", "iterations (best)", "iterations"]
+COLUMNS += ["solver [s of CPU]", "total [s of CPU]"]
 NOTE = (
     "The objective is that of the best start that converged, in units of the problem for grasps; solver is the time of "
     "all its runs, models and derivatives built before; total includes building, starts and verification, but a grasp "
@@ -86,21 +75,18 @@ def timed() -> list[float]:
 
 def main() -> None:
     """Solve every scene by every solver and write the report."""
-    only = arguments(__doc__, only=("", "scenes with this in their name")).only
-    report, spent = Report("solvers", 0), timed()
+    asked, report = begun(__doc__, "solvers", only=("", "scenes with this in their name"))
+    spent = timed()
     for kind, names, row_of in (("plan", PLANS, of_plan), ("grasp", GRASPS, of_grasp)):
-        rows = []
-        for name in names:
-            if only not in f"{kind}/{name}":
-                continue
+        table = report.table(f"Shipped scenes: {kind}", COLUMNS, note=NOTE)
+        for name in [name for name in names if asked.only in f"{kind}/{name}"]:
             for label, overrides in KINDS[kind].items():
                 scene = load(CONFIGS / kind / f"{name}.yaml", [*overrides, f"solver.max_total_iterations={CAP}"])
                 began, spent[0] = time.process_time(), 0.0
-                rows.append([name, label, *row_of(scene), spent[0], time.process_time() - began])
-                print(*rows[-1], flush=True)
-        report.table(f"Shipped scenes: {kind}", COLUMNS, rows, NOTE)
-    if only:
-        report.missing.append(f"all scenes without {only!r}")
+                found = row_of(scene)
+                table.add(name, label, *found, spent[0], time.process_time() - began)
+    if asked.only:
+        report.missing.append(f"all scenes without {asked.only!r}")
     report.finish()
 
 

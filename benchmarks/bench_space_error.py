@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from time import perf_counter
 
 import numpy as np
 
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
 from continuum_grasp import equilibrium, modes
 from continuum_grasp.accuracy.space import apart, motion_within
 from continuum_grasp.errors import ContinuumGraspError
@@ -104,7 +103,7 @@ def scene(random: np.random.Generator) -> tuple[str, Scene]:
     return kind, Scene.model_validate(given)
 
 
-def motion_errors(given: Scene) -> tuple[float, float]:
+def motion_errors(given: Scene) -> tuple[tuple[float, float]]:
     """Estimate and true error of a motion, per length."""
     found = motion_within(given, None)
     print(*found.warnings, flush=True)
@@ -114,7 +113,7 @@ def motion_errors(given: Scene) -> tuple[float, float]:
     reach = 1.5 if given.finger.winches else 10.0
     fine = given.fidelity.replaced(family="clothoid", elements=elements, bending_range=reach)
     exact = simulate(given.replaced(fidelity=fine))
-    return found.space_error, apart(found, exact)
+    return ((found.space_error, apart(found, exact)),)
 
 
 def rest_errors(given: Scene) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -137,12 +136,16 @@ def rest_errors(given: Scene) -> tuple[tuple[float, float], tuple[float, float]]
 
 def main() -> None:
     """Run every scene, and write the report."""
-    given = arguments(__doc__, count=80, seed=0)
-    random, report = np.random.default_rng(given.seed), Report("space_error", given.seed)
+    given, report = begun(__doc__, "space_error", count=80, seed=0)
+    random = np.random.default_rng(given.seed)
     motions = [f"motion, {group}" for group in dict.fromkeys(_KINDS.values())]
     pairs = {name: [] for name in ("motion", *motions, "equilibrium", "first frequency")}
-    rows, began = [], perf_counter()
-    failed = 0
+    summary = report.table(
+        "Share of true errors that the estimate covers",
+        ["", "scenes", "off by more than 1e-4", "covered", "least estimate / true error", "median"],
+    )
+    note = "Motions against 8 clothoids, the rest the exact rod."
+    table = report.table("Estimate / true error", ["model", "motion", "equilibrium", "first frequency"], note=note)
     for k in range(given.count):
         kind, drawn = scene(random)
         elements = drawn.fidelity.elements
@@ -152,39 +155,28 @@ def main() -> None:
             try:
                 found = errors(drawn)
             except (ContinuumGraspError, np.linalg.LinAlgError) as reason:
-                failed += 1
                 print(k, what, names, str(reason).splitlines()[0][:150], flush=True)
                 cells += ["-"] * len(names)
                 continue
-            for name, pair in zip(names, [found] if len(names) == 1 else found, strict=True):
+            for name, pair in zip(names, found, strict=True):
                 if all(map(math.isfinite, pair)):
                     pairs[name].append(pair)
                     if name == "motion":
                         pairs[f"motion, {_KINDS[kind]}"].append(pair)
                 cells.append(f"{pair[0]:.1e} / {pair[1]:.1e}")
-        rows.append([what, *cells])
-        print(k, *rows[-1], round(perf_counter() - began), flush=True)
-    summary = []
+        table.add(what, *cells)
     for name, values in pairs.items():
         estimate, true = np.reshape(values, (-1, 2)).T
         ratio = (estimate / np.maximum(true, 1e-6))[true > 1e-4]
         if name not in motions:
-            report.claim(f"{name}: scenes", len(values), ">=", 0.8 * len(rows))
+            report.claim(f"{name}: scenes", len(values), ">=", 0.8 * given.count)
         if ratio.size:
             covered, least, median = float(np.mean(ratio >= 1.0)), float(ratio.min()), float(np.median(ratio))
             report.claim(f"{name}: share covered of those off by more than 1e-4", covered, ">=", 0.9)
             report.claim(f"{name}: least estimate / true error of these", least, ">=", 0.5)
             report.claim(f"{name}: median", median, "<=", 2.0)
-            summary.append([name, len(values), ratio.size, f"{covered:.0%}", round(least, 2), round(median, 2)])
-    columns = ["", "scenes", "off by more than 1e-4", "covered", "least estimate / true error", "median"]
-    report.table("Share of true errors that the estimate covers", columns, summary)
-    columns, note = (
-        ["model", "motion", "equilibrium", "first frequency"],
-        "Motions against 8 clothoids, the rest the exact rod.",
-    )
-    report.table("Estimate / true error", columns, rows, note)
+            summary.add(name, len(values), ratio.size, f"{covered:.0%}", round(least, 2), round(median, 2))
     report.finish()
-    print("failed", failed)
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
 from tests.tendon_cases import LENGTH, OFFSET, STIFFNESS, Loaded, bend, finger, way
 from tests.truth.tendon import HingedFinger
 
@@ -131,11 +131,10 @@ def loops(friction: float, make: Callable[[bool], Any]) -> dict[str, np.ndarray]
 
 
 def main() -> None:
-    hinges = arguments(__doc__, hinges=60).hinges
-    report = Report("tendons", 0)
+    asked, report = begun(__doc__, "tendons", hinges=60)
     rows: dict[str, list[Any]] = {law: [law] for law in LAWS}
     for k, friction in enumerate(FRICTIONS):
-        exact = loops(friction, lambda _, mu=friction: Chain(mu, hinges))
+        exact = loops(friction, lambda _, mu=friction: Chain(mu, asked.hinges))
         for law, (elements, cells) in LAWS.items():
             found = loops(
                 friction,
@@ -153,7 +152,7 @@ def main() -> None:
         "the force, per the range with the pulling before; force alone: per that of the force's cycles. wall: of the "
         "wall's force."
     )
-    report.table("Loops at rest", ["law", *columns], list(rows.values()), note)
+    report.table("Loops at rest", ["law", *columns], rows.values(), note)
     report.finish()
 
 

@@ -73,17 +73,23 @@ def outcome(kind: str, row: dict[str, Any], effort: str = "") -> Outcome:
     return {"none": _without, "both": _without_two}.get(kind, _held)(kind, row, scene)
 
 
-def _run(scene: GraspScene, what: str, seed: int) -> tuple[GraspResult | None, Outcome]:
-    """The result, and an outcome with its status and times."""
+def solved(scene: GraspScene) -> tuple[GraspResult | None, dict[str, float], str]:
+    """The result of a scene, its processor times, and what was raised in place of a result."""
     began, used = time.perf_counter(), time.process_time()
     try:
         result = optimize_grasp(scene, raise_on_failure=False)
     except Exception as error:  # whatever it is, it is an outcome
-        return None, Outcome(seed, what, "error", note=f"{type(error).__name__}: {error}".splitlines()[0][:120])
-    everything, share = time.perf_counter() - began, time.process_time() - used
-    share /= everything
-    seconds = {k: share * float(v) for k, v in result.statistics.items() if k.endswith("_seconds")}
-    seconds["all_seconds"] = share * everything
+        return None, {}, f"{type(error).__name__}: {error}".splitlines()[0][:200]
+    everything, used = time.perf_counter() - began, time.process_time() - used
+    taken = {k: used / everything * float(v) for k, v in result.statistics.items() if k.endswith("_seconds")}
+    return result, taken | {"all_seconds": used}, ""
+
+
+def _run(scene: GraspScene, what: str, seed: int) -> tuple[GraspResult | None, Outcome]:
+    """The result, and an outcome with its status and times."""
+    result, seconds, note = solved(scene)
+    if result is None:
+        return None, Outcome(seed, what, "error", note=note)
     seconds["after_build_seconds"] = seconds["total_seconds"] - seconds["build_seconds"]
     out = Outcome(seed, what, str(result.status), seconds=seconds, iterations=int(result.statistics["iterations"] or 0))
     if result.solved:

@@ -22,9 +22,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.core.compiler import Compiler, find_compiler
 from continuum_grasp.workers import ProcessPool
 
+ROOT = Path(__file__).parents[1]
+CONFIGS = ROOT / "configs"
 Contestant = Callable[[int], Any]
 
 # What is compiled for the next process would disturb the next measurement.
@@ -35,32 +37,21 @@ CFLAGS = ("-O3", "-march=native", "-fPIC")
 
 @dataclass
 class Timing:
-    """Times of one contestant; seconds."""
+    """Times of one contestant [s]."""
 
-    name: str
-    cold: float | None = None
+    cold: float
     """First call, one evaluation."""
     samples: list[float] = field(default_factory=list)
     """Per evaluation, one sample per round."""
-    count: int = 1
-    """Evaluations in a sample."""
-    converged: int = 0
-    failed: int = 0
-    """Calls that did and did not end well: raised, or returned False."""
-    reason: str = ""
-    """Why the last failed."""
-
-    @property
-    def status(self) -> str:
-        """``ok``, ``failed`` (no sample) or ``partly failed``."""
-        if not self.samples:
-            return "failed"
-        return "partly failed" if self.failed else "ok"
 
     @property
     def median(self) -> float:
-        """Median time of one evaluation [s]; NaN without samples."""
+        """Median time of one evaluation."""
         return quartiles(self.samples)[1]
+
+    def per(self, other: Timing) -> float:
+        """How many times as long as another it takes: median of the ratios within rounds."""
+        return float(np.median(np.divide(self.samples, other.samples)))
 
 
 def quartiles(values: Sequence[float]) -> tuple[float, float, float]:
@@ -72,107 +63,46 @@ def quartiles(values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def race(
-    contestants: Mapping[str, Contestant],
-    *,
-    repeats: int = 31,
-    sample_seconds: float = 0.01,
-    seed: int = 0,
+    contestants: Mapping[str, Contestant], *, repeats: int = 31, sample_seconds: float = 0.01, seed: int = 0
 ) -> dict[str, Timing]:
-    """Time contestants side by side.
+    """Time contestants side by side, in so many rounds of samples of about ``sample_seconds``.
 
-    Parameters
-    ----------
-    contestants : mapping of str to callable
-        Each takes how many evaluations to do. One that raises is dropped; one that returns ``False`` is
-        counted as failed and goes on.
-    repeats : int
-        Rounds.
-    sample_seconds : float
-        How long a sample takes, about.
-    seed : int
-        Of the order within the rounds.
-
-    Returns
-    -------
-    dict of str to Timing
-        ``samples[k]`` of all that never failed belong to the same round.
+    ``seed`` is of the order within the rounds; ``samples[k]`` of all belong to the same round.
     """
-    timings = {name: Timing(name) for name in contestants}
-    for name, run in contestants.items():
-        timings[name].cold = _call(timings[name], run, 1)
-        timings[name].count = _fill(timings[name], run, sample_seconds)
-    order = random.Random(seed)
+    timings = {name: Timing(_seconds(run, 1)) for name, run in contestants.items()}
+    counts = {name: _fill(run, sample_seconds) for name, run in contestants.items()}
+    names, order = list(contestants), random.Random(seed)
     for _ in range(repeats):
-        alive = [name for name in contestants if not _dropped(timings[name])]
-        order.shuffle(alive)
-        for name in alive:
-            timing = timings[name]
-            seconds = _call(timing, contestants[name], timing.count)
-            if seconds is not None:
-                timing.samples.append(seconds / timing.count)
+        order.shuffle(names)
+        for name in names:
+            timings[name].samples.append(_seconds(contestants[name], counts[name]) / counts[name])
     return timings
 
 
-def ratios(timings: Mapping[str, Timing], reference: str) -> dict[str, tuple[float, float, float]]:
-    """How many times as long as the reference each takes: quartiles of the ratios within rounds."""
-    base = timings[reference].samples
-    found = {}
-    for name, timing in timings.items():
-        pairs = zip(timing.samples, base, strict=False)
-        whole = len(timing.samples) == len(base)
-        found[name] = quartiles([a / b for a, b in pairs] if whole else [])
-    return found
-
-
-def _call(timing: Timing, run: Contestant, count: int) -> float | None:
+def _seconds(run: Contestant, count: int) -> float:
     start = time.perf_counter_ns()
-    try:
-        result = run(count)
-    except Exception as error:
-        timing.failed += 1
-        timing.reason = f"{type(error).__name__}: {error}"
-        return None
-    seconds = (time.perf_counter_ns() - start) * 1e-9
-    if result is False:
-        timing.failed += 1
-        timing.reason = "returned False"
-    else:
-        timing.converged += 1
-    return seconds
+    run(count)
+    return (time.perf_counter_ns() - start) * 1e-9
 
 
-def _fill(timing: Timing, run: Contestant, seconds: float) -> int:
+def _fill(run: Contestant, seconds: float) -> int:
     """Evaluations that fill a sample."""
     count = 1
-    while not _dropped(timing):
-        taken = _call(timing, run, count)
-        if taken is None or taken >= 0.5 * seconds or count >= 1 << 30:
-            break
+    while (taken := _seconds(run, count)) < 0.5 * seconds and count < 1 << 30:
         count = min(1 << 30, max(2 * count, int(count * min(1e3, 0.7 * seconds / max(taken, 1e-9)))))
     return count
 
 
-def _dropped(timing: Timing) -> bool:
-    return timing.failed > 0 and timing.reason != "returned False"
-
-
 @contextlib.contextmanager
-def one_core() -> Iterator[int | None]:
-    """Keep this thread, and threads and processes started from it, on one core, where the system allows it.
-
-    Yields
-    ------
-    int or None
-        The core.
-    """
+def one_core() -> Iterator[None]:
+    """Keep this thread, and threads and processes started from it, on one core, where the system allows it."""
     if not hasattr(os, "sched_setaffinity"):
-        yield None
+        yield
         return
     before = os.sched_getaffinity(0)
-    core = max(before)
-    os.sched_setaffinity(0, {core})
+    os.sched_setaffinity(0, {max(before)})
     try:
-        yield core
+        yield
     finally:
         os.sched_setaffinity(0, before)
 
@@ -193,12 +123,12 @@ def spread(
 # C.
 
 
-def compiler() -> str:
+def compiler() -> Compiler:
     """The C compiler that the package itself would use."""
     found = find_compiler()
     if found is None:
         raise RuntimeError("no C compiler found: the benchmarks need CC, cc, gcc or clang")
-    return found.command[0]
+    return found
 
 
 def run(command: Sequence[object], **options: Any) -> str:
@@ -211,10 +141,10 @@ def run(command: Sequence[object], **options: Any) -> str:
     return done.stdout
 
 
-def generated(function: ca.Function, **options: Any) -> str:
+def generated(function: ca.Function) -> str:
     """CasADi's C of a function; RuntimeError if it could not write it: CasADi only warns, and writes an #error."""
-    given = {"casadi_int": "long long int", "with_header": False, **options}
-    generator = ca.CodeGenerator(f"{function.name()}.c", given)
+    options = {"casadi_int": "long long int", "with_header": False, "with_mem": False, "static_aux": True}
+    generator = ca.CodeGenerator(f"{function.name()}.c", options)
     generator.add(function)
     text = str(generator.dump())
     if "#error" in text:
@@ -222,19 +152,24 @@ def generated(function: ca.Function, **options: Any) -> str:
     return text
 
 
-def compiled(folder: Path, name: str, source: str, flags: Sequence[str] = CFLAGS) -> Path:
+def compiled(folder: Path, name: str, source: str, flags: Sequence[str]) -> Path:
     """The object file of a C source, compiled apart from all others."""
     file = folder / f"{name}.c"
     file.write_text(source, encoding="utf-8")
-    run([compiler(), *flags, "-c", file, "-o", file.with_suffix(".o")])
+    run([compiler().command[0], *flags, "-c", file, "-o", file.with_suffix(".o")])
     return file.with_suffix(".o")
 
 
 def linked(folder: Path, objects: Sequence[Path], flags: Sequence[str] = ()) -> ctypes.CDLL:
     """The library of some object files, without optimization across them."""
     library = folder / "linked.so"
-    run([compiler(), "-shared", "-Wl,-Bsymbolic", *objects, "-o", library, *flags, "-lm"])
+    run([compiler().command[0], "-shared", "-Wl,-Bsymbolic", *objects, "-o", library, *flags, "-lm"])
     return ctypes.CDLL(str(library))
+
+
+def work_sizes(function: ca.Function, prefix: str = "SZ") -> dict[str, int]:
+    """Words for the sizes of what a generated function works on."""
+    return {f"{prefix}_{name.upper()}": getattr(function, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
 
 
 def defines(**values: object) -> str:

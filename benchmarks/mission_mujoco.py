@@ -11,16 +11,17 @@ coordinate, and is no ellipsoid. Readings are late and noisy as the mission says
 
 from __future__ import annotations
 
-import argparse
 import math
 from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.baselines import Peer
+from benchmarks.report import Table as ReportTable
+from benchmarks.report import arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import plant_scene
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
@@ -41,8 +42,6 @@ from continuum_grasp.scene.objects import Box
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Table
 
-Array = NDArray[np.float64]
-
 HINGES = 24
 STEP = 5e-5
 """Of MuJoCo [s]: a pad of half a gram on its spring turns by 0.1 rad in it."""
@@ -59,8 +58,6 @@ def scene_of_plant(of: Assignment, variation: Variation) -> Scene:
         tendon_friction=None,
     )
     body = control.object
-    if body is None:
-        raise InputError("a mission has an object")
     x, y = np.array(body.position) + np.array(variation.shift)
     law = mission.contact_law.replaced(friction=mission.contact_law.friction * variation.friction)
     return plant_scene(control.replaced(plant=own)).replaced(
@@ -81,11 +78,9 @@ def with_pads(text: str, scene: Scene) -> str:
     root = ET.fromstring(text)
     law, profile, world = scene.contact_law, scene.finger.profile, root.find("worldbody")
     option, body = root.find("option"), root.find(".//body[@name='object']")
-    if law is None or world is None or option is None or body is None or scene.object is None:
-        raise InputError("a mission needs an object and a contact law")
     option.attrib |= {"timestep": numbers(STEP), "gravity": numbers(0.0, 0.0, -scene.out_of_plane_gravity)}
     option.attrib |= {"impratio": "100", "noslip_iterations": "5"}
-    root.find("default/geom").set("solref", f"{numbers(4.0 * STEP)} 1")  # type: ignore[union-attr]
+    root.find("default/geom").set("solref", f"{numbers(4.0 * STEP)} 1")
     ET.SubElement(body, "joint", name="object_z", type="slide", axis="0 0 1")
     if isinstance(scene.object, Box):
         _as_box(root, body, scene.object)
@@ -107,9 +102,7 @@ def with_pads(text: str, scene: Scene) -> str:
         ET.SubElement(pad, "inertial", pos="0 0 0", mass=numbers(PAD_MASS), diaginertia="1e-8 1e-8 1e-8")
         ET.SubElement(pad, "geom", type="sphere", size=numbers(float(profile.half_thickness(at))), **touch)
     for wall in scene.walls:
-        found = world.find(f"geom[@name='support_{wall.name}']")
-        if found is not None:
-            world.remove(found)
+        world.remove(world.find(f"geom[@name='support_{wall.name}']"))
         (x, y), (nx, ny) = wall.point, wall.normal
         own = law.friction if wall.friction is None else wall.friction
         pad = ET.SubElement(world, "body", name=f"pad_{wall.name}", pos=numbers(x, y, 0.0))
@@ -118,18 +111,15 @@ def with_pads(text: str, scene: Scene) -> str:
         face = {"pos": numbers(-0.1 * nx, -0.1 * ny, 0.0), "euler": numbers(0.0, 0.0, wall.normal_angle)}
         grip = {"contype": "0", "conaffinity": "2", "friction": numbers(own, 0.0, 0.0)}
         ET.SubElement(pad, "geom", type="box", size=numbers(0.1, 0.1, 0.2), **face, **grip)
-    key = root.find("keyframe/key")
-    if key is not None:  # its numbers of joints are those before
-        zeros = sum(1 for _ in world.iter("joint"))
-        key.attrib |= {"qpos": numbers(*[0.0] * zeros), "qvel": numbers(*[0.0] * zeros)}
+    zeros = numbers(*[0.0] * sum(1 for _ in world.iter("joint")))  # the keyframe's are those before
+    root.find("keyframe/key").attrib |= {"qpos": zeros, "qvel": zeros}
     return ET.tostring(root, encoding="unicode")
 
 
 def _as_box(root: ET.Element, body: ET.Element, box: Box) -> None:
     """Two boxes and four rounds in place of the prism over a box's outline, which would touch a face at one point."""
-    asset, (old,) = root.find("asset"), body.findall("geom")
-    if asset is not None:
-        root.remove(asset)
+    (old,) = body.findall("geom")
+    root.remove(root.find("asset"))
     body.remove(old)
     given = {name: str(old.get(name)) for name in ("contype", "conaffinity", "friction")}
     w, h, r = 0.5 * box.width, 0.5 * box.height, box.corner_radius
@@ -146,15 +136,13 @@ def _as_box(root: ET.Element, body: ET.Element, box: Box) -> None:
 
 def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
     """The link of a place along the chain, and where it begins [m]."""
-    found = world.find(".//body[@name='base']")
-    begin = 0.0
-    while found is not None:
-        following = next((one for one in found.findall("body") if str(one.get("name")).startswith("link_")), None)
-        step = math.inf if following is None else float(str(following.get("pos")).split()[1])
-        if following is None or begin + step > at:
-            return found, begin
-        found, begin = following, begin + step
-    raise InputError("the chain has no base")
+    found, begin = world.find(".//body[@name='base']"), 0.0
+    while links := [one for one in found.findall("body") if one.get("name").startswith("link_")]:
+        end = begin + float(links[0].get("pos").split()[1])
+        if end > at:
+            break
+        found, begin = links[0], end
+    return found, begin
 
 
 def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variation) -> dict[str, Any]:
@@ -201,7 +189,7 @@ class _Sensors:
     """What a mission measures, from what MuJoCo answers."""
 
     def __init__(self, of: Assignment, text: str, scene: Scene) -> None:
-        measured, root = of.control.estimator.measured, ET.fromstring(text)  # type: ignore[union-attr]
+        measured, root = of.control.estimator.measured, ET.fromstring(text)
         if measured.tip is None or measured.tension is None or measured.bending is None:
             raise InputError("tip, tensions and bending are measured here", key="estimator.measured")
         self._base, self._at = scene.finger.base.angle, np.array(measured.bending.at)
@@ -251,12 +239,8 @@ def _judged(of: Assignment, table: Timetable, rows: list[tuple[Any, ...]], pads:
 
 def main() -> None:
     """Run the plants of a mission's trials."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("mission")
-    parser.add_argument("--plants", type=int, default=20)
-    parser.add_argument("--set", dest="changes", action="append", default=[])
-    asked = parser.parse_args()
-    mission = load(asked.mission, asked.changes)
+    asked = arguments(__doc__, mission=(..., "file"), plants=20, set=([str], "changes, as of --set"))
+    mission = load(asked.mission, asked.set)
     if not isinstance(mission, MissionScene) or mission.gravity == 0.0:
         raise InputError("expected a mission with its weight out of the plane", file=asked.mission)
     of, *others = assign(mission)
@@ -266,18 +250,16 @@ def main() -> None:
         )
     control, peer = Controller(of.control, deadline=math.inf), Peer("mujoco_mission.py")
     drawn = variations(mission.trials.replaced(count=asked.plants))
-    good = 0
+    columns = ["plant", "", "", "turned off [deg]", "sunk [mm]", "moved [mm]", "force off [%]", "fallbacks"]
+    table, good = ReportTable(asked.mission, columns), 0
+    print(*columns, sep=" | ")
     for k, variation in enumerate(drawn):
         found = carry_out(of, control, peer, variation)
         good += found["held"] and found["released"] and found.get("turned", True)
-        turned = f"turned {math.degrees(found['turn_error']):+.2f} deg off, " if "turn_error" in found else ""
         words = "held" if found["held"] else "dropped", "released" if found["released"] else "not released"
-        print(
-            f"{k + 1}: {turned}{', '.join(words)}, "
-            f"sunk {1e3 * found['sunk']:.2f} mm, moved {1e3 * found['moved']:.2f} mm, "
-            f"force {100.0 * found['force']:+.1f} %, fallbacks {found['fallbacks']}",
-            flush=True,
-        )
+        turned = math.degrees(found["turn_error"]) if "turn_error" in found else ""
+        moved = 1e3 * found["sunk"], 1e3 * found["moved"]
+        table.add(k + 1, *words, turned, *moved, 100.0 * found["force"], found["fallbacks"])
     done = "held and released" if mission.turn is None else "turned, held and released"
     print(f"{good} of {len(drawn)} plants {done} the object")
     peer.close()

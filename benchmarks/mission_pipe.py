@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks.harness import CONFIGS
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.plant import MissionPlant, Timetable, Variation, mission_plant_model
 from continuum_grasp.scene.load import load
 
-MUG = Path(__file__).parents[1] / "configs/mission/mug.yaml"
+MUG = CONFIGS / "mission/mug.yaml"
 
 
 def main(program: str, *changes: str) -> int:

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import SimpleQueue
 
-from benchmarks.report import Report, arguments
+from benchmarks.harness import ROOT
+from benchmarks.report import begun
 
-ROOT = Path(__file__).parents[1]
 PATIENCE = 600.0
 """Wall time after which the tests of a fault are stopped [s]; a program that no longer ends is noticed by anyone."""
 CAUGHT = 0.95
@@ -123,7 +123,8 @@ def tried(folder: Path, fault: Fault, count: int) -> Verdict:
 
 def main() -> int:
     """Try every fault and write the report; 1 where fewer than the limit are noticed."""
-    asked = arguments(__doc__, only=("", "faults whose file name contains this"), jobs=(os.cpu_count() or 1, ""))
+    only, jobs = ("", "faults whose file name contains this"), (os.cpu_count() or 1, "")
+    asked, report = begun(__doc__, "mutants", only=only, jobs=jobs)
     faults = [fault for fault in FAULTS if asked.only in fault.file]
     for fault in faults:
         fault.put_into((ROOT / fault.file).read_text(encoding="utf-8"))  # all apply, or nothing is tried
@@ -151,7 +152,6 @@ def main() -> int:
     print(f"{caught} of {len(counted)} caught")
     if asked.only:
         return int(caught < CAUGHT * len(counted))
-    report = Report("mutants", 0)
     columns = ["file", "right", "wrong", "verdict", "first test that failed, or reason"]
     rows = [[v.fault.file, v.fault.right, v.fault.wrong, v.word, v.fault.reason or v.test] for v in verdicts]
     report.table("Faults", columns, rows, "Quick tests of the module alone, up to the first failure.")

@@ -9,13 +9,12 @@ import ctypes
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.errors import SolverError
-
-Array = NDArray[Any]
 
 STATUS = {
     0: "solved",
@@ -103,14 +102,8 @@ class RealTimeIteration:
     one left. It runs in C on memory of this object, by ``settings``; use one object per thread. What the C refuses is a
     SolverError with the status.
 
-    Parameters
-    ----------
-    stages : Stages
-        The problem.
-    precision : {"double", "float"}
-        Floating-point type of the C; arguments may be doubles in either case.
-    lanes : bool
-        Whether stages are linearized side by side in vector lanes.
+    ``precision`` is the floating-point type of the C, "double" or "float"; arguments may be doubles in either case.
+    With ``lanes`` stages are linearized side by side in vector lanes.
     """
 
     def __init__(self, stages: Stages, *, precision: str = "double", lanes: bool = True) -> None:
@@ -168,16 +161,10 @@ class RealTimeIteration:
             self._must(self._library.rti_rollout(self._plan_at, self._work_at, *given))
 
     def step(self, x0: ArrayLike, refs: ArrayLike | None = None, p: ArrayLike | None = None) -> Report:
-        """An iteration; ``plan[1][0]`` is the input to apply.
+        """An iteration from a state x0 (nx); ``plan[1][0]`` is the input to apply.
 
-        Parameters
-        ----------
-        x0 : (nx,) array_like
-            The state.
-        refs : (N + 1, nr) or (nr,) array_like, optional
-            Setpoints of the nodes, or one row for all; by default those of the last call (zero at first).
-        p : (np,) array_like, optional
-            Parameters; by default those of the last call (nominal at first).
+        ``refs`` are the setpoints of the nodes (N + 1, nr), or one row for all; by default those of the last call (zero
+        at first). ``p`` are parameters (np); by default those of the last call (nominal at first).
         """
         self.prepare(refs, p)
         return self.feedback(x0)

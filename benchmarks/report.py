@@ -7,17 +7,15 @@ import json
 import math
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import CFLAGS, Timing, compiler, quartiles, ratios, run
+from benchmarks.harness import CFLAGS, compiler, run
+from continuum_grasp.results.record import created_now, machine, versions
 
 RESULTS = Path(__file__).with_name("results")
-PACKAGES = ("casadi", "numpy", "continuum-grasp")
 
 
 def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
@@ -28,8 +26,9 @@ def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
     doc : str
         Of the benchmark.
     **options
-        By name: a default, or a tuple of it, of what it is, and of choices. ``False`` is a switch, a type stands for
-        none of that type, a tuple for some of its entries, a list for any values, or for some of the choices.
+        By name: a default, or a tuple of it, of what it is, and of choices. ``...`` has to be given, without dashes;
+        ``False`` is a switch, a type stands for none of that type, a tuple for some of its entries, a list for any
+        values, or for some of the choices.
     """
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name, option in options.items():
@@ -44,10 +43,25 @@ def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
         elif isinstance(default, list):
             (entry,) = {value if isinstance(value, type) else type(value) for value in default}
             kind = {"default": [] if entry in default else default, "nargs": "*", "type": entry}
+        if default is ...:
+            kind = {}
         if choices:
             kind["choices"] = list(*choices)
-        parser.add_argument(f"--{name.replace('_', '-')}", help=words, **kind)
+        parser.add_argument(name if default is ... else f"--{name.replace('_', '-')}", help=words, **kind)
     return parser.parse_args()
+
+
+def begun(
+    doc: str | None, name: str | Callable[[argparse.Namespace], str], **options: Any
+) -> tuple[argparse.Namespace, Report]:
+    """What the command line asks for, as ``arguments`` reads it, and the report that is to be filled.
+
+    Its name may depend on what is asked for; ``--name`` and ``--folder``, which every benchmark has, say otherwise.
+    """
+    own = {"name": (str, "of the report"), "folder": (RESULTS, "where the report goes")}
+    asked = arguments(doc, **options, **own)
+    usual = name if isinstance(name, str) else name(asked)
+    return asked, Report(asked.name or usual, getattr(asked, "seed", 0), asked.folder)
 
 
 def describe() -> dict[str, Any]:
@@ -57,9 +71,8 @@ def describe() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "governor": _read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor") or "not readable",
         "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
-        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
-        "python": platform.python_version(),
-        **{name: _version(name) for name in PACKAGES},
+        "system": " ".join(machine()[key] for key in ("system", "release", "architecture")),
+        **versions(),
         "compiler": _compiler_version(),
         "flags": " ".join(CFLAGS),
     }
@@ -71,8 +84,13 @@ class Table:
 
     title: str
     columns: list[str]
-    rows: list[list[Any]]
+    rows: list[list[Any]] = field(default_factory=list)
     note: str = ""
+
+    def add(self, *cells: Any) -> None:
+        """Add a row, and print it."""
+        self.rows.append(list(cells))
+        print(*(f"{cell:.4g}" if isinstance(cell, float) else cell for cell in cells), sep=" | ", flush=True)
 
 
 @dataclass
@@ -96,50 +114,21 @@ class Report:
     """Collects what one benchmark found and writes it."""
 
     name: str
-    seed: int
+    seed: int = 0
+    folder: Path = RESULTS
     tables: list[Table] = field(default_factory=list)
     claims: list[Claim] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     """What could not be measured, and why."""
     machine: dict[str, Any] = field(default_factory=describe)
 
-    def table(self, title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]], note: str = "") -> None:
-        """Add a table."""
+    def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]] = (), note: str = "") -> Table:
+        """Add a table, to which rows may be added."""
         self.tables.append(Table(title, list(columns), [list(row) for row in rows], note))
-
-    def add_race(
-        self,
-        title: str,
-        timings: Mapping[str, Timing],
-        reference: str,
-        *,
-        extra: Mapping[str, Sequence[Any]] | None = None,
-        extra_columns: Sequence[str] = (),
-        note: str = "",
-    ) -> dict[str, float]:
-        """Add times of one race and their ratios to the reference.
-
-        Returns
-        -------
-        dict of str to float
-            Median ratio of each to the reference.
-        """
-        found = ratios(timings, reference)
-        rows = []
-        for name, timing in timings.items():
-            low, middle, high = quartiles(timing.samples)
-            ns = [1e9 * middle, 1e9 * low, 1e9 * high]
-            cold = math.nan if timing.cold is None else 1e6 * timing.cold
-            more = list((extra or {}).get(name, [""] * len(extra_columns)))
-            rows.append([name, *ns, found[name][1], cold, *more, timing.reason or timing.status])
-        columns = ["", "median [ns]", "quartile 1 [ns]", "quartile 3 [ns]", f"times {reference}", "cold [us]"]
-        self.table(title, [*columns, *extra_columns, "status"], rows, note)
-        return {name: ratio[1] for name, ratio in found.items()}
+        return self.tables[-1]
 
     def claim(self, what: str, value: float, relation: str, limit: float) -> None:
         """Record a limit and the figure that has to keep it."""
-        if relation not in ("<=", ">="):
-            raise ValueError(f"relation must be <= or >=, got {relation!r}")
         self.claims.append(Claim(what, float(value), relation, limit))
 
     @property
@@ -153,7 +142,7 @@ class Report:
         """Everything, with plain JSON numbers (NaN as null)."""
         data = {
             "name": self.name,
-            "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "created": created_now(),
             "status": self.status,
             "seed": self.seed,
             "machine": self.machine,
@@ -163,18 +152,13 @@ class Report:
         }
         return plain(data)
 
-    def write(self, folder: Path = RESULTS) -> tuple[Path, Path]:
-        """Write ``<name>.json`` and ``<name>.md`` made from it."""
-        folder.mkdir(parents=True, exist_ok=True)
-        data = self.as_json()
-        files = folder / f"{self.name}.json", folder / f"{self.name}.md"
-        files[0].write_text(json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        files[1].write_text(markdown(data), encoding="utf-8")
-        return files
-
-    def finish(self, folder: Path = RESULTS) -> None:
-        """Write both files; print where they are, the limits that are not met, and the status."""
-        print(*self.write(folder), sep="\n")
+    def finish(self) -> None:
+        """Write ``<name>.json``, and ``<name>.md`` made from it; print where, the limits not met, and the status."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        data, file = self.as_json(), self.folder / self.name
+        for suffix, text in ((".json", json.dumps(data, indent=1, allow_nan=False) + "\n"), (".md", markdown(data))):
+            file.with_name(file.name + suffix).write_text(text, encoding="utf-8")
+            print(f"{file}{suffix}")
         for claim in self.claims:
             if not claim.met:
                 print("BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")
@@ -244,15 +228,8 @@ def _read(path: str) -> str:
         return ""
 
 
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:
-        return "not installed"
-
-
 def _compiler_version() -> str:
     try:
-        return run([compiler(), "--version"]).splitlines()[0]
+        return run([compiler().command[0], "--version"]).splitlines()[0]
     except (RuntimeError, OSError) as error:
         return f"none ({error})"

@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.rod.dense_rod import Mesh, panel_edges, with_places
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.frequencies import mass_matrix
 from continuum_grasp.scene import Scene
-
-Array = NDArray[np.float64]
 
 _PANEL, _NODES = 1 / 48, 6
 """Greatest length of a panel per that of the rod, and its Gauss nodes: exact to rounding for tapers to a tenth."""

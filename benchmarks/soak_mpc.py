@@ -1,9 +1,9 @@
 """A million steps of controllers in closed loops, with everything wrong that a controller may be given.
 
-Run ``python -m benchmarks.soak_mpc`` in the root of the repository. Scenes run in worker processes, so that a crash is
-seen; references, disturbances, pushes and what is injected are drawn at random. After every step: the command
-is finite and within the limits of input and rate, the status is one of the documented ones, and each fault injected
-shows among the anomalies. A controller that trips is left to its ramp for a while and then begins anew.
+Scenes run in worker processes, so that a crash is seen; references, disturbances, pushes and what is injected are drawn
+at random. After every step: the command is finite and within the limits of input and rate, the status is one of the
+documented ones, and each fault injected shows among the anomalies. A controller that trips is left to its ramp for a
+while and then begins anew.
 
 With ``--nominal`` nothing is injected; references jump, and fingers are stiffer or softer by up to a fifth: nothing may
 trip.
@@ -18,16 +18,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks import mpc_cases
-from benchmarks.harness import CFLAGS, spread
-from benchmarks.mpc_world import World
-from benchmarks.report import RESULTS, Report, arguments
+from benchmarks.harness import CONFIGS, spread
+from benchmarks.mpc import cases as mpc_cases
+from benchmarks.mpc.world import World
+from benchmarks.report import Report, begun
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Anomaly, Health, Status
-
-Array = NDArray[np.float64]
 
 SCENES = {
     "circle": ("mpc/tip_circle.yaml", "double", 0.25),
@@ -102,7 +100,7 @@ class Soak:
     def __init__(self, name: str, seed: int, nominal: bool = False) -> None:
         self.nominal, self.tripped = nominal, 0
         file, self.precision, _ = SCENES[name]
-        scene: Any = mpc_cases.CONFIGS / file if file else _measured_state()
+        scene: Any = CONFIGS / file if file else _measured_state()
         self.control = Controller(scene, precision=self.precision, deadline=math.inf)
         self.world, self.rng, self.counts = World(self.control), np.random.default_rng(seed), Counts()
         stages, ranges = self.control.stages, self.world.ranges
@@ -113,7 +111,7 @@ class Soak:
         self.plant_p = self.p.copy()
         self.rate = np.full(stages.nu, self.control.scene.controller.input.rate_max or np.inf)
         self.events = list(EVENTS)
-        self.chances = np.array([EVENTS[name][1] for name in EVENTS])
+        self.chances = np.array([chance for _, chance in EVENTS.values()])
         self.safe = np.clip(np.zeros(stages.nu), stages.u_min, stages.u_max)
         self.before, self.old = self.safe, 0
         self.applied: Array | None = None
@@ -146,9 +144,8 @@ class Soak:
         return found
 
     def _events(self) -> set[str]:
-        chosen = {
-            n for n, hit in zip(self.events, self.rng.random(len(self.events)) < self.chances, strict=True) if hit
-        }
+        hits = self.rng.random(len(self.events)) < self.chances
+        chosen = {name for name, hit in zip(self.events, hits, strict=True) if hit}
         if self.burst[1] > 0:
             chosen.add(self.burst[0])
             self.burst = (self.burst[0], self.burst[1] - 1)
@@ -159,10 +156,10 @@ class Soak:
     def _inputs(self) -> tuple[dict[str, Any], set[str], bool]:
         """Arguments of a step, what was injected in them, and whether a measurement jumps."""
         rng, ranges, stages = self.rng, self.world.ranges, self.stages
+        chosen = set() if self.nominal else self._events()
+        measurement = self.measurement + self.noise * rng.normal(size=len(self.noise))
         if self.nominal:
-            measurement = self.measurement + self.noise * rng.normal(size=len(self.noise))
             return {"measurement": measurement, "reference": self.reference, "late": False}, set(), False
-        chosen, measurement = self._events(), self.measurement + self.noise * rng.normal(size=len(self.noise))
         size, limits = len(measurement), ranges.measurement
         jumps = rng.random() < OUTLIER
         if jumps:
@@ -295,86 +292,77 @@ class Soak:
 
 def _measured_state() -> Any:
     """Arcs whose whole state is measured; their moment has a rate limit."""
-    scene = mpc_cases.arcs(steps=1).scene
-    controller = scene.controller.model_copy(
-        update={"input": scene.controller.input.model_copy(update={"rate_max": 10.0})}
-    )
-    return scene.model_copy(update={"controller": controller})
+    return mpc_cases.arcs(steps=1).scene.changed({"controller.input.rate_max": 10.0})
 
 
-def counts_of(task: tuple[str, int, int, bool]) -> dict[str, Any]:
+def counts_of(task: tuple[str, int, int, bool]) -> Counts:
     """The counts of a scene: its name, steps, seed, and whether nothing is injected."""
     name, steps, seed, nominal = task
-    return vars(Soak(name, seed, nominal).run(steps))
+    return Soak(name, seed, nominal).run(steps)
 
 
-def add(report: Report, found: dict[str, dict[str, Any]], nominal: bool) -> None:
+def add(report: Report, found: dict[str, Counts], nominal: bool) -> None:
     """Claims and tables."""
     if nominal:
-        report.claim("trips", sum(data["trips"] for data in found.values()), "<=", 0)
-    total = sum(data["steps"] for data in found.values())
-    report.claim("steps", total, ">=", 1_000_000)
-    broken = [sum(data["broken"].values()) for data in found.values()]
-    report.claim("broken promises (commands, statuses, restored states)", sum(broken), "<=", 0)
-    injected = sum(sum(data["injected"].values()) for data in found.values())
-    unseen = sum(sum(data["unseen"].values()) for data in found.values())
+        report.claim("trips", sum(counts.trips for counts in found.values()), "<=", 0)
+    report.claim("steps", sum(counts.steps for counts in found.values()), ">=", 1_000_000)
+    broken = sum(counts.broken.total() for counts in found.values())
+    report.claim("broken promises (commands, statuses, restored states)", broken, "<=", 0)
+    injected, unseen = (sum(getattr(c, name).total() for c in found.values()) for name in ("injected", "unseen"))
     report.claim(f"injected anomalies that no status shows, of {injected}", unseen, "<=", 0)
-    rows = []
-    for name, data in found.items():
-        statuses = [int(data["statuses"].get(s.name.lower(), 0)) for s in Status]
-        row = [name, data["steps"], sum(data["broken"].values()), sum(data["injected"].values()), *statuses]
-        seen = f"{data['outliers_seen']}/{data['outliers']}"
-        rows.append([*row, seen, data["plant_resets"], data["restored"], 1e6 * data["seconds"] / data["steps"]])
     columns = ["scene", "steps", "broken", "injected", *(s.name.lower() for s in Status), "jumps reported"]
     columns += ["plant resets", "restored", "us per step"]
     note = (
         "jumps reported: of measurements that jump within their range, those that the status calls outliers, which an "
         "estimator that is unsure or a controller without one cannot; us per step: with plant and checks, in Python."
     )
-    report.table("Steps", columns, rows, note)
+    table = report.table("Steps", columns, note=note)
+    for name, counts in found.items():
+        statuses = [counts.statuses[status.name.lower()] for status in Status]
+        row = [name, counts.steps, counts.broken.total(), counts.injected.total(), *statuses]
+        seen = f"{counts.outliers_seen}/{counts.outliers}"
+        table.add(*row, seen, counts.plant_resets, counts.restored, 1e6 * counts.seconds / counts.steps)
     kinds = {
         "injected": ("Injected", list(EVENTS)),
         "health": ("Health", [health.name.lower() for health in Health]),
         "anomalies": ("Anomalies reported", [(a.name or "").lower() for a in Anomaly]),
     }
     for key, (title, names) in kinds.items():
-        rows = [[kind, *(int(data[key].get(kind, 0)) for data in found.values())] for kind in names]
-        rows += [["trips", *(int(data["trips"]) for data in found.values())]] * (key == "health")
+        rows = [[kind, *(getattr(counts, key)[kind] for counts in found.values())] for kind in names]
+        rows += [["trips", *(counts.trips for counts in found.values())]] * (key == "health")
         report.table(title, ["", *found], rows)
-    examples = [[name, text] for name, data in found.items() for text in data["examples"]]
+    examples = [[name, text] for name, counts in found.items() for text in counts.examples]
     if examples:
         report.table("Broken", ["scene", ""], examples)
 
 
 def main() -> None:
     """Run all scenes and write the report."""
-    asked = arguments(
+    asked, report = begun(
         __doc__,
+        lambda asked: "soak_nominal" if asked.nominal else "soak_mpc",
         steps=(1_000_000, "of all scenes together"),
         scenes=(tuple(SCENES), ""),
         jobs=(1, "processes at once"),
         seed=0,
         nominal=(False, "inject nothing: no trip is allowed"),
-        name=("soak_mpc", "name of the report"),
-        folder=(RESULTS, "where to write it"),
     )
-    report = Report(asked.name, asked.seed)
-    report.machine["flags"] = f"of the package; plant: {' '.join(CFLAGS)}"
+    report.machine["flags"] = "of the package"
     whole = sum(SCENES[name][2] for name in asked.scenes)
     tasks = [
         (name, math.ceil(asked.steps * SCENES[name][2] / whole), asked.seed + k, asked.nominal)
         for k, name in enumerate(asked.scenes)
     ]
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[str, Counts] = {}
     for (name, *_), counts, error in spread(counts_of, tasks, asked.jobs):
         if error is None:
             found[name] = counts
-            print(name, counts["steps"], "steps,", sum(counts["broken"].values()), "broken", flush=True)
+            print(name, counts.steps, "steps,", counts.broken.total(), "broken", flush=True)
         else:
             report.claim(f"{name}: crashes", 1, "<=", 0)
             print(name, "ended with", error, flush=True)
     add(report, {name: found[name] for name in asked.scenes if name in found}, asked.nominal)
-    report.finish(asked.folder)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 import continuum_grasp as cg
-from benchmarks.report import Report, arguments
+from benchmarks.report import begun
 from continuum_grasp.environments import TASKS, FingerEnv, FingerVectorEnv
 
 PLANTS, TRIED = 256, 64
@@ -126,27 +126,22 @@ def cost_of_controller() -> Any:
 
 
 def main() -> None:
-    asked = arguments(__doc__, steps=(2e6, "environment steps of the training"), seed=0)
+    asked, report = begun(__doc__, "train_reach", steps=(2e6, "environment steps of the training"), seed=0)
     model, env = learner(asked.seed)
     began = time.thread_time()
     model.learn(int(asked.steps))
     taken = time.thread_time() - began
     policy, controller = cost_of_policy(model, env, lanes(TRIED)), cost_of_controller()
-    ratio = float(policy.mean() / controller.mean())
-    report = Report("train_reach", asked.seed)
-    report.claim("cost of the policy per that of the controller", ratio, "<=", WITHIN)
-    columns = ["agent", "mean cost", "median", "worst"]
-    rows = [
-        [name, float(cost.mean()), float(np.median(cost)), float(cost.max())]
-        for name, cost in (("policy (state)", policy), ("controller (tip, tension)", controller))
-    ]
+    report.claim("cost of the policy per that of the controller", policy.mean() / controller.mean(), "<=", WITHIN)
     note = (
         f"PPO of stable-baselines3 {stable_baselines3.__version__}, {model.num_timesteps} environment steps, "
         f"{taken:.0f} s of CPU time; costs of {TRIED} plants over 1 s."
     )
-    report.table("Reach: a policy beside the controller", columns, rows, note)
+    columns = ["agent", "mean cost", "median", "worst"]
+    table = report.table("Reach: a policy beside the controller", columns, note=note)
+    for name, cost in (("policy (state)", policy), ("controller (tip, tension)", controller)):
+        table.add(name, float(cost.mean()), float(np.median(cost)), float(cost.max()))
     report.finish()
-    print(note, *rows, f"ratio {ratio:.3f}", report.status, sep="\n")
 
 
 if __name__ == "__main__":

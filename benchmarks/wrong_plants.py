@@ -9,14 +9,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.scene.control import ControlScene
-
-Array = NDArray[np.float64]
 
 FAULT = 1.0
 """When sensors fail [s]: after the first motion."""
@@ -30,37 +29,25 @@ _TENSION_DRIFT = 0.05
 
 @dataclass(frozen=True)
 class Wrong:
-    """One way in which a plant differs.
-
-    Attributes
-    ----------
-    group, name : str
-    plant : mapping
-        Keys of the scene's ``plant``; ``lag`` and ``extra_delay`` are factors of the controller's time constant and
-        periods beyond its delay, ``tip_masses`` a factor of the mass at the tip.
-    readings : tuple of str
-        Entries of a measurement, by their names, that ``fault`` is about.
-    fault : str
-        What becomes of them: swapped, stuck, drift, missing, outliers.
-    commands : str
-        swapped: the two tensions, or the sign of a moment.
-    period : float
-        Time between two calls of the controller, in periods.
-    clock : bool
-        Whether the controller is given the time.
-    mild : bool
-        Whether the loop has to stay as good as the ideal one.
-    """
+    """One way in which a plant differs."""
 
     group: str
     name: str
     plant: Mapping[str, Any] = field(default_factory=dict)
+    """Keys of the scene's ``plant``; ``lag`` and ``extra_delay`` are factors of the controller's time constant and
+    periods beyond its delay, ``tip_masses`` a factor of the mass at the tip."""
     readings: tuple[str, ...] = ()
+    """Entries of a measurement, by their names, that ``fault`` is about."""
     fault: str = ""
+    """What becomes of them: swapped, stuck, drift, missing, outliers."""
     commands: str = ""
+    """swapped: the two tensions, or the sign of a moment."""
     period: float = 1.0
+    """Time between two calls of the controller, in periods."""
     clock: bool = False
+    """Whether the controller is given the time."""
     mild: bool = False
+    """Whether the loop has to stay as good as the ideal one."""
 
 
 def wrongs(scene: ControlScene) -> list[Wrong]:
@@ -97,17 +84,7 @@ def wrongs(scene: ControlScene) -> list[Wrong]:
 
 
 class Bench:
-    """A shipped loop with plants that differ; one of each structure is compiled.
-
-    Parameters
-    ----------
-    scene : ControlScene
-
-    Attributes
-    ----------
-    scene : ControlScene
-    control : Controller
-    """
+    """A shipped loop with plants that differ; one of each structure is compiled."""
 
     def __init__(self, scene: ControlScene) -> None:
         self.scene = scene

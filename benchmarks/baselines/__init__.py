@@ -7,7 +7,7 @@ import os
 import subprocess
 import tempfile
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 VARIABLE = "CONTINUUM_GRASP_PEERS_PYTHON"
 """Names the interpreter that has the other libraries; see ``release_peers``."""
@@ -38,16 +38,8 @@ class Peer:
         except OSError as error:
             raise PeerError(f"cannot run {interpreter}: {error}") from error
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def ask(self, **request: Any) -> dict[str, Any]:
         """One request, a line of JSON, and its answer."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
         try:
             self._process.stdin.write(json.dumps(request) + "\n")
             self._process.stdin.flush()
@@ -60,7 +52,6 @@ class Peer:
 
     def close(self) -> None:
         """End the process."""
-        assert self._process.stdin is not None
         self._process.stdin.close()
         try:
             self._process.wait(timeout=10)

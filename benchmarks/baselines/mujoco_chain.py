@@ -19,21 +19,11 @@ import numpy as np
 class Chain:
     """One chain with one integrator and one time step.
 
-    Parameters
-    ----------
-    rod : dict
-        length, mass_per_length, bending_stiffness, rotary_inertia (per length), damping [N m2 s], tip_mass, gravity
-        (x, y) and bend: angles at equally spaced places at time zero; the clamped rod points along +x. Of ``middle``
-        all that counts is chains: the exported texts by number of hinges.
-    hinges : int
-    layout : {"middle", "clamp"}
-    integrator : str
-        As MuJoCo calls it.
-    steps : int
-        Per second.
-    staggered : bool
-        Start with the velocity of half a step before, which makes the semi-implicit methods a leapfrog: of second
-        order in the positions where forces do not depend on velocities.
+    ``rod`` has length, mass_per_length, bending_stiffness, rotary_inertia (per length), damping [N m2 s], tip_mass,
+    gravity (x, y) and bend: angles at equally spaced places at time zero; the clamped rod points along +x. Of the
+    layout ``middle`` all that counts is chains: the exported texts by number of hinges. Integrators are as MuJoCo
+    calls them, ``steps`` per second. ``staggered``: start with the velocity of half a step before, which makes the
+    semi-implicit methods a leapfrog: of second order in the positions where forces do not depend on velocities.
     """
 
     def __init__(

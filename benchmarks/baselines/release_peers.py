@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -55,16 +56,9 @@ class ReleasePeers(Peer):
     ) -> PeerRun:
         """Build a simulation under a name and, with frames, run it for a second.
 
-        Parameters
-        ----------
-        name : str
-        kind : {"mujoco", "pyelastica", "soromox", "jsrm"}
-        rod : mapping
-            See ``describe_rod``.
-        settings : mapping
-            Arguments of the class in ``mujoco_chain``, ``pyelastica_rod`` or ``segment_release``.
-        frames : int
-            Instants in the second, or as many of them as are ends of steps; 0 for none.
+        ``kind`` is mujoco, pyelastica, soromox or jsrm, whose class in ``mujoco_chain``, ``pyelastica_rod`` or
+        ``segment_release`` takes the settings; ``rod`` is from ``describe_rod``. ``frames`` are instants in the second,
+        or as many of them as are ends of steps; 0 for none.
         """
         reply = self.ask(make=name, kind=kind, rod=dict(rod), settings=dict(settings), frames=frames)
         tip = np.empty((0, 2)) if reply["tip"] is None else np.array(reply["tip"], dtype=float)
@@ -91,9 +85,8 @@ def describe_rod(scene: Scene, truth: Truth) -> dict[str, Any]:
         bend = held.angle(np.linspace(0.0, length, _PLACES)) - finger.base.angle
     middles = (np.arange(_PLACES - 1) + 0.5) * length / (_PLACES - 1)
     stiffness, density = profile.bending_stiffness(middles), profile.linear_density(middles)
-    moments = [
-        (channel.to, float(np.dot(channel.arms, _tensions(scene)))) for channel in finger.channels if _tensions(scene)
-    ]
+    tensions = () if scene.actuation is None else scene.actuation.tensions or ()  # constant ones [N]
+    moments = [(channel.to, float(np.dot(channel.arms, tensions))) for channel in finger.channels if tensions]
     if any(channel.shape(0.5 * channel.to) != 1.0 for channel in finger.channels):
         raise ValueError("the peers can take tendons of constant offset only")
     return {
@@ -116,12 +109,6 @@ def describe_rod(scene: Scene, truth: Truth) -> dict[str, Any]:
         "marks": sorted({*profile.breaks, *(to for to, _ in moments if to < length)}),
         "chains": {str(hinges): export_mjcf(scene, hinges=hinges).text for hinges in HINGES},
     }
-
-
-def _tensions(scene: Scene) -> list[float]:
-    """Constant tensions of a scene [N]."""
-    tensions = None if scene.actuation is None else scene.actuation.tensions
-    return [float(one) for one in tensions or ()]  # type: ignore[arg-type]
 
 
 # MuJoCo: the settings of a hinge chain that are tried, and the best of them.
@@ -161,30 +148,22 @@ def sweep(
     peers: ReleasePeers, rod: Mapping[str, Any], hinges: int, reference: Motion, thin: bool = False
 ) -> list[ChainRun]:
     """All settings that run through, for one number of hinges; every other time step where ``thin``."""
-    found = []
-    for layout in ("middle", "clamp") if rod["uniform"] else ("middle",):
-        for settings in _settings(hinges, layout, STEPS[::2] if thin else STEPS):
-            motion = peers.make("swept", "mujoco", rod, settings)
-            error = rms_error(motion.tip, reference)
-            if error < 0.1 * rod["length"]:
-                found.append(ChainRun(settings, error, motion.cold))
+    found, layouts = [], ("middle", "clamp") if rod["uniform"] else ("middle",)
+    for layout, (integrator, staggered), steps in product(layouts, METHODS, STEPS[::2] if thin else STEPS):
+        settings = {"hinges": hinges, "layout": layout, "integrator": integrator, "staggered": staggered}
+        settings |= {"steps": steps}
+        motion = peers.make("swept", "mujoco", rod, settings)
+        error = rms_error(motion.tip, reference)
+        if error < 0.1 * rod["length"]:
+            found.append(ChainRun(settings, error, motion.cold))
     return found
-
-
-def _settings(hinges: int, layout: str, steps: tuple[int, ...]) -> Iterator[dict[str, Any]]:
-    for integrator, staggered in METHODS:
-        own = {"hinges": hinges, "layout": layout, "integrator": integrator, "staggered": staggered}
-        yield from ({**own, "steps": count} for count in steps)
 
 
 def best(runs: list[ChainRun]) -> dict[str, ChainRun]:
     """The settings that are compared, of one number of hinges.
 
-    Returns
-    -------
-    dict
-        ``fastest``: the fewest evaluations with at most 1.5 times the error that the better layout has with the finest
-        steps, whatever its start; ``plain``: the same without the staggered start. Equal ones by error.
+    ``fastest``: the fewest evaluations with at most 1.5 times the error that the better layout has with the finest
+    steps, whatever its start; ``plain``: the same without the staggered start. Equal ones by error.
     """
     fine = min((r.error for r in runs if r.settings["steps"] == STEPS[-1]), default=math.inf)
     near = [r for r in runs if r.error <= _AT_ITS_ERROR * fine]
@@ -203,14 +182,7 @@ _SHORT = 1e-3
 
 
 def check(peers: ReleasePeers, rod: Mapping[str, Any], reference: Motion) -> tuple[Table, str, PeerRun]:
-    """Errors of PyElastica's rods, and what remains after extrapolation.
-
-    Returns
-    -------
-    Table
-    str, PeerRun
-        Name under which the rod that is timed was made, and its motion.
-    """
+    """Errors of PyElastica's rods, and what remains after extrapolation; name and motion of the rod that is timed."""
     rows: list[list[Any]] = []
 
     def make(elements: int, thickness: float, shifted: bool = True) -> tuple[str, PeerRun]:

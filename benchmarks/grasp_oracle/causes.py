@@ -11,7 +11,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.geometry import Posture
 from benchmarks.grasp_oracle.numbers import numbers
@@ -20,9 +19,6 @@ from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["CAUSES", "tighten", "tighten_two", "tightened"]
-
-Array = NDArray[Any]
 CAUSES = ("tension", "friction", "mass", "strain", "reach", "clearance", "tension", "friction", "mass", "bend")
 """Taken in turn."""
 PAIRS = (("strain", "tension"), ("strain", "friction"), ("strain", "tension"), ("strain", "mass"), ("bend", "tension"))
@@ -56,44 +52,39 @@ def tighten_two(seed: int, number: int) -> dict[str, Any] | None:
         return None
     row: dict[str, Any] = {}
     if shape == "strain":
-        row["diameter"] = scene.setups[0].finger.rod.diameter or 0.3 * scene.setups[0].finger.thickness_radius
+        row["diameter"] = _diameter(scene)
         least *= 0.5 * row["diameter"] / (search.hand.radius or search.hand.length)
-    if shape == "strain" and least > 0.5:
-        return None
+        if least > 0.5:
+            return None
     needs, limits = [least, second["needed"]], [least * random.uniform(*TIGHT), second["limit"]]
     return {"causes": [shape, force], "needed": needs, "limits": limits, **row}
 
 
 def tightened(row: dict[str, Any]) -> GraspScene:
     """The scene of a row."""
-    scene = scene_of("one", row["scene"])
-    causes = row["causes"] if "causes" in row else [row["cause"]]
-    limits = row["limits"] if "limits" in row else [row["limit"]]
+    changes: dict[str, Any] = {}
+    causes, limits = row.get("causes") or [row["cause"]], row.get("limits") or [row["limit"]]
     for cause, limit in zip(causes, limits, strict=True):
-        scene = _changed(scene, cause, limit, row)
-    return scene
+        if cause == "reach":
+            changes["finger.base.position"] = row["base"]
+        elif cause == "clearance":
+            wall = {"type": "palm", "point": row["point"], "normal_angle": row["angle"], "touch": "off"}
+            changes["supports.wall"] = wall
+        else:
+            changes[_KEYS[cause]] = limit
+    if "diameter" in row:
+        changes["finger.rod.diameter"] = row["diameter"]
+    return scene_of("one", row["scene"]).changed(changes)
 
 
-def _changed(scene: GraspScene, cause: str, limit: float, row: dict[str, Any]) -> GraspScene:
-    data = scene.model_dump()
-    if cause == "tension":
-        data["finger"]["tendons"]["max_tension"] = limit
-    elif cause == "friction":
-        data["contacts"]["friction"] = limit
-    elif cause == "mass":
-        data["object"]["mass"] = limit
-    elif cause == "strain":
-        data["finger"]["rod"]["diameter"] = row["diameter"]
-        data["finger"]["strain_limit"] = limit
-    elif cause == "bend":
-        data["fidelity"]["bending_range"] = limit
-    elif cause == "reach":
-        data["finger"]["base"]["position"] = tuple(row["base"])
-    elif cause == "clearance":
-        wall = {"type": "palm", "point": tuple(row["point"]), "normal_angle": row["angle"], "touch": "off"}
-        data["supports"] = {**data["supports"], "wall": wall}
-    data["finger"] = {k: v for k, v in data["finger"].items() if v is not None}
-    return GraspScene.model_validate(data)
+_KEYS = {
+    "tension": "finger.tendons.max_tension",
+    "friction": "contacts.friction",
+    "mass": "object.mass",
+    "strain": "finger.strain_limit",
+    "bend": "fidelity.bending_range",
+}
+"""Limits of the scene that causes tighten."""
 
 
 def _tension(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
@@ -119,21 +110,23 @@ def _mass(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | No
 
 
 def _strain(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
-    finger = scene.setups[0].finger
-    best = search.least_measure(lambda p: float(np.abs(p.ends).max()), search.numbers)
-    if best is None:
-        return None
-    diameter = finger.rod.diameter or 0.3 * finger.thickness_radius
-    needed = 0.5 * diameter * best.value
+    best, diameter = search.best(measure=lambda p: float(np.abs(p.ends).max())), _diameter(scene)
+    needed = math.inf if best is None else 0.5 * diameter * best.value
     if needed > 0.5:
         return None
     return {"needed": needed, "limit": needed * random.uniform(*TIGHT), "diameter": diameter}
 
 
+def _diameter(scene: GraspScene) -> float:
+    """The rod's diameter [m], or one for a rod without."""
+    finger = scene.setups[0].finger
+    return float(finger.rod.diameter or 0.3 * finger.thickness_radius)
+
+
 def _bend(search: Search, scene: GraspScene, random: Any) -> dict[str, Any] | None:
     if search.hand.family != "arc":
         return None
-    best = search.least_measure(search.bend, search.numbers)
+    best = search.best(measure=search.bend)
     return None if best is None else {"needed": best.value, "limit": best.value * random.uniform(*TIGHT)}
 
 
@@ -168,7 +161,7 @@ def _clearance(search: Search, scene: GraspScene, random: Any) -> dict[str, Any]
         walked, _ = trace(hand.base, hand.angle, posture.ends[None], posture.lengths[None], 400)
         return -float((walked @ normal).min())
 
-    found = search.least_measure(low, search.numbers)
+    found = search.best(measure=low)
     if found is None or spot <= 0.0:
         return None
     depth = hand.thickness * random.uniform(0.3, 1.2)

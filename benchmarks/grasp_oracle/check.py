@@ -7,17 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.forces import basis, bending_work, weight_work
 from benchmarks.grasp_oracle.outline import Outline
-from benchmarks.grasp_oracle.rod import Section, section, trace
+from benchmarks.grasp_oracle.rod import Array, Section, section, trace
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
-__all__ = ["LIMITS", "residuals"]
-
-Array = NDArray[Any]
 LIMITS = {
     "equilibrium": 1e-6,
     "cone": 1e-6,
@@ -33,21 +29,12 @@ ABOVE = 0.1
 
 
 def residuals(scene: GraspScene, arrays: Mapping[str, Any]) -> dict[str, float]:
-    """Residuals of a grasp.
+    """Residuals of a grasp, from ``GraspResult.arrays``.
 
-    Parameters
-    ----------
-    scene : GraspScene
-    arrays : mapping
-        ``GraspResult.arrays``.
-
-    Returns
-    -------
-    dict
-        ``equilibrium``: of fingers and object, as parts of the greatest moment and force; ``cone``: friction and normal
-        forces beyond theirs, as a part of the greatest force; ``contact``: gaps, slopes and stored places, as parts of
-        the finger's length; ``penetration``: greatest depth of a finger in object or walls, as a part of its length;
-        ``limit``: tension, strain, bend, lengths and pose beyond their limits.
+    ``equilibrium``: of fingers and object, as parts of the greatest moment and force; ``cone``: friction and normal
+    forces beyond theirs, as a part of the greatest force; ``contact``: gaps, slopes and stored places, as parts of the
+    finger's length; ``penetration``: greatest depth of a finger in object or walls, as a part of its length;
+    ``limit``: tension, strain, bend, lengths and pose beyond their limits.
     """
     own = {key: value for key, value in arrays.items() if not key.startswith("held.")}
     worst = _Check(scene, own).worst
@@ -79,7 +66,6 @@ class _Check:
         self.stations = np.asarray(arrays["contact_stations"], dtype=float)
         self.pose = tuple(float(v) for v in arrays["object.pose"])
         self.parts = scene.object.parts
-        self.states = {name: arrays.get(f"{name}.friction_states") for name in scene.named_fingers}
         self.loads = [n * v + f * _across(v) for (n, f, _), v in zip(self.forces, self.normals, strict=True)]
         greatest = float(np.abs(self.forces).max(initial=0.0))
         setups = scene.setups
@@ -89,7 +75,7 @@ class _Check:
         self._object()
         self._cones()
         for setup in setups:
-            self._finger(setup, arrays)
+            self._finger(_Finger(setup, arrays), arrays)
         self._supports()
         if any(not np.isfinite(np.asarray(v, dtype=float)).all() for k, v in arrays.items() if _numeric(k, v)):
             self._note("limit", math.inf)
@@ -122,11 +108,7 @@ class _Check:
         self._note("equilibrium", abs(lift.sum() - carried) / scale)
         if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
             self._note("equilibrium", np.abs(lift @ arms).max() / scale)
-        free = body.free
-        for k, name in enumerate(("x", "y", "angle")):
-            bounds = None if free is None else getattr(free, name)
-            low, high = (body.pose[k], body.pose[k]) if bounds is None else bounds
-            self._note("limit", max(low - self.pose[k], self.pose[k] - high))
+        self._between(body.free, body.pose, self.pose)
 
     def _cones(self) -> None:
         for name, (n, f, lift) in zip(self.names, self.forces, strict=True):
@@ -138,60 +120,53 @@ class _Check:
 
     # -- fingers -----------------------------------------------------------------------------------------------
 
-    def _finger(self, setup: Any, arrays: Mapping[str, Any]) -> None:
-        finger, name = setup.finger, setup.name
-        length = finger.rod.length
-        lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
-        q = np.asarray(arrays[f"{name}.q"], dtype=float)
-        family, tip = str(arrays[f"{name}.family"]), float(arrays[f"{name}.tip_curvature"])
-        base = np.asarray(arrays[f"{name}.base"], dtype=float)
-        tensions = np.asarray(arrays[f"{name}.tensions"], dtype=float)
-        # Coordinates are above the rest curvature.
-        rest = float(finger.profile.rest_curvature(finger.rod.length))
-        ends, tip = _ends(family, q, lengths, tip) + rest, tip + rest
-        self._note("limit", abs(lengths.sum() / length - 1.0))
-        self._note("limit", -lengths.min() / length)
-        self._limits(setup, ends, lengths, tensions, base)
-        spots = [(k, n) for k, n in enumerate(self.names) if n.startswith(f"{name}.")]
-        there = {k: section(base[:2], base[2], ends, lengths, float(self.stations[k])) for k, _ in spots}
-        self._touches(setup, spots, there, lengths)
-        self._equilibrium(setup, family, ends, lengths, tip, tensions, base, spots, there)
-        points, _ = trace(base[:2], base[2], ends, lengths, POINTS)
+    def _finger(self, finger: _Finger, arrays: Mapping[str, Any]) -> None:
+        length, half = finger.length, finger.scene.thickness_radius
+        self._note("limit", abs(finger.lengths.sum() / length - 1.0))
+        self._note("limit", -finger.lengths.min() / length)
+        self._limits(finger)
+        spots = [(k, n) for k, n in enumerate(self.names) if n.startswith(f"{finger.name}.")]
+        there = {k: section(*finger.at, float(self.stations[k])) for k, _ in spots}
+        self._touches(finger, spots, there)
+        self._equilibrium(finger, spots, there)
+        points, _ = trace(*finger.at, POINTS)
         flat = points.reshape(-1, 2)
-        depth = max(float(-o.gap(flat).min()) for o in self._outlines(finger.thickness_radius))
+        depth = max(float(-o.gap(flat).min()) for o in self._outlines(half))
         self._note("penetration", depth / length)
         for wall in self.scene.walls:
             if math.isinf(wall.half_length):
                 height = (flat - np.array(wall.point)) @ np.array(wall.normal)
-                needed = min(finger.thickness_radius, float(height[0]))
+                needed = min(half, float(height[0]))
                 self._note("penetration", float(needed - height.min()) / length)
-        stored = np.asarray(arrays[f"{name}.backbone"], dtype=float)
-        at = [section(base[:2], base[2], ends, lengths, float(min(s, lengths.sum()))).point for s in stored[:, 0]]
+        stored = np.asarray(arrays[f"{finger.name}.backbone"], dtype=float)
+        at = [section(*finger.at, float(min(s, finger.lengths.sum()))).point for s in stored[:, 0]]
         self._note("contact", float(np.abs(np.array(at) - stored[:, 1:3]).max()) / length * 0.1)
 
-    def _limits(self, setup: Any, ends: Array, lengths: Array, tensions: Array, base: Array) -> None:
-        finger = setup.finger
-        tendons = finger.tendons
-        used = (finger.tendons_used != "right", finger.tendons_used != "left")
-        for tension, use in zip(tensions, used, strict=True):
+    def _limits(self, finger: _Finger) -> None:
+        scene, ends = finger.scene, finger.ends
+        tendons = scene.tendons
+        used = (scene.tendons_used != "right", scene.tendons_used != "left")
+        for tension, use in zip(finger.tensions, used, strict=True):
             most, least = (tendons.max_tension, tendons.min_tension) if use else (0.0, 0.0)
             self._note("limit", (tension - most) / tendons.max_tension)
             self._note("limit", (least - tension) / tendons.max_tension)
-        limit = finger.curvature_limit
+        limit = scene.curvature_limit
         if math.isfinite(limit):
             self._note("limit", np.abs(ends).max() / limit - 1.0)
-        bends = np.abs(ends * lengths[:, None]).max()
-        self._note("limit", bends / setup.bending_range - 1.0)
-        free = finger.base_free
-        given = (*finger.base.position, finger.base.angle)
+        bends = np.abs(ends * finger.lengths[:, None]).max()
+        self._note("limit", bends / finger.setup.bending_range - 1.0)
+        self._between(scene.base_free, (*scene.base.position, scene.base.angle), finger.base)
+
+    def _between(self, free: Any, given: tuple[float, ...], pose: Any) -> None:
+        """A pose is as given, or within what is free."""
         for k, name in enumerate(("x", "y", "angle")):
             bounds = None if free is None else getattr(free, name)
             low, high = (given[k], given[k]) if bounds is None else bounds
-            self._note("limit", max(low - base[k], base[k] - high))
+            self._note("limit", max(low - pose[k], pose[k] - high))
 
-    def _touches(self, setup: Any, spots: list[tuple[int, str]], there: dict[int, Section], lengths: Array) -> None:
-        half, length = setup.finger.thickness_radius, setup.finger.rod.length
-        marks = np.cumsum(lengths)
+    def _touches(self, finger: _Finger, spots: list[tuple[int, str]], there: dict[int, Section]) -> None:
+        half, length = finger.scene.thickness_radius, finger.length
+        marks = np.cumsum(finger.lengths)
         for k, name in spots:
             where = there[k]
             # A little above the place of the contact: where a tip lies in a notch it is as near to another face.
@@ -207,67 +182,64 @@ class _Check:
             across = np.array([math.cos(where.angle), math.sin(where.angle)])
             self._note("contact", abs(across @ _across(self.normals[k])) * 0.1)
             self._note("contact", np.abs(marks - self.stations[k]).min() / length)
-            low, high = setup.middle_bounds
+            low, high = finger.setup.middle_bounds
             self._note("limit", max(low - self.stations[k], self.stations[k] - high) / length)
 
-    def _equilibrium(
-        self,
-        setup: Any,
-        family: str,
-        ends: Array,
-        lengths: Array,
-        tip: float,
-        tensions: Array,
-        base: Array,
-        spots: list[tuple[int, str]],
-        there: dict[int, Section],
-    ) -> None:
-        finger = setup.finger
-        rod, tendons, half = finger.rod, finger.tendons, finger.thickness_radius
-        rest = float(finger.profile.rest_curvature(finger.rod.length))
-        lean = ends - rest
+    def _equilibrium(self, finger: _Finger, spots: list[tuple[int, str]], there: dict[int, Section]) -> None:
+        scene, lengths, tensions = finger.scene, finger.lengths, finger.tensions
+        rod, tendons, half = scene.rod, scene.tendons, scene.thickness_radius
+        lean = finger.ends - finger.rest
         net = (tensions[0] - tensions[1]) * tendons.offset
-        pulled = _tendon_work(tendons, tensions, ends, lengths, self.states[setup.name])
-        pulled -= _dry_work(setup, lean, lengths, self.states[setup.name])
+        pulled = _tendon_work(tendons, tensions, finger.ends, lengths, finger.states)
+        pulled -= _dry_work(finger.setup, lean, lengths, finger.states)
         slope = bending_work(rod.stiffness, lean, lengths) - pulled.ravel()
-        at, masses = (base[:2], base[2], ends, lengths), [(mass.at, mass.mass) for mass in finger.masses]
-        slope -= weight_work(at, rod.mass_per_length, masses, self._gravity())
+        slope -= weight_work(finger.at, rod.mass_per_length, [(m.at, m.mass) for m in scene.masses], self._gravity())
         couple = 0.0
         for k, name in spots:
             turn = -half * self.forces[k, 1]
             slope -= there[k].moves @ self.loads[k] + there[k].turns * turn
             if name.endswith(".tip"):
                 couple = turn
-        free = basis(family, len(lengths))
+        free = basis(finger.family, len(lengths))
         scale = max(abs(net), rod.stiffness * float(np.abs(lean).max()))
-        reach = np.abs(free @ section(*at, float(lengths.sum())).turns)
+        reach = np.abs(free @ section(*finger.at, float(lengths.sum())).turns)
         self._note("equilibrium", (np.abs(free @ slope) / reach).max() / scale)
-        if family == "matched_clothoid":
-            self._note("equilibrium", abs(rod.stiffness * (tip - rest) - net - couple) / scale)
+        if finger.family == "matched_clothoid":
+            self._note("equilibrium", abs(rod.stiffness * (finger.tip - finger.rest) - net - couple) / scale)
 
     # -- supports ----------------------------------------------------------------------------------------------
 
     def _supports(self) -> None:
         bare = self._outlines(0.0)
-        for k, name in enumerate(self.names):
+        for k, (name, place) in enumerate(zip(self.names, self.positions, strict=True)):
+            off = [math.dist(place, peg.position) - peg.radius for peg in self.scene.pegs if name == peg.name]
             for wall in self.scene.walls:
                 if name == wall.name or name.startswith(wall.name + "."):
-                    off = float((self.positions[k] - np.array(wall.point)) @ np.array(wall.normal))
-                    self._note("contact", abs(off) / self.length)
+                    off.append(float((place - np.array(wall.point)) @ np.array(wall.normal)))
                     self._note("contact", np.abs(self.normals[k] + np.array(wall.normal)).max())
-                    self._note("contact", abs(min(float(o.gap(self.positions[k])) for o in bare)) / self.length)
-            for peg in self.scene.pegs:
-                if name == peg.name:
-                    off = math.dist(self.positions[k], peg.position) - peg.radius
-                    self._note("contact", abs(off) / self.length)
-                    self._note("contact", abs(min(float(o.gap(self.positions[k])) for o in bare)) / self.length)
+            for apart in (*off, *(min(float(o.gap(place)) for o in bare) for _ in off)):
+                self._note("contact", abs(apart) / self.length)
 
 
-def _ends(family: str, q: Array, lengths: Array, tip: float) -> Array:
-    if family == "arc":
-        return np.repeat((q / lengths)[:, None], 2, axis=1)
-    nodes = np.append(q, tip) if family == "matched_clothoid" else q
-    return np.stack([nodes[:-1], nodes[1:]], axis=1)
+class _Finger:
+    """A finger as it is stored; coordinates and the tip's curvature are above the rest curvature there, not here."""
+
+    def __init__(self, setup: Any, arrays: Mapping[str, Any]) -> None:
+        self.setup, self.scene, self.name, self.length = setup, setup.finger, setup.name, setup.finger.rod.length
+        own = {key.removeprefix(f"{self.name}."): value for key, value in arrays.items()}
+        self.family, self.states = str(own["family"]), own.get("friction_states")
+        q, self.lengths, self.base, self.tensions = (
+            np.asarray(own[key], dtype=float) for key in ("q", "lengths", "base", "tensions")
+        )
+        self.rest = float(setup.finger.profile.rest_curvature(self.length))
+        tip = float(own["tip_curvature"])
+        if self.family == "arc":
+            ends = np.repeat((q / self.lengths)[:, None], 2, axis=1)
+        else:
+            nodes = np.append(q, tip) if self.family == "matched_clothoid" else q
+            ends = np.stack([nodes[:-1], nodes[1:]], axis=1)
+        self.ends, self.tip = ends + self.rest, tip + self.rest
+        self.at = self.base[:2], float(self.base[2]), self.ends, self.lengths
 
 
 def _tendon_work(tendons: Any, tensions: Array, ends: Array, lengths: Array, states: Array | None) -> Array:
@@ -346,19 +318,12 @@ def _let_out(setup: Any, own: Mapping[str, Any], there: Mapping[str, Any]) -> fl
 
 def _wound(setup: Any, arrays: Mapping[str, Any]) -> Array:
     """Cable wound up of each tendon: its path, and its elongation by the tension that friction leaves [m]."""
-    name, finger, tendons = setup.name, setup.finger, setup.tendons
-    tendon = finger.tendon_list[0]
-    lengths, tensions = arrays[f"{name}.lengths"], arrays[f"{name}.tensions"]
-    rest = float(finger.profile.rest_curvature(finger.rod.length))
-    ends = (
-        _ends(str(arrays[f"{name}.family"]), arrays[f"{name}.q"], lengths, float(arrays[f"{name}.tip_curvature"]))
-        + rest
-    )
-    turned = float(ends.mean(axis=1) @ lengths)
-    states, count, found = arrays.get(f"{name}.friction_states"), tendons.friction_cells, []
-    for side, tension in zip((1.0, -1.0), tensions, strict=True):
+    finger, tendons, found = _Finger(setup, arrays), setup.tendons, []
+    tendon, states, count = finger.scene.tendon_list[0], finger.states, tendons.friction_cells
+    turned = float(finger.ends.mean(axis=1) @ finger.lengths)
+    for side, tension in zip((1.0, -1.0), finger.tensions, strict=True):
         share, mean = 1.0, 0.0
-        for k, (h, (a, b)) in enumerate(zip(lengths, ends, strict=True)):
+        for k, (h, (a, b)) in enumerate(zip(finger.lengths, finger.ends, strict=True)):
             for c in range(count):
                 z = math.copysign(1.0, turned) if states is None else float(states[k * count + c])
                 x = side * z * tendons.friction * abs(a + (b - a) * (c + 0.5) / count) * h / count

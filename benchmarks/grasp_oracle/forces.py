@@ -13,14 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from benchmarks.grasp_oracle.geometry import Posture
 from benchmarks.grasp_oracle.numbers import Hand, Numbers
-from benchmarks.grasp_oracle.rod import Section, section
+from benchmarks.grasp_oracle.rod import Array, Section, section
 
-Array = NDArray[Any]
 DIRECTIONS = 16
 """Planes per cone to begin with."""
 
@@ -45,14 +43,9 @@ class Touch:
 
 
 class Balance:
-    """The equations of fingers and object at given shapes.
+    """The equations of fingers and object at given shapes: ``rows @ x = right`` [N], moments divided by a length.
 
-    Attributes
-    ----------
-    rows, right : ndarray
-        ``rows @ x = right`` [N], moments divided by a length.
-    weight : ndarray
-        What ``right`` gains per kilogram of the object.
+    ``weight`` is what ``right`` gains per kilogram of the object.
     """
 
     def __init__(self, numbers: Numbers, postures: list[Posture]) -> None:
@@ -63,13 +56,11 @@ class Balance:
         self.touches += [Touch(r.name, np.array(r.point), np.array(r.normal), r.friction) for r in numbers.rests]
         self.first = 2 * len(numbers.hands)
         self.width = self.first + 3 * len(self.touches)
-        self.rows_: list[Array] = []
-        self.right_: list[float] = []
-        self.weight_: list[float] = []
+        self._equations: list[tuple[Array, float, float]] = []
         for k, (hand, posture) in enumerate(zip(numbers.hands, postures, strict=True)):
             self._finger(k, hand, posture)
         self._object()
-        self.rows, self.right, self.weight = np.array(self.rows_), np.array(self.right_), np.array(self.weight_)
+        self.rows, self.right, self.weight = (np.array(part) for part in zip(*self._equations, strict=True))
 
     def _touch(self, k: int, hand: Hand, posture: Posture) -> None:
         def at(s: float) -> Section:
@@ -86,9 +77,7 @@ class Balance:
             self.touches.append(Touch(f"{hand.name}.{name}", place, normal, None, k, there))
 
     def _add(self, row: Array, right: float, weight: float = 0.0) -> None:
-        self.rows_.append(row)
-        self.right_.append(right)
-        self.weight_.append(weight)
+        self._equations.append((row, right, weight))
 
     def _finger(self, k: int, hand: Hand, posture: Posture) -> None:
         ends, lengths = posture.ends, posture.lengths
@@ -149,20 +138,14 @@ class Forces:
         self.cuts: dict[str, list[float]] = {} if cuts is None else cuts
 
     def least(
-        self, balance: Balance, aim: str = "sum", exact: bool = True, drop: tuple[int, ...] = ()
+        self, balance: Balance, aim: str = "sum", exact: bool = True, drop: tuple[int, ...] = (), loose: float = 0.0
     ) -> tuple[float, Array] | None:
         """Least of something over all forces that hold; None where there are none.
 
-        Parameters
-        ----------
-        balance : Balance
-        aim : {"sum", "tension", "normal", "mass", "slack"}
-            Sum of the tensions; the greatest tension; the greatest normal force; minus the object's mass; or the force
-            by which every limit of tensions and contact forces must give way [N].
-        exact : bool
-            Cut the cones until they hold.
-        drop : tuple of int
-            Equations left out.
+        ``aim``: the sum of the tensions; the greatest "tension"; the greatest "normal" force; minus the object's
+        "mass"; or "slack", the force by which every limit of tensions and contact forces must give way [N]. ``exact``:
+        cut the cones until they hold. ``drop``: equations left out. ``loose``: residual of the equations that counts as
+        none, per the scale of forces: of shapes that are rounded.
         """
         limits, numbers, first = self.numbers.limits, self.numbers, balance.first
         width = balance.width + 1  # one more: what is aimed at
@@ -195,6 +178,10 @@ class Forces:
                     upper += [_row(width, {k: 1.0, width - 1: -1.0}), _row(width, {k: -1.0, width - 1: -1.0})]
                     above += [high, -low]
                     bounds[k] = (None, None)
+        if loose:
+            upper += [sign * rows[k] for k in keep for sign in (1.0, -1.0)]
+            above += [sign * right[k] / scale + loose for k in keep for sign in (1.0, -1.0)]
+            keep = []
         for k in range(first if aim == "tension" else 0):
             upper.append(_row(width, {k: 1.0, width - 1: -1.0}))
         for c in range(count if aim == "normal" else 0):

@@ -14,13 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.numbers import Hand, Numbers
 from benchmarks.grasp_oracle.outline import Outline
-from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, trace, walk
+from benchmarks.grasp_oracle.rod import NODES, WEIGHTS, Array, trace, walk
 
-Array = NDArray[Any]
 MOST = 2.0 * math.pi
 """Greatest bend of an element: its length times its greatest curvature [rad]."""
 CLEARANCE = 1e-6
@@ -29,25 +27,16 @@ CLEARANCE = 1e-6
 
 @dataclass(frozen=True)
 class Posture:
-    """A shape of the finger.
-
-    Attributes
-    ----------
-    u : float
-        Place of the middle contact on the grown outline [turns], or the first curvature times the length where there
-        is none.
-    side : int
-        +1: the section's x axis is the object's outward normal at the middle contact; -1: its opposite.
-    ends : ndarray (2, 2)
-        Curvatures [1/m].
-    lengths : ndarray (2,)
-        [m]
-    """
+    """A shape of the finger."""
 
     u: float
+    """Place of the middle contact on the grown outline [turns]; without one the first curvature times the length."""
     side: int
+    """+1: the section's x axis is the object's outward normal at the middle contact; -1: its opposite."""
     ends: Array
+    """Curvatures (2, 2) [1/m]."""
     lengths: Array
+    """Of the elements (2,) [m]."""
 
 
 class Fingers:
@@ -72,7 +61,9 @@ class Fingers:
                 if not sign.any():
                     continue
                 # bound to locals: the loop goes on
-                root = refine(lambda v, s=side, t=turn: self._arc_gap(v, s, t)[0], u[:-1][sign], u[1:][sign])
+                root = refine(
+                    lambda v, s=side, t=turn: self._arc_gap(v, s, t)[0], u[:-1][sign], u[1:][sign], tolerance=1e-15
+                )
                 _, chord, bend = self._arc_gap(root, side, turn)
                 half = 0.5 * bend
                 length = chord * np.where(np.abs(half) < 1e-9, 1.0, half / np.where(half == 0, 1, np.sin(half)))
@@ -117,7 +108,7 @@ class Fingers:
         grid = np.linspace(-MOST, MOST, 281)
         table = gap(grid[:, None], turns[None, :])
         k, column = np.nonzero(np.sign(table[:-1]) != np.sign(table[1:]))
-        roots = refine(lambda bend: gap(bend, turns[column]), grid[k], grid[k + 1], tolerance=1e-14)
+        roots = refine(lambda bend: gap(bend, turns[column]), grid[k], grid[k + 1])
         for bend, second in zip(roots, turns[column], strict=True):
             ends = np.repeat([[bend / lengths[0]], [second / lengths[1]]], 2, axis=1)
             found.append(Posture(float(bend), 1, ends, lengths))
@@ -133,7 +124,7 @@ class Fingers:
 
         values = gap(grid)
         k = np.nonzero(np.sign(values[:-1]) != np.sign(values[1:]))[0]
-        roots = refine(gap, grid[k], grid[k + 1], tolerance=1e-14) if len(k) else np.empty(0)
+        roots = refine(gap, grid[k], grid[k + 1]) if len(k) else np.empty(0)
         return [Posture(float(c * lengths[0]), 1, np.full((2, 2), c), lengths) for c in roots]
 
     # -- one shape from a near one ----------------------------------------------------------------------------
@@ -164,11 +155,6 @@ class Fingers:
 
     def depth(self, postures: list[Posture], count: int = 100) -> Array:
         """Deepest that each shape goes into the object or a wall [m]; negative: it keeps clear."""
-        into, walls = self.depths(postures, count)
-        return np.maximum(into, walls.max(axis=1, initial=-np.inf))
-
-    def depths(self, postures: list[Posture], count: int = 100) -> tuple[Array, Array]:
-        """Deepest into the object (n,) and into each wall (n, W) [m]."""
         ends, lengths = np.stack([p.ends for p in postures]), np.stack([p.lengths for p in postures])
         points, _ = trace(self.base, self.hand.angle, ends, lengths, count)
         center = np.array(self.numbers.com)
@@ -177,17 +163,13 @@ class Fingers:
         gap = np.full(close.shape, np.inf)
         if close.any():
             gap[close] = self.outline.gap(points[close])
-        into = -_valleys(gap).reshape(len(postures), -1).min(axis=1)
-        walls = []
+        deep = -_valleys(gap).reshape(len(postures), -1).min(axis=1)
         for point, normal in self.numbers.walls:
-            height = _valleys((points - np.array(point)) @ np.array(normal)).reshape(len(postures), -1)
-            walls.append(self.allowed(point, normal) - height.min(axis=1))
-        return into, np.stack(walls, axis=1) if walls else np.empty((len(postures), 0))
-
-    def allowed(self, point: Any, normal: Any) -> float:
-        """Least height of the backbone over a wall [m]: half the thickness, or the base's where that is lower."""
-        height = float((self.base - np.array(point)) @ np.array(normal))
-        return min(self.hand.thickness, height)
+            heights = _valleys((points - np.array(point)) @ np.array(normal)).reshape(len(postures), -1)
+            # Half the thickness above a wall, or as low as the base.
+            least = min(self.hand.thickness, float((self.base - np.array(point)) @ np.array(normal)))
+            deep = np.maximum(deep, least - heights.min(axis=1))
+        return deep
 
     # -- pieces ----------------------------------------------------------------------------------------------
 
@@ -274,7 +256,6 @@ class Fingers:
             lambda v: self._tip_gap(v / l2[row], joint[row], angle[row], first[row, 1], l2[row], bends),
             grid[k],
             grid[k + 1],
-            tolerance=1e-14,
         )
         found = []
         for n, end in zip(row, ends / l2[row], strict=True):
@@ -335,7 +316,7 @@ def _valleys(gap: Array) -> Array:
     return found
 
 
-def refine(f: Callable[[Array], Array], low: Array, high: Array, steps: int = 60, tolerance: float = 1e-15) -> Array:
+def refine(f: Callable[[Array], Array], low: Array, high: Array, steps: int = 60, tolerance: float = 1e-14) -> Array:
     """Roots between ``low`` and ``high``, where ``f`` (n,) -> (n,) has different signs (Chandrupatla's method)."""
     b, a = np.array(low, dtype=float), np.array(high, dtype=float)
     c = a.copy()

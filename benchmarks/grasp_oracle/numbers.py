@@ -8,16 +8,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.outline import Outline
+from benchmarks.grasp_oracle.rod import Array
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.parts import SuperellipsePart
 
-__all__ = ["Hand", "Limits", "Numbers", "Rest"]
-
-Array = NDArray[Any]
 TOUCH = 1e-6
 """Gap, as a part of the object's size, up to which it lies against a wall."""
 
@@ -210,7 +207,6 @@ def _rests(wall: Any, part: Any, pose: tuple[float, float, float], size: float) 
 
 def _extreme(outline: Outline, direction: Array) -> Array:
     """The point of a smooth outline farthest in a direction."""
-    low, high = 0.0, 1.0
     u = np.linspace(0.0, 1.0, 721)
     best = int(np.argmax(outline.at(u)[0] @ direction))
     low, high = u[best] - 1.0 / 720, u[best] + 1.0 / 720

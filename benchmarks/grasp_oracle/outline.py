@@ -7,27 +7,16 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from benchmarks.grasp_oracle.rod import Array
 from continuum_grasp.scene.parts import Part, SuperellipsePart
 
-Array = NDArray[Any]
 CORNERS = 0.05
 """Least part of the turns that a corner takes up per radian, so that scans see what happens there."""
 
 
 class Outline:
-    """Outline of a shape, grown by the finger's half thickness.
-
-    Parameters
-    ----------
-    part : Part
-        The shape in the object's frame.
-    pose : (float, float, float)
-        World x, y [m] and angle [rad] of that frame.
-    grown : float
-        By how much it is grown [m].
-    """
+    """Outline of a shape in its object's frame, whose pose is world x, y [m] and angle [rad], grown by a length [m]."""
 
     def __init__(self, part: Part, pose: tuple[float, float, float], grown: float) -> None:
         self.grown = grown

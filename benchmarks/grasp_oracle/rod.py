@@ -25,26 +25,10 @@ def walk(angle: Any, start: Any, end: Any, length: Any) -> Array:
 
 
 def trace(base: Any, angle: Any, ends: Array, lengths: Array, count: int = 60) -> tuple[Array, Array]:
-    """Points of backbones.
+    """Points (..., N, count + 1, 2) [m] and bending angles (..., N, count + 1) [rad] of backbones from a base.
 
-    Parameters
-    ----------
-    base : array_like (2,)
-    angle : float
-        [rad]
-    ends : ndarray (..., N, 2)
-        Curvature at begin and end of each element [1/m].
-    lengths : ndarray (..., N)
-        [m]
-    count : int
-        Points per element, beside its begin.
-
-    Returns
-    -------
-    points : ndarray (..., N, count + 1, 2)
-        [m]
-    angles : ndarray (..., N, count + 1)
-        Bending angle, that of the section's x axis [rad].
+    ``ends`` (..., N, 2) are the curvatures at begin and end of each element [1/m], ``lengths`` (..., N) theirs [m];
+    each element has ``count`` points beside its begin.
     """
     edges = np.linspace(0.0, 1.0, count + 1)
     x = (edges[:-1, None] + np.diff(edges)[:, None] * FEW_NODES).ravel()
@@ -65,30 +49,20 @@ def trace(base: Any, angle: Any, ends: Array, lengths: Array, count: int = 60) -
 
 @dataclass
 class Section:
-    """A section of a backbone, and how it moves with the curvatures at the elements' ends.
-
-    Attributes
-    ----------
-    point : ndarray (2,)
-        [m]
-    angle : float
-        [rad]
-    moves : ndarray (2N, 2)
-        Change of ``point`` per curvature [m2].
-    turns : ndarray (2N,)
-        Change of ``angle`` per curvature [m].
-    mean : ndarray (2,)
-        Integral of the position from the base to here [m2].
-    mean_moves : ndarray (2N, 2)
-        Change of it [m3].
-    """
+    """A section of a backbone, and how it moves with the curvatures at the elements' ends."""
 
     point: Array
+    """(2,) [m]"""
     angle: float
+    """[rad]"""
     moves: Array
+    """Change (2N, 2) of ``point`` per curvature [m2]."""
     turns: Array
+    """Change (2N,) of ``angle`` per curvature [m]."""
     mean: Array
+    """Integral (2,) of the position from the base to here [m2]."""
     mean_moves: Array
+    """Change (2N, 2) of it per curvature [m3]."""
 
 
 def section(base: Any, angle: float, ends: Array, lengths: Array, at: float) -> Section:

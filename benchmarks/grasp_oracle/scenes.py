@@ -16,8 +16,6 @@ import numpy as np
 
 from continuum_grasp.scene.grasp import GraspScene
 
-__all__ = ["DRAWN", "digest", "scene_of"]
-
 G = 9.81
 
 
@@ -36,6 +34,14 @@ class _View:
 
     def angle(self, angle: float) -> float:
         return math.remainder(self.turn + self.flip * angle, 2.0 * math.pi)
+
+    def base(self, x: float, y: float, angle: float) -> dict[str, Any]:
+        """The base of a finger that points along ``angle``, not along the y axis of its frame."""
+        turned = math.remainder(self.angle(angle) - 0.5 * math.pi, 2.0 * math.pi)
+        return {"position": self.point(x, y), "angle": turned}
+
+    def palm(self, x: float) -> dict[str, Any]:
+        return {"palm": {"type": "palm", "point": self.point(x, 0.0), "normal_angle": self.angle(0.0)}}
 
 
 def scene_of(kind: str, seed: int) -> GraspScene:
@@ -65,16 +71,13 @@ def _one(seed: int) -> dict[str, Any]:
     body, reach, extent = _object(random, size, aligned=random.random() < 0.5)
     finger = _finger(random, length, size, sign=view.flip)
     half = finger["half_thickness"]
-    base = (half * random.uniform(1.0, 1.5) + random.choice([0.0, 1.0]) * random.uniform(0.0, 0.8) * reach,)
-    base += (-(extent + half + length * random.uniform(0.005, 0.3)),)
-    finger["base"] = {
-        "position": view.point(*base),
-        "angle": math.remainder(view.angle(random.uniform(-0.6, 0.6)) - 0.5 * math.pi, 2.0 * math.pi),
-    }
+    ahead = half * random.uniform(1.0, 1.5) + random.choice([0.0, 1.0]) * random.uniform(0.0, 0.8) * reach
+    aside = -(extent + half + length * random.uniform(0.005, 0.3))
+    finger["base"] = view.base(ahead, aside, random.uniform(-0.6, 0.6))
     body["position"] = view.point(reach, 0.0)
     body["angle"] = view.angle(body.get("angle", 0.0))
-    supports = {"palm": {"type": "palm", "point": view.point(0.0, 0.0), "normal_angle": view.angle(0.0)}}
-    return _scene(random, finger, body, size, supports if contacts != "no palm" else {}, contacts, family)
+    supports = view.palm(0.0) if contacts != "no palm" else {}
+    return _scene(random, finger, body, size, supports, contacts, family)
 
 
 def _two(seed: int) -> dict[str, Any]:
@@ -89,10 +92,7 @@ def _two(seed: int) -> dict[str, Any]:
     for name, side in (("upper", 1.0), ("lower", -1.0)):
         finger = _plain(dict(model) if random.random() < 0.5 else _finger(random, length, size, sign=view.flip))
         apart = max(extent + finger["half_thickness"] * 1.2, 0.0) + length * random.uniform(0.0, 0.25)
-        finger["base"] = {
-            "position": view.point(0.0, side * apart),
-            "angle": math.remainder(view.angle(random.uniform(-0.3, 0.3)) - 0.5 * math.pi, 2.0 * math.pi),
-        }
+        finger["base"] = view.base(0.0, side * apart, random.uniform(-0.3, 0.3))
         fingers[name] = finger
     body["position"] = view.point(ahead, length * random.uniform(-0.03, 0.03))
     body["angle"] = view.angle(body.get("angle", 0.0))
@@ -120,15 +120,13 @@ def _three(seed: int) -> dict[str, Any]:
             away = reach - half * random.uniform(1.0, 1.5)
         aside = side * (max(size, extent) + half * 1.2 + length * random.uniform(0.0, 0.25))
         c, s = math.cos(turn), math.sin(turn)
-        finger["base"] = {
-            "position": view.point(-c * away - s * aside, -s * away + c * aside),
-            "angle": math.remainder(view.angle(turn + random.uniform(-0.3, 0.3)) - 0.5 * math.pi, 2.0 * math.pi),
-        }
+        lean = random.uniform(-0.3, 0.3)
+        finger["base"] = view.base(-c * away - s * aside, -s * away + c * aside, turn + lean)
         fingers[name] = finger
     body["position"] = view.point(0.0, 0.0)
     body["angle"] = view.angle(body.get("angle", 0.0))
-    supports = {"palm": {"type": "palm", "point": view.point(-reach, 0.0), "normal_angle": view.angle(0.0)}}
-    return _scene(random, fingers, body, size, supports if kind == "palm" else {}, "no middle", "matched_clothoid")
+    supports = view.palm(-reach) if kind == "palm" else {}
+    return _scene(random, fingers, body, size, supports, "no middle", "matched_clothoid")
 
 
 def _plain(finger: dict[str, Any]) -> dict[str, Any]:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.grasp_oracle.forces import Balance, Forces
 from benchmarks.grasp_oracle.geometry import CLEARANCE, Fingers, Posture
-from benchmarks.grasp_oracle.numbers import Numbers
+from benchmarks.grasp_oracle.numbers import Limits, Numbers
+from benchmarks.grasp_oracle.rod import Array
 
-Array = NDArray[Any]
+Measure = Callable[[Posture], float]
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 REFINED = 6
 """Starts of the refinement."""
@@ -32,38 +31,28 @@ NARROW = 0.15
 
 @dataclass(frozen=True)
 class Best:
-    """The best found.
-
-    Attributes
-    ----------
-    value : float
-        Of what was aimed at.
-    posture : Posture
-    x : ndarray
-        Tensions and contact forces [N].
-    """
+    """The best found."""
 
     value: float
+    """Of what was aimed at."""
     posture: Posture
-    x: Array
+    x: Array = field(default_factory=lambda: np.empty(0))
+    """Tensions and contact forces [N]."""
+
+
+Value = Callable[..., Best | None]
+"""What a shape is worth, the less the better; None where no forces hold. ``exact``: cut the cones until they hold."""
 
 
 class Search:
-    """All shapes of one finger, scanned once.
-
-    Parameters
-    ----------
-    numbers : Numbers
-    count : int
-        Places of the scan.
-    """
+    """All shapes of one finger, scanned once at ``count`` places."""
 
     def __init__(self, numbers: Numbers, count: int = 180) -> None:
         self.numbers = numbers
         (self.hand,) = numbers.hands
         self.fingers = Fingers(numbers, self.hand)
         self.isolated = self.hand.family == "arc" and self.hand.middle
-        self.count = count
+        self.clearance = CLEARANCE * self.hand.length
         if self.isolated:
             self.postures = self.fingers.arcs()
             self.step = 0.0
@@ -92,78 +81,69 @@ class Search:
         """Greatest bend of an element: its length times its greatest curvature [rad]."""
         return float(np.abs(posture.ends * posture.lengths[:, None]).max())
 
-    def allowed(self, posture: Posture, limits: Any) -> bool:
+    def allowed(self, posture: Posture, limits: Limits) -> bool:
         """Whether a shape keeps strain and range."""
         return self.bend(posture) <= limits.bend and (
             math.isinf(limits.strain) or self.strain(posture) <= limits.strain
         )
 
-    def _good(self, numbers: Numbers, clearance: float) -> list[Posture]:
-        """Shapes of the scan that keep strain, range and depth."""
+    def _keeps(self, posture: Posture, limits: Limits) -> bool:
+        """Whether a shape keeps depth, strain and range."""
+        return self.fingers.depth([posture])[0] <= self.clearance and self.allowed(posture, limits)
+
+    def _good(self, limits: Limits) -> list[Posture]:
+        """Shapes of the scan that keep these."""
         pairs = zip(self.postures, self.depths, strict=True)
-        return [p for p, deep in pairs if deep <= clearance and self.allowed(p, numbers.limits)]
+        return [p for p, deep in pairs if deep <= self.clearance and self.allowed(p, limits)]
 
     # -- aims ------------------------------------------------------------------------------------------------
 
-    def best(self, aim: str = "sum", numbers: Numbers | None = None) -> Best | None:
+    def best(self, aim: str = "sum", numbers: Numbers | None = None, measure: Measure | None = None) -> Best | None:
         """Least of an aim of `Forces.least` over all shapes; None where no shape has forces that hold.
 
-        Parameters
-        ----------
-        aim : str
-        numbers : Numbers, optional
-            The same scene with other limits.
+        ``numbers`` is the same scene with other limits; of a ``measure`` of the shape alone the least is sought in
+        place of the aim's.
         """
         numbers = numbers or self.numbers
-        forces = Forces(numbers)
-        sign = -1.0 if aim == "mass" else 1.0
-        clearance = CLEARANCE * self.hand.length
+        forces, sign = Forces(numbers), -1.0 if aim == "mass" else 1.0
 
-        def value(posture: Posture, exact: bool = True) -> tuple[float, Array] | None:
+        def value(posture: Posture, exact: bool = True) -> Best | None:
             found = forces.least(self._balance(posture), aim, exact)
-            return None if found is None else (sign * found[0], found[1])
+            if found is None:
+                return None
+            return Best(sign * found[0] if measure is None else measure(posture), posture, found[1])
 
-        return self._over(self._good(numbers, clearance), value, numbers, clearance, sign)
+        if self._too_many():
+            return self._at_crossings(numbers)
+        best = self._over(value, numbers)
+        return None if best is None else replace(best, value=sign * best.value)
 
-    def least_measure(self, measure: Callable[[Posture], float], numbers: Numbers) -> Best | None:
-        """Least of a measure of the shape alone (strain, bend) over all shapes with forces that hold within limits."""
-        forces = Forces(numbers)
-
-        def value(posture: Posture, exact: bool = True) -> tuple[float, Array] | None:
-            found = forces.least(self._balance(posture), "sum", exact)
-            return None if found is None else (measure(posture), found[1])
-
-        clearance = CLEARANCE * self.hand.length
-        return self._over(self._good(numbers, clearance), value, numbers, clearance, 1.0)
-
-    def least_shape(self, measure: Callable[[Posture], float]) -> float | None:
+    def least_shape(self, measure: Measure) -> float | None:
         """Least of a measure over all shapes that touch and pass through nothing, whatever the forces."""
 
-        def value(posture: Posture, exact: bool = True) -> tuple[float, Array]:
-            return measure(posture), np.empty(0)
+        def value(posture: Posture, exact: bool = True) -> Best:
+            return Best(measure(posture), posture)
 
-        clearance, free = CLEARANCE * self.hand.length, self.numbers.limited(strain=math.inf, bend=2.0 * math.pi)
+        free = self.numbers.limited(strain=math.inf, bend=2.0 * math.pi).limits
         pairs = zip(self.postures, self.depths, strict=True)
-        found = [(measure(posture), posture, None) for posture, deep in pairs if deep <= clearance]
-        found.sort(key=lambda f: f[0])
+        found = sorted((value(p) for p, deep in pairs if deep <= self.clearance), key=lambda best: best.value)
         if not found or self.isolated:
-            return found[0][0] if found else None
-        refined = [r for _, start, _ in self._apart(found) for r in self._refined(start, value, free, clearance)]
-        return float(min(r[0] for r in refined))
+            return found[0].value if found else None
+        return min(r.value for start in self._apart(found) for r in self._refined(start.posture, value, free))
 
     def least_friction(self, numbers: Numbers) -> float:
         """Least friction coefficient with which any shape has forces that hold; infinite without one."""
         needed, held = math.inf, []
-        for posture in self._good(numbers, CLEARANCE * self.hand.length):
+        for posture in self._good(numbers.limits):
             if math.isinf(needed) or self._holds(posture, numbers.limited(friction=needed * (1.0 - 1e-6))):
                 found = self._friction(posture, numbers, needed)
                 if found < needed:
                     needed = found
-                    held.append((found, posture, None))
+                    held.append(Best(found, posture))
         if not held or self.isolated:
             return needed
-        for _, start, _ in self._apart(held[::-1]):
-            needed = min(needed, self._least_friction_near(start, numbers, needed))
+        for start in self._apart(held[::-1]):
+            needed = min(needed, self._least_friction_near(start.posture, numbers, needed))
         for _ in range(8):  # until no other shape does with a little less
             other = self.best("sum", numbers.limited(friction=0.997 * needed))
             if other is None:
@@ -177,9 +157,9 @@ class Search:
 
         def value(u: float) -> float:
             near = self._from_nearest(walked, u)
-            if near is None or self.fingers.depth([near])[0] > CLEARANCE * self.hand.length:
+            if near is None or not self._keeps(near, numbers.limits):
                 return math.inf
-            return self._friction(near, numbers, 1.5 * most) if self.allowed(near, numbers.limits) else math.inf
+            return self._friction(near, numbers, 1.5 * most)
 
         return _golden(value, start.u - self.step, start.u + self.step, 18)[1]
 
@@ -208,41 +188,30 @@ class Search:
 
     # -- along the curves of shapes ----------------------------------------------------------------------------
 
-    def _over(self, good: list[Posture], value: Any, numbers: Numbers, clearance: float, sign: float) -> Best | None:
-        if self._too_many():
-            return self._at_crossings(good, value, numbers, clearance, sign)
-        found = []
-        for posture in good:
-            got = value(posture, exact=self.isolated)
-            if got is not None:
-                found.append((got[0], posture, got[1]))
-        found.sort(key=lambda f: f[0])
+    def _over(self, value: Value, numbers: Numbers) -> Best | None:
+        good = self._good(numbers.limits)
+        found = [best for posture in good if (best := value(posture, exact=self.isolated)) is not None]
+        found.sort(key=lambda best: best.value)
         if self.isolated:
-            return Best(sign * found[0][0], found[0][1], found[0][2]) if found else None
-        results = []
-        for posture in self.unloaded:
-            if self.fingers.depth([posture])[0] <= clearance and self.allowed(posture, numbers.limits):
-                got = value(posture)
-                if got is not None:
-                    results.append((got[0], posture, got[1]))
-        for _, start, _ in self._apart(found):
-            results += self._refined(start, value, numbers, clearance)
-        for start in self._slivers([f[1] for f in found], numbers, clearance):
-            results += self._refined(start, value, numbers, clearance)
+            return found[0] if found else None
+        unloaded = (value(posture) for posture in self.unloaded if self._keeps(posture, numbers.limits))
+        results = [best for best in unloaded if best is not None]
+        starts = [best.posture for best in self._apart(found)]
+        for start in starts + self._slivers([best.posture for best in found], numbers):
+            results += self._refined(start, value, numbers.limits)
         if not results:
             return None
-        best = min(results, key=lambda r: r[0])
+        best = min(results, key=lambda one: one.value)
         # Where two shapes of a curve merge, walking along it misses the last ones.
-        near = best[1].u + self.step * np.linspace(-0.75, 0.75, DENSE)
-        again = [p for p in self.fingers.at_places(near, best[1].side) if _alike(p, best[1])]
-        for posture in again:
-            if self.fingers.depth([posture])[0] <= clearance and self.allowed(posture, numbers.limits):
+        near = best.posture.u + self.step * np.linspace(-0.75, 0.75, DENSE)
+        like = best.posture
+        for posture in self.fingers.at_places(near, like.side):
+            if _alike(posture, like) and self._keeps(posture, numbers.limits):
                 got = value(posture)
-                if got is not None and got[0] < best[0]:
-                    best = (got[0], posture, got[1])
-        return Best(sign * best[0], best[1], best[2])
+                best = got if got is not None and got.value < best.value else best
+        return best
 
-    def _slivers(self, found: list[Posture], numbers: Numbers, clearance: float) -> list[Posture]:
+    def _slivers(self, found: list[Posture], numbers: Numbers) -> list[Posture]:
         """Shapes that hold between places of the scan where none does."""
         forces = Forces(numbers)
         unit = max(numbers.scale, numbers.limits.mass * max(math.hypot(*numbers.gravity), numbers.lift))
@@ -250,7 +219,7 @@ class Search:
 
         def excess(posture: Posture, deep: float | None = None) -> float:
             deep = self.fingers.depth([posture])[0] if deep is None else deep
-            over = max((deep - clearance) / (0.02 * length), self.bend(posture) / numbers.limits.bend - 1.0)
+            over = max((deep - self.clearance) / (0.02 * length), self.bend(posture) / numbers.limits.bend - 1.0)
             if math.isfinite(numbers.limits.strain):
                 over = max(over, self.strain(posture) / numbers.limits.strain - 1.0)
             if over > NARROW:
@@ -262,12 +231,10 @@ class Search:
         values = np.array(
             [0.0 if id(p) in known else excess(p, d) for p, d in zip(self.postures, self.depths, strict=True)]
         )
-        ranked = [
-            (v, self.postures[k], None) for k, v in enumerate(values) if 0.0 < v < NEARLY and self._low(k, values)
-        ]
-        ranked.sort(key=lambda r: r[0])
+        nearly = [k for k, v in enumerate(values) if 0.0 < v < NEARLY and self._low(k, values)]
+        ranked = sorted((Best(values[k], self.postures[k]) for k in nearly), key=lambda best: best.value)
         held = []
-        for _, start, _ in self._apart(ranked, SLIVERS):
+        for start in [best.posture for best in self._apart(ranked, SLIVERS)]:
             walked = [start]
 
             def at(u: float, walked: list[Posture] = walked) -> float:
@@ -281,11 +248,12 @@ class Search:
     def _low(self, k: int, values: Array) -> bool:
         """Whether no neighbor of a shape of the scan has a lower value."""
         p = self.postures[k]
-        return all(
-            values[j] >= values[k]
-            for j, q in enumerate(self.postures)
-            if abs(q.u - p.u) < 1.5 * self.step and q.side == p.side and _alike(p, q)
-        )
+        near = (values[j] for j, q in enumerate(self.postures) if self._neighbors(p, q, 1.5))
+        return all(value >= values[k] for value in near)
+
+    def _neighbors(self, p: Posture, q: Posture, steps: float) -> bool:
+        """Whether two shapes of one curve are less than so many steps apart."""
+        return abs(q.u - p.u) < steps * self.step and q.side == p.side and _alike(p, q)
 
     def _from_nearest(self, walked: list[Posture], u: float) -> Posture | None:
         """The shape at a place, from the nearest of those known; it is stored with them."""
@@ -297,38 +265,29 @@ class Search:
             walked.append(near)
         return near
 
-    def _apart(self, found: list[Any], most: int = REFINED) -> list[Any]:
+    def _apart(self, found: list[Best], most: int = REFINED) -> list[Best]:
         """The best, each the best of its neighborhood."""
-        chosen: list[Any] = []
+        chosen: list[Best] = []
         for item in found:
-            p = item[1]
-            near = (abs(q.u - p.u) < 4.5 * self.step and q.side == p.side and _alike(p, q) for _, q, _ in chosen)
-            if not any(near):
+            if not any(self._neighbors(item.posture, one.posture, 4.5) for one in chosen):
                 chosen.append(item)
             if len(chosen) == most:
                 break
         return chosen
 
-    def _refined(self, start: Posture, value: Any, numbers: Numbers, clearance: float) -> list[Any]:
+    def _refined(self, start: Posture, value: Value, limits: Limits) -> list[Best]:
         results, walked = [], [start]
 
         def at(u: float) -> float:
             posture = self._from_nearest(walked, u)
-            if (
-                posture is None
-                or self.fingers.depth([posture])[0] > clearance
-                or not self.allowed(posture, numbers.limits)
-            ):
-                return math.inf
-            got = value(posture)
+            got = value(posture) if posture is not None and self._keeps(posture, limits) else None
             if got is None:
                 return math.inf
-            results.append((got[0], posture, got[1]))
-            return float(got[0])
+            results.append(got)
+            return float(got.value)
 
-        places = start.u + self.step * np.linspace(-1.0, 1.0, 9)
-        values = [at(float(u)) for u in sorted(places, key=lambda u: abs(u - start.u))]
-        best = sorted(places, key=lambda u: abs(u - start.u))[int(np.argmin(values))]
+        places = sorted(start.u + self.step * np.linspace(-1.0, 1.0, 9), key=lambda u: abs(u - start.u))
+        best = places[int(np.argmin([at(float(u)) for u in places]))]
         _golden(at, best - 0.25 * self.step, best + 0.25 * self.step, 24)
         return results
 
@@ -341,19 +300,19 @@ class Search:
     def _excess(self, posture: Posture) -> tuple[float, int]:
         """Signed measure of how far the equations contradict each other; which one is best left out."""
         balance = self._balance(posture)
-        planar = [k for k in range(len(balance.rows)) if np.abs(np.delete(balance.rows[k], _lifts(balance))).max() > 0]
+        lifts = range(balance.first + 2, balance.width, 3)
+        planar = [k for k in range(len(balance.rows)) if np.abs(np.delete(balance.rows[k], lifts)).max() > 0]
         columns = [0] + [balance.first + 3 * c + j for c in range(len(balance.touches)) for j in (0, 1)]
         right = balance.right + self.numbers.limits.mass * balance.weight
         square = np.column_stack([balance.rows[np.ix_(planar, columns)], right[planar] / self.numbers.scale])
         left = np.linalg.svd(square[:, :-1])[0][:, -1]
         return float(np.linalg.det(square)), planar[int(np.argmax(np.abs(left)))]
 
-    def _at_crossings(
-        self, good: list[Posture], value: Any, numbers: Numbers, clearance: float, sign: float
-    ) -> Best | None:
+    def _at_crossings(self, numbers: Numbers) -> Best | None:
+        """The least sum of tensions where the equations agree."""
         found = []
         forces = Forces(numbers)
-        for posture in good:
+        for posture in self._good(numbers.limits):
             ahead = self.fingers.near(posture, posture.u + self.step)
             if ahead is None:
                 continue
@@ -368,23 +327,14 @@ class Search:
                     break
                 last = between
                 a, b = (middle, b) if (self._excess(between)[0] > 0) == (low > 0) else (a, middle)
-            if self.fingers.depth([last])[0] > clearance or not self.allowed(last, numbers.limits):
-                continue
-            got = forces.least(self._balance(last), "sum", drop=(self._excess(last)[1],))
-            if got is not None:
-                found.append((sign * got[0], last, got[1]))
-        if not found:
-            return None
-        best = min(found, key=lambda f: f[0])
-        return Best(sign * best[0], best[1], best[2])
+            if self._keeps(last, numbers.limits):
+                got = forces.least(self._balance(last), "sum", drop=(self._excess(last)[1],))
+                found += [] if got is None else [Best(got[0], last, got[1])]
+        return min(found, key=lambda best: best.value, default=None)
 
 
 def _alike(p: Posture, q: Posture) -> bool:
     return bool(np.abs(q.ends - p.ends).max() * p.lengths.sum() < 2.0)
-
-
-def _lifts(balance: Balance) -> list[int]:
-    return [balance.first + 3 * c + 2 for c in range(len(balance.touches))]
 
 
 def _golden(

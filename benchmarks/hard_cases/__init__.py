@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import math
 import signal
-import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 from continuum_grasp.errors import InputError, NumericalError, SolverError
@@ -55,30 +53,8 @@ class Attempt:
         return ", ".join((self.case, self.family, self.method))
 
 
-@dataclass(frozen=True)
-class Judged:
-    """An attempt with its outcome."""
-
-    attempt: Attempt
-    error: float
-    steps: int
-    seconds: float
-    verdict: str
-
-    @property
-    def kind(self) -> str:
-        """The verdict's first word."""
-        return self.verdict.partition(":")[0]
-
-    @property
-    def surprising(self) -> bool:
-        """Whether it is another verdict than expected."""
-        return self.kind not in self.attempt.expected
-
-
-def judge(attempt: Attempt) -> Judged:
-    """Make an attempt; nothing that goes wrong in it gets out."""
-    began = perf_counter()
+def judge(attempt: Attempt) -> tuple[float, int, str]:
+    """Make an attempt; nothing that goes wrong in it gets out. Error, steps, and the verdict, by its first word."""
     error, steps = math.nan, 0
     try:
         with _patience(), warnings.catch_warnings(record=True) as caught:
@@ -93,7 +69,7 @@ def judge(attempt: Attempt) -> Judged:
         verdict = f"{WRONG}: no answer in {PATIENCE} s"
     except Exception as failure:  # that there are none is what is being measured
         verdict = f"{WRONG}: {type(failure).__name__}: {_first(str(failure))}"
-    return Judged(attempt, error, steps, perf_counter() - began, verdict)
+    return error, steps, verdict
 
 
 def _verdict(error: float, limit: float, said: list[str]) -> str:
@@ -111,10 +87,7 @@ def _first(text: str, most: int = 150) -> str:
 
 @contextmanager
 def _patience() -> Iterator[None]:
-    """Raise TimeoutError after a while, where the system can."""
-    if not hasattr(signal, "SIGALRM") or threading.current_thread() is not threading.main_thread():
-        yield
-        return
+    """Raise TimeoutError after a while."""
 
     def ring(number: int, frame: object) -> None:
         raise TimeoutError

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import lru_cache, partial
 from itertools import pairwise, product
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from benchmarks.hard_cases import (
@@ -24,6 +24,7 @@ from benchmarks.hard_cases import (
     nitinol,
     push,
 )
+from continuum_grasp.arrays import Array
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Samples, Scene, VectorSamples
 from continuum_grasp.simulation import modes, simulate
@@ -33,7 +34,6 @@ from continuum_grasp.simulation.trajectory import Trajectory
 from tests.rods import HANGING, UPRIGHT
 
 METHODS = ("auto", "rk4", "rodas", "reference")
-Array = NDArray[np.float64]
 Make = Callable[[str], Scene]
 Measure = Callable[[Trajectory], float]
 
@@ -46,25 +46,20 @@ def moved(scene: Scene, method: str, measure: Measure) -> Found:
     return Found(measure(path), steps, path.warnings)
 
 
-def tip_error(path: Trajectory, truth: str = "DOP853") -> float:
-    """Greatest error of the tip against the truth, per length."""
-    states = true_states(_timeless(path.scene), truth)
-    true = Trajectory(path.t, states, path.u, path.w, path.model, path.scene)
-    return float(np.hypot(*(path.tip - true.tip).T).max() / LENGTH)
-
-
-def wide_error(path: Trajectory) -> float:
-    """As ``tip_error``, against the truth of the same elements evaluated to rounding over six times the range."""
+def tip_error(path: Trajectory, wide: bool = False) -> float:
+    """Greatest error of the tip against the truth, per length: of the same model, or ``wide`` of the same elements
+    evaluated to rounding over six times the range.
+    """
     scene = _timeless(path.scene)
-    fidelity = scene.fidelity.model_copy(update={"bending_range": 6.0, "accuracy": 1e-13})
-    wide = scene.model_copy(update={"fidelity": fidelity})
-    true = Trajectory(path.t, true_states(wide), path.u, path.w, FingerModel(wide), wide)
+    if wide:
+        scene = scene.changed({"fidelity.bending_range": 6.0, "fidelity.accuracy": 1e-13})
+    true = Trajectory(path.t, true_states(scene), path.u, path.w, FingerModel(scene), scene)
     return float(np.hypot(*(path.tip - true.tip).T).max() / LENGTH)
 
 
 def state_error(path: Trajectory) -> float:
     """Greatest error of the coordinates against the truth, per greatest coordinate."""
-    true = true_states(_timeless(path.scene), "DOP853", 1e-11, 1e-20)[:, : path.n]
+    true = true_states(_timeless(path.scene), 1e-20)[:, : path.n]
     return float(np.abs(path.q - true).max() / np.abs(true).max())
 
 
@@ -87,42 +82,37 @@ def energy_drift(path: Trajectory, least: float) -> float:
 # Truth.
 
 
-class Rate:
-    """State derivative of a model in its scene, on the virtual machine."""
+def _rate(scene: Scene, model: FingerModel) -> Callable[[float, Array], Array]:
+    """State derivative of a model in its scene, on CasADi's virtual machine."""
+    signals, (buffer, evaluate) = Signals(scene, model), model.forward_dynamics.buffer()
+    given = [np.zeros(model.nx), signals.u(0.0)[0], signals.w(0.0)[0], np.array(model.p_nominal)]
+    found = np.zeros(model.nx)
+    for k, array in enumerate(given):
+        if array.size:
+            buffer.set_arg(k, memoryview(array))
+    buffer.set_res(0, memoryview(found))
 
-    def __init__(self, scene: Scene, model: FingerModel) -> None:
-        self._signals = Signals(scene, model)
-        self._constant = self._signals.constant
-        self._buffer, self._evaluate = model.forward_dynamics.buffer()
-        self._in = [np.zeros(model.nx), self._signals.u(0.0)[0], self._signals.w(0.0)[0], np.array(model.p_nominal)]
-        self._out = np.zeros(model.nx)
-        for k, array in enumerate(self._in):
-            if array.size:
-                self._buffer.set_arg(k, memoryview(array))
-        self._buffer.set_res(0, memoryview(self._out))
+    def rate(t: float, x: Array, _: Any = buffer) -> Array:  # which has to live as long
+        given[0][:] = x
+        if not signals.constant:
+            given[1][:], given[2][:] = signals.u(t)[0], signals.w(t)[0]
+        evaluate()
+        return found.copy()
 
-    def __call__(self, t: float, x: Array) -> Array:
-        self._in[0][:] = x
-        if not self._constant:
-            self._in[1][:] = self._signals.u(t)[0]
-            self._in[2][:] = self._signals.w(t)[0]
-        self._evaluate()
-        return self._out.copy()
+    return rate
 
 
 @lru_cache(maxsize=64)
-def true_states(scene: Scene, method: str = "DOP853", relative: float = 1e-11, smallest: float = 1e-13) -> Array:
+def true_states(scene: Scene, smallest: float = 1e-13) -> Array:
     """States (T, nx) at the output instants of a scene; integration starts anew at every instant of a sampled load."""
     model, time = FingerModel(scene), scene.time
-    if time is None:
-        raise ValueError("a motion needs time")
-    rate, x = Rate(scene, model), initial_state(scene, model)
+    rate, x = _rate(scene, model), initial_state(scene, model)
     instants = np.linspace(0.0, time.duration, round(time.duration / time.step) + 1)
     states, edges = [x], [0.0, *_corners(scene, time.duration), time.duration]
     for begin, end in pairwise(edges):
         within = instants[(instants > begin) & (instants <= end)]
         wanted = within if len(within) and within[-1] == end else np.append(within, end)
-        done = solve_ivp(rate, (begin, end), x, method, t_eval=wanted, rtol=relative, atol=smallest)
+        done = solve_ivp(rate, (begin, end), x, "DOP853", t_eval=wanted, rtol=1e-11, atol=smallest)
         if not done.success:
             raise RuntimeError(f"no truth: {done.message}")
         x = done.y[:, -1]
@@ -142,54 +132,24 @@ def _corners(scene: Scene, duration: float) -> list[float]:
 # Scenes.
 
 
-def straight(family: str) -> Scene:
-    """No load at all."""
-    return nitinol(family, time={"duration": 0.5, "step": 0.01})
-
-
-def standing(family: str) -> Scene:
-    """Balanced exactly, under far more than the critical weight."""
-    return nitinol(family, angle=UPRIGHT, gravity=GRAVITY, tip_mass=0.1, time={"duration": 1.0, "step": 0.01})
-
-
 def nearly_straight(family: str) -> Scene:
     """Bends of 1e-6 rad; far above the reference's absolute tolerance of 1e-12."""
     q = coordinates(family, (1e-6, -0.5e-6), (0.3, 0.3))
     return nitinol(family, initial={"q": q}, time={"duration": 0.1, "step": 1e-4})
 
 
-def short_element(family: str) -> Scene:
-    """One element 1 % of the other, with 20 g at its end."""
-    return _released(family, (0.594, 0.006), tip_mass=0.02)
-
-
-def light_tip(family: str) -> Scene:
-    """The same without the mass: modes of 30 kHz."""
-    return _released(family, (0.594, 0.006), duration=0.05)
-
-
-def heavy_tip(family: str) -> Scene:
-    """A tip of 100 times the rod's mass, hanging and let go."""
-    return _released(family, 2, tip_mass=100 * MASS, angle=HANGING, pull=(6.0, 0.0), duration=1.0)
-
-
 def _released(
-    family: str,
-    elements: object,
-    *,
-    tip_mass: float = 0.0,
-    angle: float = HANGING,
-    pull: tuple[float, float] = (0.1, 0.0),
-    duration: float = 0.2,
+    family: str, elements: Any = 2, *, tip_mass: float = 0.0, pull: Any = (0.1, 0.0), duration: float = 0.2
 ) -> Scene:
+    """Hanging, pulled at the tip and let go."""
     initial = {"pose": "equilibrium", "held_by": [push(*pull)]}
     time = {"duration": duration, "step": 0.001}
-    return nitinol(family, elements, angle=angle, gravity=GRAVITY, tip_mass=tip_mass, initial=initial, time=time)
+    return nitinol(family, elements, angle=HANGING, gravity=GRAVITY, tip_mass=tip_mass, initial=initial, time=time)
 
 
 def swinging(family: str, periods: int) -> Scene:
     """Undamped swing in the first mode, 50 states per period."""
-    scene = _released(family, 2, tip_mass=0.02)
+    scene = _released(family, tip_mass=0.02)
     period = 1.0 / float(modes(scene.replaced(initial={"pose": "straight"})).frequencies_hz[0])
     step = round(period / 50, 6)
     return scene.replaced(time=scene.time.replaced(duration=round(50 * periods * step, 9), step=step))
@@ -224,12 +184,18 @@ def tension_step(family: str, rise: float, interpolation: str = "linear", lag: f
 def motion_attempts() -> Iterator[Attempt]:
     """All attempts at motions."""
     still = partial(straightness, along=(1.0, 0.0))
+    straight = partial(nitinol, time={"duration": 0.5, "step": 0.01})
     yield from _all("straight exactly", straight, still, 1e-15)
+    standing = partial(nitinol, angle=UPRIGHT, gravity=GRAVITY, tip_mass=0.1, time={"duration": 1.0, "step": 0.01})
     yield from _all("standing exactly, beyond buckling", standing, partial(straightness, along=(0.0, 1.0)), 1e-15)
     yield from _all("nearly straight, 1e-6 rad", nearly_straight, state_error, 1e-4)
-    yield from _all("one element 1 % of the other", short_element, tip_error, 1e-4)
-    yield from _all("light short tip, 30 kHz", light_tip, tip_error, 1e-4)
-    yield from _all("100-fold tip mass", heavy_tip, tip_error, 1e-4)
+    unequal = (0.594, 0.006)
+    released = partial(_released, elements=unequal, tip_mass=0.02)
+    yield from _all("one element 1 % of the other", released, tip_error, 1e-4)
+    released = partial(_released, elements=unequal, duration=0.05)
+    yield from _all("light short tip, 30 kHz", released, tip_error, 1e-4)
+    released = partial(_released, tip_mass=100 * MASS, pull=(6.0, 0.0), duration=1.0)
+    yield from _all("100-fold tip mass", released, tip_error, 1e-4)
     for family in FAMILIES:
         scene = swinging(family, 1000)
         least = _least_energy(scene)
@@ -276,7 +242,7 @@ def _beyond_the_range() -> Iterator[Attempt]:
     """A start bent to the range and beyond it, and let go."""
     for share, verdicts in ((1.0, (RIGHT, WARNED)), (1.2, (WARNED,)), (2.9, (WARNED, REFUSED)), (3.1, (REFUSED,))):
         for family in FAMILIES:
-            run = partial(_made, partial(_bent, share=share), family, "auto", wide_error)
+            run = partial(_made, partial(_bent, share=share), family, "auto", partial(tip_error, wide=True))
             yield Attempt(f"let go at {share:g} times the range", family, "auto", run, 1e-3, verdicts)
 
 

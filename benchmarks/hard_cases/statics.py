@@ -8,7 +8,6 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.hard_cases import (
     FAMILIES,
@@ -24,13 +23,13 @@ from benchmarks.hard_cases import (
     nitinol,
     push,
 )
+from continuum_grasp.arrays import Array
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Equilibrium, equilibrium
-from tests.closed_forms.rods import bent_by_moment, bent_by_tip_force, buckled_column, euler_load
+from tests.closed_forms.rods import TipPose, bent_by_moment, bent_by_tip_force, buckled_column, euler_load
 from tests.rods import HANGING, UPRIGHT
 
-Array = NDArray[np.float64]
 ELEMENTS = {"arc": 16, "clothoid": 4, "matched_clothoid": 4}
 """With which each family is asked for the limit of its column."""
 LIMITS = {"arc": 5e-3, "clothoid": 5e-4, "matched_clothoid": 5e-4}
@@ -112,64 +111,54 @@ def both_sides(scene: Scene, truth: Callable[[], tuple[float, float]]) -> Found:
     return Found(error, sum(s.iterations for s in sides), tuple(w for s in sides for w in s.warnings))
 
 
-def _followed(across: float, before: Elastica | None) -> Elastica | None:
-    scene = snapping("matched_clothoid", 2, across)
-    found = solve_elastica(scene, side=1) if before is None else solve_elastica(scene, guess=before.angle)
-    return found if found.tip[0] < 0.0 else None
-
-
-def model_snap_load(family: str, elements: int) -> tuple[float, Equilibrium]:
-    """The model's, and the shape after the snap."""
-    side = 1 if equilibrium(snapping(family, elements, 0.0)).tip[0] < 0.0 else -1
-    last: list[Equilibrium] = []
-
-    def followed(across: float, before: Equilibrium | None) -> Equilibrium | None:
-        options: dict[str, Any] = {"side": side} if before is None else {"guess": before.q}
-        found = equilibrium(snapping(family, elements, across), **options)
-        if found.tip[0] >= 0.0:
-            return None
-        last[:] = [found]
-        return found
-
-    load = _last(followed)
-    return load, equilibrium(snapping(family, elements, load + 0.01), guess=last[0].q)
-
-
-def _last(follow: Callable[[float, Any], Any]) -> float:
-    """Greatest load, to 1e-3, up to which a branch can be followed; halving the step where it is lost."""
-    load, step = 0.0, 0.05
-    state = follow(0.0, None)
-    if state is None:
-        return math.nan
-    while step > 5e-4:
+def _last(follow: Callable[[float, Any], Any]) -> tuple[float, Any]:
+    """Greatest load, to 1e-3, up to which a branch can be followed, and what is there; halving the step where it is
+    lost.
+    """
+    load, step, state = 0.0, 0.05, follow(0.0, None)
+    while state is not None and step > 5e-4:
         further = follow(load + step, state)
         if further is None:
             step *= 0.5
         else:
             load, state = load + step, further
         if load > 2.0:
-            return math.nan
-    return load
+            state = None
+    return (math.nan if state is None else load), state
 
 
 @lru_cache(maxsize=1)
 def true_snap() -> float:
     """Force across, per critical load, at which the elastica leaves the side that it is pushed from."""
-    return _last(_followed)
+
+    def followed(across: float, before: Elastica | None) -> Elastica | None:
+        scene = snapping("matched_clothoid", 2, across)
+        found = solve_elastica(scene, side=1) if before is None else solve_elastica(scene, guess=before.angle)
+        return found if found.tip[0] < 0.0 else None
+
+    return _last(followed)[0]
 
 
 def snap_through(family: str) -> Found:
     """Snap load of the model against the elastica's, and the stable shape on the other side after it."""
     elements = ELEMENTS[family]
-    load, after = model_snap_load(family, elements)
+    side = 1 if equilibrium(snapping(family, elements, 0.0)).tip[0] < 0.0 else -1
+
+    def followed(across: float, before: Equilibrium | None) -> Equilibrium | None:
+        options: dict[str, Any] = {"side": side} if before is None else {"guess": before.q}
+        found = equilibrium(snapping(family, elements, across), **options)
+        return found if found.tip[0] < 0.0 else None
+
+    load, last = _last(followed)
+    after = equilibrium(snapping(family, elements, load + 0.01), guess=last.q)
     true = solve_elastica(snapping("matched_clothoid", 2, load + 0.01), guess=_angles(after))
     error = abs(load - true_snap()) / true_snap() + (not after.stable) + (after.tip[0] <= 0.0)
     return Found(error + _distance(after.tip, true.tip), after.iterations, after.warnings)
 
 
-def both_under_one_load(family: str, share: float = 0.7) -> Found:
+def both_under_one_load(family: str) -> Found:
     """Both stable shapes under 0.7 of the snap load, each where the elastica has it."""
-    across = round(share * true_snap(), 6)
+    across = round(0.7 * true_snap(), 6)
     scene, same = snapping(family, ELEMENTS[family], across), snapping("matched_clothoid", 2, across)
     start = equilibrium(snapping(family, ELEMENTS[family], 0.0), side=1)
     error, steps = 0.0, 0
@@ -210,14 +199,15 @@ def _of(family: str) -> Iterator[Attempt]:
     case, slight = "at rest, pushed by 1e-9 EI/L2", sideways(family, count, 1e-9)
     yield add(case, partial(_deflected, slight, 1e-9 / 3.0), limit if family == "arc" else 1e-6)
     case, lopsided = "at rest, one element 1 % of the other", sideways(family, (0.594, 0.006), 0.5)
-    yield add(case, partial(at_rest, lopsided, partial(_pushed, 0.5)), 5e-2 if family == "arc" else 5e-4)
+    run = partial(at_rest, lopsided, partial(_level, bent_by_tip_force, 0.5))
+    yield add(case, run, 5e-2 if family == "arc" else 5e-4)
     case, pushed = "at rest, pushed by 10 EI/L2", sideways(family, count, 10.0)
-    yield add(case, partial(at_rest, pushed, partial(_pushed, 10.0)))
+    yield add(case, partial(at_rest, pushed, partial(_level, bent_by_tip_force, 10.0)))
     case, weight = "at rest, 100-fold tip mass", heavy(family, count)
     yield add(case, partial(at_rest, weight, partial(_tip, weight)), 4 * limit)
     for share, verdicts in ((1.0, (RIGHT,)), (1.05, (WARNED,)), (2.9, (WARNED,)), (3.1, (REFUSED,))):
         scene = coiled(family, 4, share)
-        run = partial(at_rest, scene, partial(_coil, 4 * share))
+        run = partial(at_rest, scene, partial(_level, bent_by_moment, 4 * share))
         yield add(f"at rest, coiled to {share:g} times the range", run, 1e-3, *verdicts)
     upright = standing(family, count)
     yield add("standing, straight and unstable", partial(straight_beyond_buckling, upright), 1e-9)
@@ -236,17 +226,10 @@ def _deflected(scene: Scene, deflection: float) -> Found:
     return Found(abs(found.tip[1] / LENGTH / deflection - 1.0), found.iterations, found.warnings)
 
 
-def _level(pose: Any) -> tuple[float, float]:
+def _level(form: Callable[[float], TipPose], load: float) -> tuple[float, float]:
     """Place of the tip of a closed form whose rod begins along world +X [m]."""
+    pose = form(load)
     return pose.along * LENGTH, pose.across * LENGTH
-
-
-def _pushed(load: float) -> tuple[float, float]:
-    return _level(bent_by_tip_force(load))
-
-
-def _coil(moment: float) -> tuple[float, float]:
-    return _level(bent_by_moment(moment))
 
 
 def _tip(scene: Scene) -> tuple[float, float]:

@@ -11,8 +11,6 @@ import casadi as ca
 from benchmarks.paper.kinematics import Bent, Terms, TwoArcs, is_zero
 from benchmarks.paper.slips import AsPrinted
 
-__all__ = ["GUARD", "christoffel", "guarded", "lagrangian_terms", "rod_mass_matrix", "terms"]
-
 GUARD = 0.005
 """[rad]; about where the error of the guard meets the rounding of the divisions: no value does better."""
 
@@ -72,16 +70,8 @@ def guarded(expressions: list[ca.SX], symbol: ca.SX, theta: ca.SX, guard: float 
 def terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, slips: AsPrinted = _RIGHT, *, guard: float = GUARD) -> Terms:
     """Mass matrix, velocity products, gravity and Jacobians, point masses included.
 
-    Parameters
-    ----------
-    arcs : TwoArcs
-    theta, rate : casadi.SX
-        Bending angles [rad] and their rates [rad/s], (2,) each.
-    slips : AsPrinted
-        What is taken as printed.
-    guard : float
-        Smallest angle [rad]; 0 leaves the divisions bare. Rounding grows like a high power of 1 / theta and the guard
-        itself errs like its size, so no value is accurate near a straight finger.
+    ``guard`` is the smallest angle [rad]; 0 leaves the divisions bare. Rounding grows like a high power of 1 / theta
+    and the guard itself errs like its size, so no value is accurate near a straight finger.
     """
     symbol = ca.SX.sym("theta", 2)
     bent = Bent(arcs, symbol, slips)
@@ -99,23 +89,3 @@ def terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, slips: AsPrinted = _RIGHT, *
             gravity -= point * (jacobian.T @ ca.vertcat(*arcs.gravity))
     found = [mass, christoffel(mass, symbol, rate), gravity, jc, jt]
     return Terms(*guarded(found, symbol, theta, guard))
-
-
-def lagrangian_terms(arcs: TwoArcs, theta: ca.SX, rate: ca.SX, *, guard: float = GUARD) -> Terms:
-    """The same by differentiating the Lagrangian of (4)-(12), (28) and (36), d/dt(dT/dqd) - dT/dq by directional
-    derivatives.
-    """
-    t, td = ca.SX.sym("theta", 2), ca.SX.sym("rate", 2)
-    bent = Bent(arcs, t)
-    jc, jt = ca.jacobian(bent.contact, t), ca.jacobian(bent.tip, t)
-    rod = td.T @ rod_mass_matrix(bent) @ td
-    vc, vt = jc @ td, jt @ td
-    kinetic = (rod + arcs.contact_mass * ca.dot(vc, vc) + arcs.tip_mass * ca.dot(vt, vt)) / 2
-    (l1, l2), rho = arcs.lengths, arcs.mass_per_length
-    weight = rho * l1 * bent.center1 + rho * l2 * bent.center2
-    weight += arcs.contact_mass * bent.contact + arcs.tip_mass * bent.tip
-    potential = -ca.dot(ca.vertcat(*arcs.gravity), weight)
-    mass, momentum = ca.hessian(kinetic, td)
-    inertial = ca.jtimes(momentum, t, td) - ca.gradient(kinetic, t)
-    found = [mass, inertial, ca.gradient(potential, t), jc, jt]
-    return Terms(*ca.substitute(guarded(found, t, theta, guard), [td], [rate]))

@@ -10,35 +10,17 @@ from typing import Literal
 
 from continuum_grasp.model.planar import Scalar
 
-__all__ = [
-    "BIAS",
-    "GRAVITY_ACROSS",
-    "GRAVITY_ALONG",
-    "JACOBIAN",
-    "MASS",
-    "Coefficient",
-    "Monomial",
-    "Polynomial",
-    "Reading",
-]
-
 Reading = Literal["corrected", "printed", "unrotated"]
 """Which of the three values of a coefficient is taken."""
 
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A homogeneous polynomial in the arc lengths with rational coefficients.
-
-    Attributes
-    ----------
-    denominator : int
-    numerators : tuple of int
-        Factors of L1^n, L1^(n-1) L2, ..., L2^n.
-    """
+    """A homogeneous polynomial in the arc lengths with rational coefficients."""
 
     denominator: int
     numerators: tuple[int, ...]
+    """Factors of L1^n, L1^(n-1) L2, ..., L2^n."""
 
     @property
     def fractions(self) -> dict[tuple[int, int], Fraction]:
@@ -58,21 +40,14 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Monomial:
-    """The coefficient of one monomial of the bending angles, in the three readings.
-
-    Attributes
-    ----------
-    corrected : Coefficient
-        Taylor coefficient of the exact model.
-    printed : Coefficient
-        As the paper prints it.
-    unrotated : Coefficient
-        Taylor coefficient when the velocity of the contact is not turned into the axes of the second arc.
-    """
+    """The coefficient of one monomial of the bending angles, in the three readings."""
 
     corrected: Coefficient
+    """Taylor coefficient of the exact model."""
     printed: Coefficient
+    """As the paper prints it."""
     unrotated: Coefficient
+    """Taylor coefficient when the velocity of the contact is not turned into the axes of the second arc."""
 
     @property
     def cause(self) -> str:

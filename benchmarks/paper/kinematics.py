@@ -13,8 +13,6 @@ import casadi as ca
 from benchmarks.paper.slips import AsPrinted
 from continuum_grasp.model.planar import Scalar
 
-__all__ = ["Bent", "Terms", "TwoArcs", "is_zero"]
-
 _RIGHT = AsPrinted()
 
 
@@ -23,27 +21,19 @@ class TwoArcs:
     """Two arcs, the first from the base to the contact, the second from there to the tip; SI units, base axes.
 
     Each value is a number, or a CasADi symbol where it is a run-time argument.
-
-    Attributes
-    ----------
-    lengths : pair
-        L1, L2 [m].
-    mass_per_length : scalar
-        rho A [kg/m].
-    rotary_inertia : scalar
-        rho I_ca, rotary inertia per length [kg m].
-    contact_mass, tip_mass : scalar
-        Point masses at the ends of the arcs [kg].
-    gravity : pair
-        Gravity in the axes of the base, Y along the undeformed finger [m/s2].
     """
 
     lengths: tuple[Scalar, Scalar]
+    """L1, L2 [m]."""
     mass_per_length: Scalar
+    """rho A [kg/m]."""
     rotary_inertia: Scalar = 0.0
+    """rho I_ca, rotary inertia per length [kg m]."""
     contact_mass: Scalar = 0.0
     tip_mass: Scalar = 0.0
+    """Point masses at the ends of the arcs [kg]."""
     gravity: tuple[Scalar, Scalar] = (0.0, 0.0)
+    """Gravity in the axes of the base, Y along the undeformed finger [m/s2]."""
 
 
 class Terms(NamedTuple):
@@ -68,16 +58,7 @@ def is_zero(value: Scalar) -> bool:
 
 @dataclass(frozen=True)
 class Bent:
-    """Two arcs with bending angles.
-
-    Attributes
-    ----------
-    arcs : TwoArcs
-    theta : casadi.SX
-        The two angles [rad].
-    slips : AsPrinted
-        What is taken as printed; nothing by default.
-    """
+    """Two arcs with bending angles (2,) [rad], and what is taken as printed: nothing by default."""
 
     arcs: TwoArcs
     theta: ca.SX
@@ -113,31 +94,10 @@ class Bent:
         return length / t**2 * ca.vertcat(1 - c - t * fraction * s, t * fraction * c - s)
 
     @property
-    def contact(self) -> ca.SX:
-        """r_c, equation (7)."""
-        return self.along_arc(0)
-
-    @property
-    def tip(self) -> ca.SX:
-        """r_t, equation (9)."""
-        return self.contact + self.rotation @ self.along_arc(1)
-
-    @property
-    def center1(self) -> ca.SX:
-        """Mass center of the first arc, equation (10)."""
-        t1, c1, s1, _, _, _ = self.trigonometry
-        return self.arcs.lengths[0] / t1**2 * ca.vertcat(s1 - t1, 1 - c1)
-
-    @property
     def relative_center2(self) -> ca.SX:
         """Mass center of the second arc from the contact in the axes there, right-hand side of equation (11)."""
         _, _, _, t2, c2, s2 = self.trigonometry
         return self.arcs.lengths[1] / t2**2 * ca.vertcat(s2 - t2, 1 - c2)
-
-    @property
-    def center2(self) -> ca.SX:
-        """Mass center of the second arc, equation (12)."""
-        return self.contact + self.rotation @ self.relative_center2
 
     def second_velocity(self, s: Scalar, rate: ca.SX) -> ca.SX:
         """Velocity at s [m] from the base on the second arc, equations (14)-(17)."""
@@ -146,11 +106,6 @@ class Bent:
         slope = self.along_arc_slope(1, s / l2 if "(16) s" in self.slips else fraction)
         turning = self.rotation_slope @ self.along_arc(1, fraction) * rate[0]
         return turning + self.rotation @ slope * rate[1] + self.along_arc_slope(0) * rate[0]
-
-    def tip_velocity(self, rate: ca.SX) -> ca.SX:
-        """Velocity of the tip, equation (18)."""
-        slope0, slope1 = self.along_arc_slope(0), self.along_arc_slope(1)
-        return (self.rotation_slope @ self.along_arc(1) + slope0) * rate[0] + self.rotation @ slope1 * rate[1]
 
     def _center_slope(self, which: int, cosine: float) -> ca.SX:
         """Derivative of an arc's mass center with respect to its angle; ``cosine``: the factor of cos in y."""

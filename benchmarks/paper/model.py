@@ -25,8 +25,6 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Scene
 
-__all__ = ["VARIANTS", "PaperModel", "paper_errors"]
-
 _CLOSED: dict[str, frozenset[str]] = {"closed_printed": DYNAMIC, "closed_corrected": frozenset()}
 _APPENDIX: dict[str, Reading] = {
     "appendix_printed": "printed",
@@ -45,31 +43,13 @@ class PaperModel(FingerModel):
     (43) and actuation (42) are right in the paper and the same in both; positions and the potential energy are the
     exact ones, whatever the variant.
 
-    Parameters
-    ----------
-    finger : Scene or Finger
-        What ``FingerModel`` takes, as are the further keywords (``contacts``, ``gravity``, ``elements`` as lengths,
-        ``parameters``, ...). Point masses and loads must be at the contact or at the tip.
-    variant : str
-        ``closed_printed``: equations (10)-(38) with every slip of ``slips.DYNAMIC``, read as said there;
-        ``closed_corrected``: the same without; ``appendix_printed``: (A.1)-(A.4); ``appendix_corrected``: their 56
-        wrong coefficients put right, with the rotary inertia that (A.1) drops; ``appendix_unrotated``: the same, but
-        the velocity of the contact is not turned into the axes of the second arc.
-    slips : collection of str, optional
-        For ``closed_corrected``: keys of ``slips.SLIPS`` that are taken as printed.
-    bias : {"christoffel", "lagrange"}
-        For ``closed_corrected``: the paper's formulas, with sums over the derivatives of the mass matrix (the fastest);
-        or the Lagrangian differentiated.
-    gravity_across : bool
-        For ``appendix_printed``: take gravity across the straight finger, which (A.4) does not have, from the corrected
-        appendix.
-    guard : float
-        Smallest angle of the closed forms [rad], which divide by it.
-
-    Raises
-    ------
-    InputError
-        If the variant is unknown, or the finger is more than the paper describes.
+    ``finger`` and further keywords are as of ``FingerModel``; point masses and loads must be at the contact or at the
+    tip, else it is an InputError. Variants: ``closed_printed``, equations (10)-(38) with every slip of
+    ``slips.DYNAMIC``, read as said there; ``closed_corrected``, the same without, or with some ``slips`` of
+    ``slips.SLIPS``; ``appendix_printed``, (A.1)-(A.4), with ``gravity_across`` the straight finger, which (A.4) does
+    not have, from the corrected appendix; ``appendix_corrected``, their 56 wrong coefficients put right, with the
+    rotary inertia that (A.1) drops; ``appendix_unrotated``, the same, but the velocity of the contact is not turned
+    into the axes of the second arc. ``guard`` is the smallest angle of the closed forms [rad], which divide by it.
     """
 
     def __init__(
@@ -78,15 +58,14 @@ class PaperModel(FingerModel):
         variant: str,
         *,
         slips: Collection[str] = (),
-        bias: str = "christoffel",
         gravity_across: bool = False,
         guard: float = closed_forms.GUARD,
         **settings: Any,
     ) -> None:
         if variant not in VARIANTS:
             raise InputError(f"unknown variant {variant!r}: expected one of {', '.join(VARIANTS)}")
-        if (slips or bias != "christoffel") and variant != "closed_corrected":
-            raise InputError(f"slips and bias are chosen for closed_corrected, not for {variant}")
+        if slips and variant != "closed_corrected":
+            raise InputError(f"slips are chosen for closed_corrected, not for {variant}")
         if gravity_across and variant != "appendix_printed":
             raise InputError(f"gravity_across is for appendix_printed; {variant} has gravity across the finger")
         if settings.setdefault("family", "arc") != "arc":
@@ -94,7 +73,7 @@ class PaperModel(FingerModel):
         settings.setdefault("elements", 2)
         super().__init__(finger, **settings)
         self.variant = variant
-        self._equations = _PaperEquations(self.structure, variant, AsPrinted(slips), bias, guard)
+        self._equations = _PaperEquations(self.structure, variant, AsPrinted(slips), guard)
         across = self._equations.arcs.gravity[0]
         if variant == "appendix_printed" and not gravity_across and not (isinstance(across, float) and across == 0.0):
             raise InputError(
@@ -106,10 +85,10 @@ class PaperModel(FingerModel):
 class _PaperEquations(Equations):
     """The equations of motion with the paper's mass matrix, velocity products, gravity and Jacobians."""
 
-    def __init__(self, structure: Structure, variant: str, slips: AsPrinted, bias: str, guard: float) -> None:
+    def __init__(self, structure: Structure, variant: str, slips: AsPrinted, guard: float) -> None:
         super().__init__(structure)
         _check(structure)
-        self._variant, self._bias, self._guard = variant, bias, guard
+        self._variant, self._guard = variant, guard
         self._slips = AsPrinted(_CLOSED[variant]) if _CLOSED.get(variant) else slips
 
     @cached_property
@@ -145,8 +124,6 @@ class _PaperEquations(Equations):
         """The paper's terms."""
         if self._variant in _APPENDIX:
             return appendix.terms(self.arcs, self.theta, self.qd, _APPENDIX[self._variant])
-        if self._bias != "christoffel":
-            return closed_forms.lagrangian_terms(self.arcs, self.theta, self.qd, guard=self._guard)
         return closed_forms.terms(self.arcs, self.theta, self.qd, self._slips, guard=self._guard)
 
     @cached_property
@@ -188,11 +165,7 @@ class _PaperEquations(Equations):
 
     def net_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """M qdd, (43)."""
-        if self._variant in _APPENDIX:
-            reading = _APPENDIX[self._variant]
-            _, outer = appendix.right_hand_side(self.arcs, self.theta, self.qd, *self.point_forces, reading)
-        else:
-            outer = ca.vertcat(*self.external_force) - self.terms.bias - self.terms.gravity
+        outer = ca.vertcat(*self.external_force) - self.terms.bias - self.terms.gravity
         return [outer[i] + acting.actuation[i] - self.elastic[i] - self.damping[i] for i in (0, 1)]
 
     @cached_property
@@ -218,14 +191,9 @@ def _check(structure: Structure) -> None:
 
 
 def paper_errors(scene: Scene, truth: Truth) -> dict[str, Errors]:
-    """Errors of two exact arcs, and of each variant of the paper's equations, against the exact rod.
+    """Errors of two exact arcs, and of each variant of the paper's equations, against the exact rod of a scene.
 
-    Parameters
-    ----------
-    scene : Scene
-        With ``fidelity`` of two arcs; forces and masses at contact and tip alone.
-    truth : Truth
-        Of that scene.
+    Its ``fidelity`` is of two arcs; forces and masses are at contact and tip alone.
     """
     held = scene.model_copy(update={"loads": truth.loads})
     models = {"two arcs": FingerModel(held, input_rates=False)}

@@ -12,27 +12,17 @@ from fractions import Fraction
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["ALL", "DYNAMIC", "SLIPS", "AsPrinted", "Slip"]
-
 
 @dataclass(frozen=True)
 class Slip:
-    """One difference between the printed and the corrected closed forms.
-
-    Attributes
-    ----------
-    printed, corrected : str
-        What is printed, and what is right.
-    factors : pair of Fraction or None
-        The factor as printed and as corrected, where that is all.
-    read : str
-        How the printed formula is read, where it cannot be meant literally.
-    """
+    """One difference between the printed and the corrected closed forms."""
 
     printed: str
     corrected: str
     factors: tuple[Fraction, Fraction] | None = None
+    """As printed and as corrected, where that is all."""
     read: str = ""
+    """How the printed formula is read, where it cannot be meant literally."""
 
 
 def _factor(where: str, printed: int, corrected: int) -> Slip:
@@ -80,18 +70,7 @@ DYNAMIC = frozenset(key for key in SLIPS if key[:4] in ("(24)", "(25)", "(26)", 
 
 
 class AsPrinted:
-    """Which slips a formula is written with.
-
-    Parameters
-    ----------
-    keys : collection of str
-        Keys of ``SLIPS`` to be taken as printed; the others are corrected.
-
-    Raises
-    ------
-    InputError
-        If a key is unknown.
-    """
+    """Which slips a formula is written with: keys of ``SLIPS`` that are taken as printed; the others are corrected."""
 
     def __init__(self, keys: Collection[str] = ()) -> None:
         unknown = sorted(set(keys) - ALL)

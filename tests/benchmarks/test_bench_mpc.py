@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from benchmarks import mpc_cases
-from benchmarks.mpc_nlp import Nlp
-from benchmarks.mpc_peers import converged
+from benchmarks.mpc import cases as mpc_cases
+from benchmarks.mpc.nlp import Nlp
+from benchmarks.mpc.peers import converged
 
 CASES = {
     "arcs": lambda: mpc_cases.arcs(steps=6, horizon=5),

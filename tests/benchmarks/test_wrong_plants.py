@@ -81,10 +81,7 @@ def test_wires_and_sensors_fail_as_they_say():
     assert np.flatnonzero(missing).tolist() == list(range(fails, fails + 50))
 
 
-GOOD = Outcome(
-    *("loop", "group", "name", 0, False, 1e-3, 1e-3, 0.18, 0.1, 0.02, 0.03),
-    *({"solved": 500}, {"ok": 500}, math.nan, math.nan, "", False),
-)
+GOOD = Outcome("loop", Wrong("group", "name"), 0, 1e-3, 1e-3, 0.18, 0.02, 0.03, math.nan, math.nan, "", False)
 FAR = 1e-3 + 1.01 * NEAR * 0.18
 
 

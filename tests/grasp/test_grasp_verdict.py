@@ -138,7 +138,7 @@ def test_two_limits_at_once_are_named_with_their_numbers():
     rod = Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, diameter=0.0012)
     free = make_scene("arc", UPRIGHT, finger={"rod": rod, "strain_limit": 0.06})
     search = Search(numbers(free))
-    strain = 0.5 * 0.0012 * search.least_measure(lambda p: float(np.abs(p.ends).max()), search.numbers).value
+    strain = 0.5 * 0.0012 * search.best(measure=lambda p: float(np.abs(p.ends).max())).value
     tension = search.best("tension").value
     tight = free.changed({"finger.strain_limit": 0.7 * strain, "finger.tendons.max_tension": 0.7 * tension})
     result = solved(tight)

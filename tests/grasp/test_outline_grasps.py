@@ -92,7 +92,7 @@ def test_both_sides_of_a_gate_are_in_the_way():
 @pytest.mark.parametrize("seed", few([126, 5, 181, *range(5), *range(6, 24)], 3))
 def test_grasps_of_random_outlines_hold_and_infeasible_ones_are_not_held_by_brute_force(seed):
     """By equations, depths by shapely, and a scan of all postures with linear programs, which share nothing with it."""
-    row = outcome(("outline", "", "own", drawn("outline", seed), 2, "normal", False))
+    row = outcome(("outline", "", "own", drawn("outline", seed), 2, "normal"))
     assert row["status"] != "error"
     assert row.get("residual", 0.0) < 1.0
     assert row.get("held") is None
@@ -142,14 +142,14 @@ def test_a_corner_keeps_its_distance_from_a_finger_that_slides(side):
 
 def test_a_corner_that_slides_along_the_finger_between_guarded_places_leaves_a_grasp():
     """The brute force holds it with 45.35 N, and 3 % of every limit to spare."""
-    row = outcome(("outline", "855", "own", drawn("outline", 855), 2, "normal", True))
+    row = outcome(("outline", "855", "own", drawn("outline", 855), 2, "normal"))
     assert row["tension"] < 45.35
     assert row["residual"] < 1.0
 
 
 def test_a_limit_relaxed_by_nothing_is_no_reason():
     """The solver leaves a narrow feasible set; brute force holds it with 19.16 N, and 3 % of every limit to spare."""
-    row = outcome(("outline", "409", "own", drawn("outline", 409), 2, "normal", False))
+    row = outcome(("outline", "409", "own", drawn("outline", 409), 2, "normal"))
     assert row["status"] == "feasible"
     assert row["tension"] < 19.16
     assert row["residual"] < 1.0
@@ -158,7 +158,7 @@ def test_a_limit_relaxed_by_nothing_is_no_reason():
 @pytest.mark.parametrize(("seed", "tension"), few([(16, 15.771749), (8, 23.417704)], 1))
 def test_where_a_scanned_posture_leads_nowhere_other_faces_are_tried(seed, tension):
     """The scan's postures lead to 24.76 and 24.70 N, three times as many starts to these tensions."""
-    row = outcome(("outline", str(seed), "own", drawn("outline", seed), 4, "normal", False))
+    row = outcome(("outline", str(seed), "own", drawn("outline", seed), 4, "normal"))
     assert row["status"] == "feasible"
     assert row["tension"] == pytest.approx(tension, rel=1e-6)
     assert row["residual"] < 1.0

@@ -1,4 +1,4 @@
-/* The hooks of mpc_loop.c by the package's real-time iteration, whose C stands above. SETTINGS are the bytes of its
+/* The hooks of loop.c by the package's real-time iteration, whose C stands above. SETTINGS are the bytes of its
  * settings, ITERATIONS is how many a step has. */
 static rti_plan plan;
 static rti_work work;

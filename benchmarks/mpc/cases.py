@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 import continuum_grasp as cg
+from benchmarks.harness import CONFIGS
+from continuum_grasp.arrays import Array
 from continuum_grasp.control import ControlProblem
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
 
-Array = NDArray[np.float64]
-
-CONFIGS = Path(__file__).parents[1] / "configs"
 FINER = 4
 """Runge-Kutta steps of the plant for one of the controller's model."""
 MISMATCH = 1.03
@@ -62,13 +59,7 @@ class Case:
 
     def plant(self) -> ca.Function:
         """(x, u, p) -> xn after a stage, by finer Runge-Kutta steps."""
-        stages = self.stages
-        x, u, p = ca.MX.sym("x", stages.nx), ca.MX.sym("u", stages.nu), ca.MX.sym("p", stages.np)
-        count = FINER * stages.substeps
-        following, advance = x, state_step(stages)
-        for _ in range(count):
-            following = advance(following, u, p, stages.stage / count)
-        return ca.Function("plant", [x, u, p], [following], ["x", "u", "p"], ["xn"])
+        return whole_stage("plant", self.stages, FINER * self.stages.substeps)
 
     def cost(self, x: Array, u: Array) -> float:
         """Cost of a closed loop with states x (steps + 1, nx) and inputs u (steps, nu), penalties included."""
@@ -101,6 +92,15 @@ def state_step(stages: Stages) -> ca.Function:
     """(x, u, p, h) -> xn: one Runge-Kutta step without its derivatives."""
     x, u, p, h = (ca.SX.sym(name, stages.step.size1_in(k)) for k, name in enumerate("xuph"))
     return ca.Function("state_step", [x, u, p, h], [stages.step(x, u, p, h)[0]], ["x", "u", "p", "h"], ["xn"])
+
+
+def whole_stage(name: str, stages: Stages, count: int, **options: Any) -> ca.Function:
+    """(x, u, p) -> xn after a stage in so many Runge-Kutta steps."""
+    x, u, p = ca.MX.sym("x", stages.nx), ca.MX.sym("u", stages.nu), ca.MX.sym("p", stages.np)
+    following, advance = x, state_step(stages)
+    for _ in range(count):
+        following = advance(following, u, p, stages.stage / count)
+    return ca.Function(name, [x, u, p], [following], ["x", "u", "p"], ["xn"], options)
 
 
 def case(name: str, *, steps: int = 400, seed: int = 0) -> Case:

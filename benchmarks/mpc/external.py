@@ -1,6 +1,6 @@
-"""The part of ``mpc_external`` in another interpreter, which has do-mpc or acados's Python package.
+"""The part of ``peers`` in another interpreter, which has do-mpc or acados's Python package.
 
-``python mpc_external_runner.py FOLDER`` reads dynamics, outputs, rows and plant of a closed loop (CasADi's files) and
+``python external.py FOLDER`` reads dynamics, outputs, rows and plant of a closed loop (CasADi's files) and
 numbers from the folder. do-mpc runs the loop, as it comes (collocation and IPOPT), and writes ``run.npz`` there; of
 acados the C of the solver is written to ``FOLDER/solver``. acados renders its templates by a program that it downloads;
 jinja2 renders them as well, once three words of their language are explained to it.

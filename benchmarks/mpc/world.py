@@ -1,41 +1,30 @@
-"""A plant cheap enough for a million control periods: a controller's own model with other disturbances, in C."""
+"""A plant cheap enough for a million control periods: a controller's own model with other disturbances, compiled."""
 
 from __future__ import annotations
 
-import ctypes
-import tempfile
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks.harness import CFLAGS, compiled, defines, generated, linked
-from benchmarks.mpc_cases import state_step
+from benchmarks.mpc.cases import state_step
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
-
-Array = NDArray[np.float64]
+from continuum_grasp.control.rti.source import load_library
+from continuum_grasp.core.call import Caller
+from continuum_grasp.core.source import generated
 
 FINER = 2
 """Runge-Kutta steps of the plant for one of the controller's model."""
 
 
 class World:
-    """The plant of a controller.
+    """The plant of a controller; its state ``z`` may be set.
 
-    Its state z is that of the estimator, disturbances included, or that of the model where there is none.
-
-    Attributes
-    ----------
-    nx : int
-        States before the disturbances.
-    z : (nz,) ndarray
-        The state; may be set.
-    ranges : Ranges
-        Limits of the controller's numbers.
+    That is the state of the estimator, disturbances included, or that of the model where there is none, which has
+    ``nx`` entries. ``ranges`` are the limits of the controller's numbers.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -55,32 +44,31 @@ class World:
             else:
                 after = estimation.flow(after, u, p, step)
         measured = after if estimation is None else estimation.outputs(after, u, p)[0]
-        world = ca.Function("world", [z, u, p], [after, measured])
+        outputs = [ca.densify(after), ca.densify(measured)]
+        world = ca.Function("world", [z, u, p], outputs, ["z", "u", "p"], ["zn", "y"])
+        load = partial(load_library, generated("world", world), "the plant of a benchmark")
+        self._advance = Caller(world, load, np.array(stages.p_nominal))
         mixing = np.eye(nz) if estimation is None else estimation.mixing
         self._unmix = np.linalg.pinv(mixing)
         self._rest = (np.eye(mixing.shape[1]) - self._unmix @ mixing) @ np.full(mixing.shape[1], 5.0)
         delay = 0 if scene.estimator is None else round(scene.estimator.delay / controller.period)
-        self._advance = self._compiled(world)
         self.first = np.zeros(nz)
         self.first[: model.nx] = controller.first
-        self.z, self._y = self.first.copy(), np.zeros(measured.numel())
+        self.z = self.first.copy()
         self._ring = [self._still(controller)] * delay
 
     def _still(self, controller: Controller) -> Array:
         """What is measured before anything has moved."""
-        z = self.z.copy()
-        self._call(np.clip(np.zeros(controller.stages.nu), controller.stages.u_min, None), controller.stages.p_nominal)
-        self.z[:] = z
-        return self._unmix @ self._y + self._rest
+        rest = np.clip(np.zeros(controller.stages.nu), controller.stages.u_min, None)
+        return self._seen(self._advance(self.z, rest, controller.stages.p_nominal)[1])
 
-    def _call(self, u: Array, p: Array) -> None:
-        given = (self.z, np.ascontiguousarray(u), p, self._y)
-        self._advance(*(ctypes.c_void_p(a.ctypes.data) for a in given))
+    def _seen(self, y: Array) -> Array:
+        return self._unmix @ y + self._rest
 
     def step(self, u: Array, p: Array) -> Array:
         """Go on for a period; what is measured then (of the past, where measurements are late)."""
-        self._call(u, p)
-        self._ring.append(self._unmix @ self._y + self._rest)
+        self.z[:], y = self._advance(self.z, u, p)
+        self._ring.append(self._seen(y))
         return self._ring.pop(0)
 
     def sound(self) -> bool:
@@ -91,13 +79,3 @@ class World:
     def reset(self) -> None:
         """Back to the first state, disturbances unchanged."""
         self.z[: self.nx] = self.first[: self.nx]
-
-    def _compiled(self, world: ca.Function) -> Any:
-        self._folder = tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-")
-        folder, sizes = Path(self._folder.name), {"NZ": world.numel_out(0)}
-        sizes |= {f"SZ_{name.upper()}": getattr(world, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
-        text = generated(world, with_mem=False, static_aux=True) + defines(**sizes)
-        text += Path(__file__).with_name("mpc_world.c").read_text(encoding="utf-8")
-        function = linked(folder, [compiled(folder, "world_", text, (*CFLAGS, "-w"))]).advance
-        function.restype = None
-        return function

@@ -12,28 +12,19 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmarks.mpc_cases import outside, state_step
+from benchmarks.mpc.cases import outside, whole_stage
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
-
-Array = NDArray[np.float64]
 
 
 @dataclass
 class Nlp:
     """The problem.
 
-    Parameters
-    ----------
-    stages : Stages
-        The problem.
-    soft : bool
-        Rows may be violated at their penalty, as in ``Stages``; otherwise they are hard, and those of a single
-        variable are its bounds, which makes a smaller problem.
-    variational : bool
-        Tell CasADi the Jacobian of a stage's dynamics by the variational equations.
+    Where it is not ``soft``, rows are hard, and those of a single variable are its bounds, which makes a smaller
+    problem; ``variational`` tells CasADi the Jacobian of a stage's dynamics by the variational equations.
     """
 
     stages: Stages
@@ -60,15 +51,10 @@ class Nlp:
     @cached_property
     def _following(self) -> ca.Function:
         """(x, u, p) -> xn after a stage."""
-        s = self.stages
-        x, u, p = (ca.MX.sym(name, size) for name, size in (("x", s.nx), ("u", s.nu), ("p", s.np)))
-        following, advance = x, state_step(s)
-        for _ in range(s.substeps):
-            following = advance(following, u, p, s.stage / s.substeps)
         options: dict[str, Any] = {"never_inline": True}
         if self.variational:
             options |= {"custom_jacobian": self._jacobian, "jac_penalty": 0}
-        return ca.Function("following", [x, u, p], [following], ["x", "u", "p"], ["xn"], options)
+        return whole_stage("following", self.stages, self.stages.substeps, **options)
 
     @cached_property
     def _jacobian(self) -> ca.Function:

@@ -14,19 +14,23 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.harness import compiled, defines, generated, linked, one_core
-from benchmarks.mpc_cases import Case
+from benchmarks.harness import compiled, defines, generated, linked, one_core, work_sizes
+from benchmarks.mpc.cases import Case
 from benchmarks.real_time_iteration import Settings
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti.source import iteration_source
-
-Array = NDArray[np.float64]
 
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fPIC", "-w")
 """Of every contestant."""
 WARM = 20
 """Iterations on the first problem before the loop begins."""
 FOLDER = Path(__file__).parent
+
+
+def c_text(name: str) -> str:
+    """C of a file beside this one."""
+    return (FOLDER / name).read_text(encoding="utf-8")
 
 
 @dataclass
@@ -58,20 +62,10 @@ class LoopRun:
 class CLoop:
     """A compiled closed loop.
 
-    Parameters
-    ----------
-    case : Case
-        Problem, references and plant.
-    source : str
-        C of the hooks named in ``mpc_loop.c`` and of all they need.
-    functions : sequence of casadi.Function
-        Generated apart and linked to it.
-    late : bool
-        Whether it linearizes once the state is known, with that state in its guess.
-    primal : float
-        Largest violation of the problem's equations and input limits that counts as solved.
-    flags : sequence of str
-        More of them for the compiler, to find headers and libraries.
+    ``source`` is the C of the hooks named in ``loop.c`` and of all they need, to which ``functions``, generated
+    apart, are linked, by compiler ``flags`` that find headers and libraries. A solver that is ``late`` linearizes once
+    the state is known, with that state in its guess; its step counts as solved where it violates the problem's
+    equations and input limits by ``primal`` at most.
     """
 
     def __init__(
@@ -89,10 +83,9 @@ class CLoop:
         self._plan = (stages.stages + 1) * stages.nx + stages.stages * stages.nu
         sizes = {"NX": stages.nx, "NU": stages.nu, "NP": stages.np, "PLAN": self._plan}
         sizes |= {"REFS": (stages.stages + 1) * stages.nr}
-        sizes |= {f"PLANT_{name.upper()}": getattr(plant, f"sz_{name}")() for name in ("arg", "res", "iw", "w")}
-        units = {"solver": source, "loop": defines(**sizes) + (FOLDER / "mpc_loop.c").read_text(encoding="utf-8")}
+        units = {"solver": source, "loop": defines(**sizes, **work_sizes(plant, "PLANT")) + c_text("loop.c")}
         for function in (plant, *functions):
-            units[f"{function.name()}_"] = generated(function, with_mem=False, static_aux=True)
+            units[f"{function.name()}_"] = generated(function)
         objects = [compiled(folder, name, text, (*FLAGS, *flags)) for name, text in units.items()]
         self._library = linked(folder, objects, flags)
         self._library.timer_cost.restype = ctypes.c_double
@@ -153,6 +146,5 @@ def rti_loop(case: Case, *, lanes: bool = True, real: str = "double", iterations
     settings = Settings(case.stages, number)
     data = ctypes.string_at(settings.address, settings.size)
     words = defines(SETTINGS=", ".join(map(str, data)), ITERATIONS=iterations)
-    hooks = words + (FOLDER / "mpc_rti.c").read_text(encoding="utf-8")
     primal = math.inf if iterations > 1 else 1e-6 if real == "double" else 1e-3  # of one problem, linearized once
-    return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + hooks, primal=primal)
+    return CLoop(case, iteration_source(case.stages, real=real, lanes=lanes) + words + c_text("rti.c"), primal=primal)

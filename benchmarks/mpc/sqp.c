@@ -1,4 +1,4 @@
-/* The hooks of mpc_loop.c by CasADi's generated `sqpmethod`; mpc_peers.py defines the words in capitals above. */
+/* The hooks of loop.c by CasADi's generated `sqpmethod`; peers.py defines the words in capitals above. */
 #include <string.h>
 
 int rti(const double **arg, double **res, long long int *iw, double *w, int mem);

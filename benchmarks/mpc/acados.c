@@ -1,4 +1,4 @@
-/* The hooks of mpc_loop.c by acados's generated solver `loop`; U_MIN and U_MAX, limits of inputs, are defined above. */
+/* The hooks of loop.c by acados's generated solver `loop`; U_MIN and U_MAX, limits of inputs, are defined above. */
 #include <string.h>
 #include "acados_c/ocp_nlp_interface.h"
 #include "acados_solver_loop.h"
