@@ -11,6 +11,7 @@ from scipy import linalg
 import continuum_grasp as cg
 from continuum_grasp.simulation import modes
 from tests.closed_forms.rods import roots
+from tests.truth.differences import differences
 
 LENGTH, DENSITY, STIFFNESS, OFFSET, TIP = 0.18, 0.034, 6.11e-3, 0.005, 0.002
 AXIAL, SERIES = 1e4, 1 / 3e-5
@@ -156,8 +157,7 @@ def test_friction_of_a_bent_finger_acts_on_as_it_did():
             return np.array(model.mass_matrix(q, about.u, about.p)) @ rates[n : 2 * n]
 
         assert np.abs(force(about.q)).max() < 1e-6
-        step = 1e-4
-        stiffness = -np.array([(force(about.q + e) - force(about.q - e)) / (2 * step) for e in step * np.eye(n)]).T
+        stiffness = -differences(force, about.q, 1e-4)
         mass = np.array(model.mass_matrix(about.q, about.u, about.p))
         true = np.sqrt(linalg.eigvals(stiffness, mass).real) / (2.0 * math.pi)
         assert found.frequencies_hz == pytest.approx(np.sort(true), rel=1e-4)
