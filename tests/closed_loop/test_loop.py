@@ -192,7 +192,7 @@ def test_measurements_arrive_late():
 def test_a_bench_is_mounted_as_the_controller_knows_unless_stated(true, shown, believed):
     """The tip at 180 mm, by a camera that shows twice the distance from a place beside the clamp, mirrored."""
     known = {"camera": {"position": (0.01, 0.0), "scale": 2.0, "mirrored": True}}
-    scene = make(estimator=ESTIMATOR, mounting=known, plant={"fidelity": ARCS, "noise": 0.0, "mounting": true})
+    scene = make(estimator=ARCS_ESTIMATOR, mounting=known, plant={"fidelity": ARCS, "noise": 0.0, "mounting": true})
     assert SimulatedBench(scene).read()[:2] == pytest.approx(shown, abs=1e-12)
     assert Plant(scene).measure()[:2] == pytest.approx(believed, abs=1e-12)
 
