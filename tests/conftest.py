@@ -7,7 +7,6 @@ import shutil
 import sys
 import time
 
-import casadi as ca
 import pytest
 
 from continuum_grasp.errors import InputError
@@ -56,6 +55,8 @@ def pytest_pyfunc_call(pyfuncitem):
     try:
         return (yield)
     except InputError as error:
+        import casadi as ca  # not above: it loads numpy's linear algebra, with as many threads as are set by then
+
         if "needs PIQP" in str(error) and not ca.has_conic("piqp"):
             pytest.skip(str(error))
         raise

@@ -10,7 +10,7 @@ import continuum_grasp as cg
 from continuum_grasp.closed_loop.integration import ChainIntegration
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control import ContactDetector, DetectedContact
-from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
+from tests.tendon_cases import CABLE, LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
 from tests.truth.servo import ServoedChain
 from tests.truth.tendon_motion import MovingFinger
 
@@ -26,7 +26,6 @@ MOTOR = {
     "position_gain": 0.8,
     "rate_gain": 2.5e-3,
 }
-TENDON = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
 EXACT = {"bending_stiffness": 0.0, "tendon_friction": 0.0, "coulomb_friction": 0.0, "tension": 0.0}
 
 
@@ -36,7 +35,7 @@ def scene(
     return cg.ControlScene(
         finger={
             **PASSIVE,
-            "tendons": [{**TENDON, "friction": friction, "drive": drive or MOTOR}],
+            "tendons": [{**CABLE, "friction": friction, "drive": drive or MOTOR}],
         },
         gravity=(0.0, 0.0),
         fidelity={"family": "clothoid", "elements": 2},
@@ -108,7 +107,7 @@ def pair_scene(
             **PASSIVE,
             "rod": {**ROD, "bending_stiffness": STIFFNESS * own["stiffness"]},
             "masses": [{"at": LENGTH, "mass": 0.002 + payload}],
-            "tendons": {**TENDON, "friction": friction * own["friction_factor"], "drive": drive},
+            "tendons": {**CABLE, "friction": friction * own["friction_factor"], "drive": drive},
         },
         gravity=(0.0, -9.81),
         plant=plant or {},

@@ -10,6 +10,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene import Damping, Fidelity, Finger, Tendons
 from continuum_grasp.scene import Rod as RodValue
 from continuum_grasp.scene.control import ControlScene
+from tests.tendon_cases import PASSIVE
 
 ROD = Finger(
     rod=RodValue(length=0.6, linear_density=0.0203, bending_stiffness=0.0471, rotary_inertia=1e-8),
@@ -89,6 +90,29 @@ def hand_scene(**changes) -> ControlScene:
         "estimator": {"measured": {"tip": 3e-4, "tension": 0.1}, "disturbances": {"tip_moment": 0.02}},
     }
     return ControlScene(**{**given, **changes})
+
+
+ARCS_LOOP = {
+    "finger": {
+        **PASSIVE,
+        "rod": {**PASSIVE["rod"], "diameter": 0.0012},
+        "tendons": {"offset": 0.005, "min_tension": 1.0, "max_tension": 60.0, "time_constant": 0.02},
+    },
+    "gravity": (0.0, 0.0),
+    "fidelity": {"family": "arc", "elements": 2},
+    "controller": {
+        "horizon": {"stages": 10, "stage": 0.01},
+        "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "speed": 0.02, "effort": 1e-3, "input_rate": 5e-5},
+        "input": {"rate_max": 600.0},
+    },
+}
+"""Keys of a closed loop of small models in a horizontal plane, but for a reference: two arcs on tendons that lag."""
+ARCS_ESTIMATOR = {
+    "measured": {"tip": 3e-4, "tension": 0.1, "bending": {"at": (0.09, 0.18), "std": 0.003}},
+    "disturbances": {"tip_moment": 0.01},
+    "acceleration_std": 1.0,
+    "delay": 0.01,
+}
 
 
 class Reality:

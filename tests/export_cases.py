@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.export import export_c
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.finger import Finger
@@ -25,6 +24,7 @@ from tests.rti_problems import cart_pole
 
 TENDONS = ROOT / "configs/simulate/tendon_step.yaml"
 CONTACT = ROOT / "configs/simulate/midpoint_contact.yaml"
+DISC = ROOT / "configs/simulate/swing_against_disc.yaml"
 WITH_FRICTION = {
     "fidelity.family": "arc",
     "fidelity.elements": 2,
@@ -66,6 +66,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     # Commands of tendons that stick jump in single precision; what the drives feel does not.
     "detector": {"error": 10.0},
     "implicit": {"what": ["implicit_step"], "substeps": 2},
+    "seen": {"what": ["shape", "velocities", "contact"], "sections": 5},
     **{name: {"what": ["dynamics", "step"], "step": 1e-7} for name in MANY},
 }
 """How packages are made that do not come as they are."""
@@ -80,8 +81,9 @@ def scene(name: str):
     """Scenes: closed loops with and without estimator, tendons with friction, winches, a motor, a contact, tendons
     alone, two arcs.
 
-    Also a detector of contacts by motors, a solver of a cart-pole and fingers of ``MANY`` elements. Of ``direct`` the
-    inputs set the curvature of the tip at once, and a run-time parameter its range.
+    Also a detector of contacts by motors, a solver of a cart-pole, a finger that is seen beside a disc and fingers of
+    ``MANY`` elements. Of ``direct`` the inputs set the curvature of the tip at once, and a run-time parameter its
+    range.
     """
     return {
         "observed": lambda: loop_scene(8),
@@ -101,6 +103,7 @@ def scene(name: str):
         "detector": short_scene,
         "cart-pole": lambda: cg.rti(cart_pole(name="cart-pole")),
         "implicit": lambda: scene("winches"),
+        "seen": lambda: load(DISC),
         **{name: lambda made=made: model_of(*made) for name, made in MANY.items()},
         "direct": lambda: FingerModel(
             without_lag(load(TENDONS).finger), family="matched_clothoid", parameters=("bending_stiffness",)
@@ -176,24 +179,15 @@ def two_arcs() -> FingerModel:
     return FingerModel(without_lag(scene("tendons").finger), family="arc", elements=2)
 
 
-@pytest.fixture(scope="session")
-def packages(tmp_path_factory):
-    """Folders of packages by scene and type, made once."""
-    folder = tmp_path_factory.mktemp("packages")
-
-    @lru_cache
-    def made(name: str, real: str, target: str = "host") -> Path:
-        path = folder / f"{name}_{real}_{target}"
-        export_c(scene(name), path, real=real, target=target, **OPTIONS.get(name, {}))
-        return path
-
-    return made
-
-
 def needs(*tools: str):
     """Skip where a program is missing, and name it."""
     missing = [tool for tool in tools if shutil.which(tool) is None]
     return pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
+
+
+def values(struct: Any) -> list[Any]:
+    """The fields of a struct of C, in their order."""
+    return [getattr(struct, name) for name, _ in struct._fields_]
 
 
 def run(*line: object, cwd: Path | None = None, expect: int = 0) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -200,6 +201,13 @@ def jacobian_rate_error(case: Case, model: FingerModel, at: State) -> float:
     rod = Rod(finger, at.q, at.qd, (matched_tip(finger, case.drive(model, at.u)[0])[0], 0, 0), NODES)
     values = [evaluate(model.jacobian_rate, at.q, at.qd, at.u, s, model.p_nominal) for s in SECTIONS]
     return relative_error(values, np.array([to_numpy(rod.jacobian_rate(s)) for s in SECTIONS]))
+
+
+def energy_rate(model: FingerModel, u: np.ndarray) -> Callable[[np.ndarray, np.ndarray], float]:
+    """Power [W] that a state's rates put into kinetic and potential energy, by the energy's exact derivative."""
+    x = ca.MX.sym("x", model.nx)
+    slope = ca.Function("slope", [x], [ca.jacobian(sum(model.energy(x, u, [])), x)])
+    return lambda state, rates: float(slope(state).full().ravel() @ rates)
 
 
 def relative_error(value, truth) -> float:

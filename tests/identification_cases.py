@@ -52,9 +52,9 @@ def frequency(mode: int, stiffness: float = STIFFNESS, density: float = DENSITY)
     return (BETA[mode - 1] / LENGTH) ** 2 * math.sqrt(stiffness / density) / (2.0 * math.pi)
 
 
-def bare_scene(elements: int = 6) -> Scene:
+def bare_scene(elements: int = 6, family: str = "matched_clothoid", **keys) -> Scene:
     """The rod without gravity."""
-    return rod_scene(ROD, elements=elements, gravity=(0.0, 0.0))
+    return rod_scene(ROD, family, elements, gravity=(0.0, 0.0), **keys)
 
 
 def release(scene: Scene, stiffer: float, damping: float, turned: float) -> Scene:
@@ -69,6 +69,16 @@ def release(scene: Scene, stiffer: float, damping: float, turned: float) -> Scen
 def at_tip(x, y, sigma: float | None = None) -> list[Reading]:
     """Readings of the tip."""
     return [Reading("x", x, sigma=sigma), Reading("y", y, sigma=sigma)]
+
+
+def weighed(tips: np.ndarray, loads: np.ndarray, **keys) -> Poses:
+    """Places of the tip under loads downwards."""
+    return Poses(at_tip(tips[:, 0], tips[:, 1]), {"load_1_y": -np.asarray(loads)}, **keys)
+
+
+def bent(moments: np.ndarray, bends: np.ndarray, **place) -> Poses:
+    """Bends, of the whole rod or up to a place, under moments at its tip."""
+    return Poses([Reading("bend", bends, **place)], {"tip_moment": moments})
 
 
 def rung(*frequencies, decays=(), conditions=None) -> Poses:

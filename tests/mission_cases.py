@@ -7,15 +7,24 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from continuum_grasp.control.status import Anomaly, Health, Trip
+from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plan import Plan
+from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.scene.mission import Phases
+from continuum_grasp.simulation.contacts import ContactForces
 from tests.rods import ROOT
 
-MUG = ROOT / "configs/mission/mug.yaml"
+MUG, PINCH, CUP, BLOCK = (ROOT / f"configs/mission/{name}.yaml" for name in ("mug", "pinch", "cup_lying", "turn_block"))
 SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
-QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.effort=quick")
+COARSE = "plant.fidelity={family: clothoid, elements: 3}"
+QUICK = (COARSE, f"phases={SHORT}", "grasp.solver.effort=quick")
 """A short mission of coarse models."""
 CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
+STAGES = SimpleNamespace(
+    r_names=("contact_force_finger.tip [N]",), weights=np.zeros(1), u_min=np.zeros(2), u_max=np.full(2, 75.0)
+)
+"""Of a controller of one of these tips."""
 
 
 def planned(table, names, t):
@@ -76,3 +85,45 @@ def fingers(*names, slip=None, most=20.0, standing=0.0, gives=0.0):
         )
         for name in names
     ]
+
+
+def commanded(force, *, std=0.1, u=None, **seen):
+    """What a controller commands that feels a force at its fingertip."""
+    felt = SimpleNamespace(force=np.array([force]), std=np.array([std]))
+    usual = {"trip": Trip.NONE, "anomaly": Anomaly(0), "health": Health.OK}
+    return SimpleNamespace(contact_forces=felt, u=u, **usual | seen)
+
+
+def carried_out(of, forces, *, height=lambda t: 0.0, **commands):
+    """Fingers by hand through all phases, with forces of their tips and the object's height by instant.
+
+    The check of the lift, the timetable, limits by phase of the first finger, and by instant the phase and the setpoint
+    of each finger; all fingers are in one phase and end together.
+    """
+    tables = [Timetable(one) for one in of]
+    check, limits, passed, wanted = LiftCheck(of, tables), {}, [], {}
+    plans = [check.schedule(k, STAGES) for k in range(len(of))]
+    controller = SimpleNamespace(change=lambda u_min, u_max, **_: limits.update({plans[0].phase: (*u_min, *u_max)}))
+    plant = SimpleNamespace(t=0.0, command=np.zeros(2), height=height(0.0))
+    for plan in plans:
+        plan.enter(0.0, controller, plant)
+    for k in range(1, 1000):
+        plant.t = t = k * STEP
+        plant.height = height(t)
+        felt = [commanded(force, **commands) for force in forces(t)]
+        going = [plan.advance(t, controller, plant, command) for plan, command in zip(plans, felt, strict=True)]
+        assert len(set(going)) == 1
+        if not going[0]:
+            break
+        assert len({plan.phase for plan in plans}) == 1
+        passed.append((t, plans[0].phase))
+        wanted[t] = [float(plan.rows(np.array([t]))[0, 0]) for plan in plans]
+    return SimpleNamespace(
+        check=check, table=tables[0], limits=limits, passed=passed, wanted=wanted, events=list(plans[0].events)
+    )
+
+
+def pressed(names, normal, friction):
+    """Forces of contacts (T, C), of which nothing else is asked."""
+    zero, planar = np.zeros_like(normal), np.zeros((len(normal), 2, len(names)))
+    return ContactForces(names, zero, normal, friction, zero, planar, planar)

@@ -8,6 +8,7 @@ from scipy.linalg import expm
 import continuum_grasp as cg
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.scene.plan import PlanScene
+from tests.truth.differences import differences
 
 ROD = {"length": 0.3, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}
 
@@ -47,10 +48,8 @@ def linearized(scene: PlanScene) -> tuple[np.ndarray, np.ndarray]:
     def rate(x, u):
         return np.array(model.dynamics(x, u, p)).ravel()
 
-    h, zero, still = 1e-6, np.zeros(n), np.zeros(model.nu)
-    a = np.array([(rate(zero + h * e, still) - rate(zero - h * e, still)) / (2 * h) for e in np.eye(n)]).T
-    b = np.array([(rate(zero, still + h * e) - rate(zero, still - h * e)) / (2 * h) for e in np.eye(model.nu)]).T
-    return a, b
+    straight, still = np.zeros(n), np.zeros(model.nu)
+    return differences(lambda x: rate(x, still), straight), differences(lambda u: rate(straight, u), still)
 
 
 def held(a: np.ndarray, b: np.ndarray, h: float) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -90,6 +94,19 @@ def disturb(rti: RealTimeIteration, rng: np.random.Generator, spread: float = 0.
         part[:] = spread * rng.normal(size=part.shape)
     rti.prepare(rng.normal(size=(s.stages + 1, s.nr)))
     return rng.normal(size=s.nx) * 10 ** rng.uniform(-1, 1)
+
+
+@contextmanager
+def changed(rti: RealTimeIteration, **settings: Any) -> Iterator[None]:
+    """Settings of an iteration that others share, for a while."""
+    before = {name: copy(getattr(rti.settings, name)) for name in settings}
+    try:
+        for name, value in settings.items():
+            setattr(rti.settings, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(rti.settings, name, value)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ import continuum_grasp as cg
 LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
 ROD = {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS}
 PASSIVE = {"rod": ROD, "damping": {"material": 3e-5}, "masses": [{"at": LENGTH, "mass": 0.002}]}
+CABLE = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
+"""A tendon that gives."""
 
 
 def finger(friction, **tendons):

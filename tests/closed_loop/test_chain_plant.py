@@ -12,16 +12,11 @@ from continuum_grasp.closed_loop.links import lump
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.scene.control import ControlScene
+from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
 from tests.truth.geared_chain import GearedChain
 from tests.truth.tendon_motion import MovingFinger
 
-LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
-STILL = {"rod": {"length": LENGTH, "linear_density": 1e-9, "bending_stiffness": STIFFNESS}}
-MOVING = {
-    "rod": {"length": LENGTH, "linear_density": 0.034, "bending_stiffness": STIFFNESS},
-    "damping": {"material": 3e-5},
-    "masses": [{"at": LENGTH, "mass": 0.002}],
-}
+STILL = {"rod": {**ROD, "linear_density": 1e-9}}
 PAIR = {"offset": OFFSET, "max_tension": 60.0}
 
 
@@ -90,7 +85,7 @@ def test_bends_at_rest_are_those_of_closed_forms_with_the_square_of_the_number_o
 
 
 def test_it_moves_as_the_chain_of_the_tests_does_but_for_its_steps():
-    chain = Chain({**MOVING, "tendons": pair(0.15)}, 16)
+    chain = Chain({**PASSIVE, "tendons": pair(0.15)}, 16)
     pulls = [(1.0 + 9.0 * np.sin(0.04 * k) ** 2, 2.0) for k in range(80)]
     angles = np.array([chain.go(u, 1e-3, 8) for u in pulls])
     errors = []
@@ -108,7 +103,7 @@ def test_it_moves_as_the_chain_of_the_tests_does_but_for_its_steps():
 
 
 def test_nothing_creeps_at_rest_and_a_slack_tendon_forgets():
-    chain = Chain({**MOVING, "tendons": single(0.3)}, 16)
+    chain = Chain({**PASSIVE, "tendons": single(0.3)}, 16)
     for tension in (*np.linspace(0.0, 15.0, 30), *np.linspace(15.0, 9.0, 12)):
         chain.go([tension], 0.02, 20)
     angle = chain.go([9.0], 2.0, 400)
@@ -122,7 +117,7 @@ def test_nothing_creeps_at_rest_and_a_slack_tendon_forgets():
 
 def test_it_sags_under_its_weight_as_a_beam_does():
     """Gravity across, so little that bends stay small: w L3/(6 EI) + m g L2/(2 EI) at the tip."""
-    chain = Chain({**MOVING, "tendons": single(0.0)}, 40, gravity=[0.1, 0.0])
+    chain = Chain({**PASSIVE, "tendons": single(0.0)}, 40, gravity=[0.1, 0.0])
     angle = chain.go([0.0], 4.0, 800)
     weight, tip = 0.1 * 0.034, 0.1 * 0.002
     wanted = weight * LENGTH**3 / (6.0 * STIFFNESS) + tip * LENGTH**2 / (2.0 * STIFFNESS)
@@ -156,7 +151,7 @@ def test_a_motor_at_rest_holds_what_its_tendons_pull(arrangement):
     tendons = PAIR | {"friction": 0.1, "axial_stiffness": 1e4, "series_stiffness": 3e4, "drive": drive}
     control = {"horizon": {"stages": 5}, "cost": {"tip": {"running": 1.0}, "effort": 1e-3}}
     control["input"] = {"angles": [-1.5, 1.5]}
-    chain = Chain({**MOVING, "tendons": tendons}, 12, controller=control)
+    chain = Chain({**PASSIVE, "tendons": tendons}, 12, controller=control)
     u = np.array([0.7, -0.2])[: 1 if arrangement == "one_pulley" else 2]
     chain.go(u, 4.0, 1600)
     system = chain.model.system
@@ -178,7 +173,7 @@ def test_a_gear_with_play_moves_as_the_chain_of_the_tests_does(stiffness, play, 
     drive = {"kind": "motor", "arrangement": "one_pulley", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 0.4}
     drive |= {"viscous_friction": 2e-4, "backlash": play, "gear_stiffness": stiffness, **start}
     tendons = PAIR | {"axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5, "drive": drive}
-    chain = Chain({**MOVING, "tendons": tendons}, 8)
+    chain = Chain({**PASSIVE, "tendons": tendons}, 8)
     bars = MovingFinger(LENGTH, STIFFNESS, OFFSET, 0.0, hinges=8)
     wound = start.get("pretension", 0.0) * (3e-5 + LENGTH / 1e4) - start.get("slack", 0.0)
     truth = GearedChain(bars, wound, play, stiffness)
@@ -221,7 +216,7 @@ def test_it_presses_an_object_as_a_plant_of_elements_does():
         "object": {"shape": "circle", "diameter": 0.06, "mass": 0.05, "position": [-0.045, 0.09]},
         "contact_law": {"stiffness": 2000.0, "friction": 0.4, "dissipation": 0.2, "rounding": 2e-4},
     }
-    finger = {**MOVING, "tendons": PAIR | {"time_constant": 0.02}, "half_thickness": 0.006}
+    finger = {**PASSIVE, "tendons": PAIR | {"time_constant": 0.02}, "half_thickness": 0.006}
     forces = []
     for plant in ({"guides": 60, "axial_stiffness": 1e5}, {"fidelity": {"family": "clothoid", "elements": 6}}):
         tried = Plant(scene(finger, plant, **around))
@@ -244,7 +239,7 @@ def test_it_presses_an_object_as_a_plant_of_elements_does():
 )
 def test_what_a_chain_does_not_cover_is_refused(changes, key, words):
     with pytest.raises(cg.InputError, match=words) as error:
-        PlantModel(scene({**MOVING, "tendons": PAIR, **changes}, {"guides": 20, "axial_stiffness": 1e4}))
+        PlantModel(scene({**PASSIVE, "tendons": PAIR, **changes}, {"guides": 20, "axial_stiffness": 1e4}))
     assert error.value.key == key
 
 
@@ -252,7 +247,7 @@ def test_guides_are_elastic_and_have_no_elements_nor_presliding():
     without = {"axial_stiffness": None}
     for other, words in (({"fidelity": {"elements": 4}}, "fidelity"), ({"presliding": 1e-5}, "pre"), (without, "elas")):
         with pytest.raises(ValueError, match=words):
-            scene({**MOVING, "tendons": PAIR}, {"guides": 20, "axial_stiffness": 1e4, **other})
+            scene({**PASSIVE, "tendons": PAIR}, {"guides": 20, "axial_stiffness": 1e4, **other})
 
 
 def wound(guides, friction, finger=STILL, tendons=single, **drive):

@@ -29,43 +29,22 @@ from continuum_grasp.scene import (
     Fidelity,
     Finger,
     ForceLoad,
-    PointMass,
     Reference,
-    Rod,
-    Tendons,
     VectorSamples,
 )
+from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
 from tests.declared import assert_declared
 from tests.marks import few
 
-FINGER = Finger(
-    rod=Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, diameter=0.0012),
-    damping=Damping(material=3e-5),
-    masses=(PointMass(at=0.18, mass=0.002),),
-    tendons=Tendons(offset=0.005, min_tension=1.0, max_tension=60.0, time_constant=0.02),
-)
+FINGER, CONTROLLER = Finger.model_validate(ARCS_LOOP["finger"]), ARCS_LOOP["controller"]
 ARCS = Fidelity(family="arc", elements=2)
-ESTIMATOR = {
-    "measured": {"tip": 3e-4, "tension": 0.1, "bending": {"at": (0.09, 0.18), "std": 0.003}},
-    "disturbances": {"tip_moment": 0.01},
-    "acceleration_std": 1.0,
-    "delay": 0.01,
-}
-CONTROLLER = {
-    "horizon": {"stages": 10, "stage": 0.01},
-    "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "speed": 0.02, "effort": 1e-3, "input_rate": 5e-5},
-    "input": {"rate_max": 600.0},
-}
 ON_CURVE = (-0.18 * (1 - math.cos(0.5)) / 0.5, 0.18 * math.sin(0.5) / 0.5)
 
 
 def make(**changes):
     """A closed loop of small models."""
     given = {
-        "finger": FINGER,
-        "gravity": (0.0, 0.0),
-        "fidelity": ARCS,
-        "controller": CONTROLLER,
+        **ARCS_LOOP,
         "reference": Reference(tip=ON_CURVE),
         "plant": {"fidelity": {"family": "clothoid", "elements": 3}, "stiffness": 1.1, "damping": 1.3},
         "duration": 0.4,
@@ -75,7 +54,7 @@ def make(**changes):
 
 @cache
 def run(estimated=True, **changes):
-    return run_closed_loop(make(estimator=ESTIMATOR if estimated else None, **changes))
+    return run_closed_loop(make(estimator=ARCS_ESTIMATOR if estimated else None, **changes))
 
 
 # -- the plant --------------------------------------------------------------------------------------------------------
@@ -195,7 +174,7 @@ def test_a_drive_of_first_order_needs_a_lag_and_a_continuous_moment(changes):
 
 def test_measurements_arrive_late():
     exact = {"fidelity": ARCS, "noise": 0.0, "delay": 0.025}
-    tried, tips = Plant(make(estimator=ESTIMATOR, plant=exact)), []
+    tried, tips = Plant(make(estimator=ARCS_ESTIMATOR, plant=exact)), []
     tip = tried.model.function("tip", r=tried.model.tip)
     for k in range(10):
         states = tried.advance((20.0 + k, 2.0))
@@ -213,7 +192,7 @@ def test_measurements_arrive_late():
 def test_a_bench_is_mounted_as_the_controller_knows_unless_stated(true, shown, believed):
     """The tip at 180 mm, by a camera that shows twice the distance from a place beside the clamp, mirrored."""
     known = {"camera": {"position": (0.01, 0.0), "scale": 2.0, "mirrored": True}}
-    scene = make(estimator=ESTIMATOR, mounting=known, plant={"fidelity": ARCS, "noise": 0.0, "mounting": true})
+    scene = make(estimator=ARCS_ESTIMATOR, mounting=known, plant={"fidelity": ARCS, "noise": 0.0, "mounting": true})
     assert SimulatedBench(scene).read()[:2] == pytest.approx(shown, abs=1e-12)
     assert Plant(scene).measure()[:2] == pytest.approx(believed, abs=1e-12)
 
@@ -234,9 +213,10 @@ def test_tensions_that_lag_are_measured_beside_chambers_that_act_at_once():
 
 def test_noise_is_as_large_as_said_and_repeats_with_its_seed():
     tried = {
-        seed: Plant(make(estimator=ESTIMATOR, plant={"fidelity": ARCS, "noise": 2.0, "seed": seed})) for seed in (1, 2)
+        seed: Plant(make(estimator=ARCS_ESTIMATOR, plant={"fidelity": ARCS, "noise": 2.0, "seed": seed}))
+        for seed in (1, 2)
     }
-    again = Plant(make(estimator=ESTIMATOR, plant={"fidelity": ARCS, "noise": 2.0, "seed": 1}))
+    again = Plant(make(estimator=ARCS_ESTIMATOR, plant={"fidelity": ARCS, "noise": 2.0, "seed": 1}))
     rows = {seed: np.array([plant.measure() for _ in range(2000)]) for seed, plant in tried.items()}
     assert np.array_equal(rows[1][:5], [again.measure() for _ in range(5)])
     assert not np.array_equal(rows[1], rows[2])
@@ -362,17 +342,17 @@ def test_the_tip_follows_its_setpoints():
 
 
 def test_a_run_repeats_with_its_seed():
-    one, same = run(), run_closed_loop(make(estimator=ESTIMATOR))
+    one, same = run(), run_closed_loop(make(estimator=ARCS_ESTIMATOR))
     assert_declared(one)
     for name in ("x", "u", "y", "estimate", "std", "plan_tip", "tracked"):
         assert np.array_equal(getattr(one, name), getattr(same, name)), name
-    other = run_closed_loop(make(estimator=ESTIMATOR, plant=make().plant.model_copy(update={"seed": 5})))
+    other = run_closed_loop(make(estimator=ARCS_ESTIMATOR, plant=make().plant.model_copy(update={"seed": 5})))
     assert not np.array_equal(one.u, other.u)
 
 
 def test_the_plan_begins_at_the_estimate():
     found = run()
-    model = Prediction(make(estimator=ESTIMATOR))
+    model = Prediction(make(estimator=ARCS_ESTIMATOR))
     where = [
         np.array(model.tip(x, u, p)).ravel() for x, u, p in zip(found.estimate, found.u, found.parameters, strict=True)
     ]
@@ -420,7 +400,7 @@ def test_convergence_is_that_of_an_independent_solver():
 def test_the_estimator_leaves_no_offset():
     """A finger that is a tenth stiffer, on the plant's own curve: less than 0.1 % of the length."""
     scene = make(
-        estimator=ESTIMATOR,
+        estimator=ARCS_ESTIMATOR,
         plant={"fidelity": {"family": "arc", "elements": 4}, "stiffness": 1.1, "noise": 0.0},
         duration=1.2,
     )
@@ -428,7 +408,7 @@ def test_the_estimator_leaves_no_offset():
 
 
 def test_functions_of_time_are_followed():
-    found = run_closed_loop(make(estimator=ESTIMATOR, duration=0.3), functions={"tip": lambda t: (0.0, 0.18)})
+    found = run_closed_loop(make(estimator=ARCS_ESTIMATOR, duration=0.3), functions={"tip": lambda t: (0.0, 0.18)})
     assert found.r[:, :2].tolist() == [[0.0, 0.18]] * 31
     assert np.linalg.norm(found.tip - (0.0, 0.18), axis=1).max() < 3e-3
 
@@ -439,7 +419,7 @@ def test_an_interrupted_run_keeps_what_it_has(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as caught:
-        run_closed_loop(make(estimator=ESTIMATOR), progress=stop)
+        run_closed_loop(make(estimator=ARCS_ESTIMATOR), progress=stop)
     partial = caught.value.result
     assert (partial.ended, len(partial.u)) == ("stopped", 10)
     assert np.array_equal(partial.u, run().u[:10])
@@ -450,7 +430,7 @@ def test_an_interrupted_run_keeps_what_it_has(tmp_path):
 def test_a_lost_motion_keeps_what_it_has():
     blow = VectorSamples(times=(0.1, 0.11), values=((0.0, 0.0), (1e9, 0.0)))
     with pytest.raises(NumericalError, match="not finite") as caught:
-        run_closed_loop(make(estimator=ESTIMATOR, loads=(ForceLoad(at=0.18, force=blow),)))
+        run_closed_loop(make(estimator=ARCS_ESTIMATOR, loads=(ForceLoad(at=0.18, force=blow),)))
     partial = caught.value.result
     assert 9 <= len(partial.u) <= 14
     assert np.all(np.isfinite(partial.x))

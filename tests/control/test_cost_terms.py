@@ -13,6 +13,7 @@ from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from tests.control_cases import ROD, hand_scene, rod_scene, swing_scene
+from tests.truth.differences import differences
 
 ANGLE = 0.8
 """Setpoint of the tip's orientation [rad]."""
@@ -40,8 +41,7 @@ def test_its_gradient_is_that_of_finite_differences():
     x, u, r = np.array([0.4, 0.3, 0.5, -0.2, 0.05]), np.array([0.1]), np.zeros(stages.nr)
     cost = lambda z: float(stages.cost(z[:-1], z[-1:], stages.p_nominal, r, stages.weights)[0])  # noqa: E731
     z, gradient = np.append(x, u), stages.cost(x, u, stages.p_nominal, r, stages.weights)[1]
-    difference = [(cost(z + d) - cost(z - d)) / 2e-6 for d in 1e-6 * np.eye(z.size)]
-    assert np.array(gradient).ravel() == pytest.approx(difference, rel=1e-6, abs=1e-7)
+    assert np.array(gradient).ravel() == pytest.approx(differences(cost, z)[0], rel=1e-6, abs=1e-7)
 
 
 def test_the_rate_of_the_input_is_its_change_over_a_stage():

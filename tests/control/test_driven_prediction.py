@@ -10,6 +10,7 @@ from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.errors import InputError
 from continuum_grasp.simulation import initial_state
 from tests.control_cases import DRIVES, HAND, driven_scene
+from tests.truth.differences import differences
 
 UNITS = {"length": "m", "torque": "N m", "angle": "rad"}
 EACH = ("winches", "torques", "servos")
@@ -101,6 +102,5 @@ def test_fastest_rate_bounds_random_linearizations(name):
         q = rng.uniform(0.0, 5.0, 3)
         x = model.at_rest(q, scene.rest_input, np.full(4, sliding), pulled=15.0)
         rate = lambda at: np.array(model.dynamics(at, scene.rest_input, [])).ravel()  # noqa: E731
-        steps = [1e-7 * max(1.0, abs(v)) for v in x]
-        slope = np.array([(rate(x + e) - rate(x - e)) / (2 * h) for e, h in zip(np.diag(steps), steps, strict=True)]).T
+        slope = differences(rate, x, 1e-7 * np.maximum(1.0, np.abs(x)))
         assert np.abs(np.linalg.eigvals(slope)).max() < 1.2 * most

@@ -31,8 +31,7 @@ def hand() -> Estimator:
 
 def explicit(scene, substeps=None):
     """With the steps that ``Textbook`` takes."""
-    horizon = scene.controller.horizon.replaced(method="rk4", substeps=substeps)
-    return scene.replaced(controller=scene.controller.replaced(horizon=horizon))
+    return scene.changed({"controller.horizon.method": "rk4", "controller.horizon.substeps": substeps})
 
 
 class Textbook:

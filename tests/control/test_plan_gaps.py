@@ -14,12 +14,12 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp.control import stages_of
 from continuum_grasp.control.status import Anomaly
 from continuum_grasp.mission.assign import assign
+from tests.rods import after
 from tests.rti_problems import cart_pole, cart_pole_rates
 
 MUG = (0.0386, 0.00176)
@@ -171,7 +171,7 @@ def test_gaps_are_those_of_an_independent_integration():
     rates = ca.Function("f", [x := ca.SX.sym("x", 4), u := ca.SX.sym("u")], cart_pole_rates(ca.vertsplit(x), u, 8.0))
     most = np.zeros(4)
     for state, push, following in zip(command.plan.x, command.plan.u, command.plan.x[1:], strict=False):
-        end = solve_ivp(lambda _, y, p=push: np.ravel(rates(y, p)), (0.0, 0.04), state, rtol=1e-10, atol=1e-12).y[:, -1]
+        end = after(0.04, lambda y, p=push: rates(y, p), state)
         most = np.maximum(most, np.abs(end - following))
     assert list(command.gaps) == ["position", "angle", "speed", "rate"]
     np.testing.assert_allclose(list(command.gaps.values()), most, rtol=1e-3)

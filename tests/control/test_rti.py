@@ -114,9 +114,7 @@ def test_iterations_of_a_finger_end_at_the_optimum(method, close):
 
     Derivatives of implicit steps leave out that of the last Newton correction, which moves where iterations end.
     """
-    given = rod_scene()
-    horizon = given.controller.horizon.replaced(method=method)
-    s = stages_of(given.replaced(controller=given.controller.replaced(horizon=horizon)))
+    s = stages_of(rod_scene().changed({"controller.horizon.method": method}))
     rti = RealTimeIteration(s)
     x0, refs = np.zeros(s.nx), np.zeros(s.nr)
     refs[:2] = 0.45, 0.2

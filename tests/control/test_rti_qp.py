@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.core.compiler import find_compiler
-from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
+from tests.rti_cases import SIZES, change_of_plan, changed, disturb, qp_of, random_stages
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
@@ -69,16 +69,10 @@ def test_without_bounds_it_is_one_linear_system(k):
     none = {name: np.full_like(getattr(stages, name), -ABSENT) for name in ("u_min", "c_min")}
     none |= {name: np.full_like(getattr(stages, name), ABSENT) for name in ("u_max", "c_max")}
     rti = iteration(k)
-    saved = {name: getattr(rti.settings, name).copy() for name in none}
-    try:
-        for name, value in none.items():
-            setattr(rti.settings, name, value)
+    with changed(rti, **none):
         x0 = disturb(rti, np.random.default_rng(k))
         q = qp_of(rti, x0)
         report = rti.feedback(x0)
-    finally:
-        for name, value in saved.items():
-            setattr(rti.settings, name, value)
     system = np.block([[q.H, q.E.T], [q.E, np.zeros((len(q.e), len(q.e)))]])
     expected = np.linalg.solve(system, np.r_[-q.g, q.e])[: len(q.g)]
     assert (report.status, report.iterations, report.violation) == (0, 0, 0.0)
@@ -105,33 +99,26 @@ def test_rows_that_inputs_at_their_bounds_push_beyond_theirs(k):
     with the same matrices from another state.
     """
     rti, rng = iteration(k), np.random.default_rng(k)
-    o, tried, far = rti.settings, 0, 1e6
-    saved = {name: getattr(o, name).copy() for name in ("c_min", "c_max", "linear", "quadratic")}
-    weights = {"linear": np.full(rti.stages.nc, 10.0), "quadratic": np.full(rti.stages.nc, 100.0)}
-    try:
-        for _ in range(60):
-            x0 = disturb(rti, rng)
-            for name, value in {"c_min": -far, "c_max": far, "linear": 0.0, "quadratic": 0.0}.items():
-                setattr(o, name, np.full(rti.stages.nc, value))
+    tried, far, row = 0, 1e6, np.ones(rti.stages.nc)
+    unbounded, weights = {"c_min": -far * row, "c_max": far * row}, {"linear": 10.0 * row, "quadratic": 100.0 * row}
+    for _ in range(60):
+        x0 = disturb(rti, rng)
+        with changed(rti, **unbounded, linear=0.0 * row, quadratic=0.0 * row):
             rti.feedback(x0)
             bounded = change_of_plan(rti)
-            for name, value in weights.items():
-                setattr(o, name, value)
+        with changed(rti, **unbounded, **weights):
             q = qp_of(rti, x0)
-            free = np.linalg.solve(np.block([[q.H, q.E.T], [q.E, np.zeros((len(q.e),) * 2)]]), np.r_[-q.g, q.e])
-            without, within = (far + (q.C @ z - q.c_max).max() for z in (free[: len(q.g)], bounded))
-            if within <= without + 1e-3:
-                continue
-            tried += 1
-            o.c_max = np.full(rti.stages.nc, without + 0.3 * (within - without))
+        free = np.linalg.solve(np.block([[q.H, q.E.T], [q.E, np.zeros((len(q.e),) * 2)]]), np.r_[-q.g, q.e])
+        without, within = (far + (q.C @ z - q.c_max).max() for z in (free[: len(q.g)], bounded))
+        if within <= without + 1e-3:
+            continue
+        tried += 1
+        with changed(rti, c_min=-far * row, c_max=(without + 0.3 * (within - without)) * row, **weights):
             for state in (x0, 1.1 * x0):
                 q = qp_of(rti, state)
                 rti.feedback(state)
                 found, expected = change_of_plan(rti), q.solve()
                 assert np.abs(found - expected).max() <= 1e-6 * np.abs(expected).max()
-    finally:
-        for name, value in saved.items():
-            setattr(o, name, value)
     assert tried > 5
 
 
@@ -203,12 +190,8 @@ DEGENERATE = {
 @pytest.mark.parametrize("changes", DEGENERATE.values(), ids=DEGENERATE)
 def test_degenerate_qps_are_solved(changes):
     """Multipliers of the right signs and sizes balance the gradient, which proves a convex QP solved."""
-    rti = iteration(1)
-    saved = {name: getattr(rti.settings, name).copy() for name in changes(rti.stages)}
-    rng = np.random.default_rng(11)
-    try:
-        for name, value in changes(rti.stages).items():
-            setattr(rti.settings, name, value)
+    rti, rng = iteration(1), np.random.default_rng(11)
+    with changed(rti, **changes(rti.stages)):
         for _ in range(20):
             x0 = disturb(rti, rng)
             q = qp_of(rti, x0)
@@ -216,9 +199,6 @@ def test_degenerate_qps_are_solved(changes):
             z = change_of_plan(rti)
             np.testing.assert_allclose(q.E @ z, q.e, atol=1e-9 * (1.0 + np.abs(q.e).max()))
             assert optimality(rti, q, z) <= 1e-5
-    finally:
-        for name, value in saved.items():
-            setattr(rti.settings, name, value)
 
 
 @pytest.mark.parametrize("k", range(len(SIZES)))
@@ -260,8 +240,7 @@ def test_a_problem_takes_no_more_factorizations_than_are_set(k, most):
     """Far from its solution a plan is still one: inputs within their bounds; and the status says that it is far."""
     rti, rng = iteration(k), np.random.default_rng(k)
     o = rti.settings
-    usual, o.iterations = o.iterations, most
-    try:
+    with changed(rti, iterations=most):
         for _ in range(60):
             x0 = disturb(rti, rng)
             report = rti.feedback(x0)
@@ -270,8 +249,6 @@ def test_a_problem_takes_no_more_factorizations_than_are_set(k, most):
             assert report.status in (1, 2) or report.kkt <= 100 * o.tolerance
             assert np.all((u >= o.u_min) & (u <= o.u_max))
             np.testing.assert_allclose(x[0], x0, rtol=1e-12, atol=1e-12)
-    finally:
-        o.iterations = usual
 
 
 def test_without_a_feasible_input_the_violation_is_reported():

@@ -180,9 +180,7 @@ def test_parameters_are_changed_as_scenarios_say():
 
 def test_a_stiffer_scenario_has_more_steps_if_it_needs_them():
     def steps(scenarios):
-        given = hand(scenarios)
-        horizon = given.controller.horizon.replaced(method="rk4")
-        return stages_of(given.replaced(controller=given.controller.replaced(horizon=horizon))).substeps
+        return stages_of(hand(scenarios).changed({"controller.horizon.method": "rk4"})).substeps
 
     assert steps([{}, {"time_constant": 0.002}]) > steps(None)
 

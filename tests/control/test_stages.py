@@ -7,7 +7,6 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from continuum_grasp import Fidelity, load
 from continuum_grasp.control.ocp.scene_problem import stages_of
@@ -15,6 +14,8 @@ from continuum_grasp.control.ocp.stages import step_function
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
+from tests.rods import after, order
+from tests.truth.differences import differences
 
 ROOT = Path(__file__).parents[2]
 ROD, HAND = (load(ROOT / "configs/fingers" / name) for name in ("nitinol_60cm.yaml", "hand_finger.yaml"))
@@ -60,40 +61,26 @@ def test_shapes_and_derivatives_of_a_step(name, method):
     h = 1e-4 if method == "rk4" else 1e-3
     _, a, b = (np.array(v) for v in step(x, u, stages.p_nominal, h))
     for slope, at, of in ((a, x, lambda v: (v, u)), (b, u, lambda v: (x, v))):
-        for j, value in enumerate(at):
-            d = 1e-6 * max(1.0, abs(value))
-            ends = []
-            for sign in (1.0, -1.0):
-                moved = at.copy()
-                moved[j] += sign * d
-                ends.append(np.array(step(*of(moved), stages.p_nominal, h)[0]).ravel())
-            difference = (ends[0] - ends[1]) / (2.0 * d)
-            # The implicit step leaves out the derivative of its last Newton correction.
-            allowed = 1e-6 if method == "rk4" else 2e-3
-            assert np.abs(slope[:, j] - difference).max() <= allowed * max(1.0, np.abs(difference).max())
+        end = lambda v, of=of: step(*of(v), stages.p_nominal, h)[0]  # noqa: E731
+        expected = differences(end, at, 1e-6 * np.maximum(1.0, np.abs(at)))
+        # The implicit step leaves out the derivative of its last Newton correction.
+        allowed = (1e-6 if method == "rk4" else 2e-3) * np.maximum(1.0, np.abs(expected).max(axis=0))
+        assert np.all(np.abs(slope - expected) <= allowed)
 
 
-@pytest.mark.parametrize(("method", "order"), [("rk4", 4), ("sdirk2", 2), ("sdirk2_contact", 2)])
-def test_order_of_a_step(method, order):
+@pytest.mark.parametrize(("method", "expected"), [("rk4", 4), ("sdirk2", 2), ("sdirk2_contact", 2)])
+def test_order_of_a_step(method, expected):
     stages = stages_of(CASES["arcs"])
     step = step_function(stages.dynamics, stages.nx, method)
     x0, u, span = np.array([0.4, 0.3, 0.5, 0.2]), np.array([0.1]), 0.02
-    exact = solve_ivp(
-        lambda t, x: np.array(stages.dynamics(x, u, stages.p_nominal)).ravel(),
-        (0.0, span),
-        x0,
-        method="DOP853",
-        rtol=1e-12,
-        atol=1e-13,
-    ).y[:, -1]
+    exact = after(span, lambda x: stages.dynamics(x, u, stages.p_nominal), x0)
     errors = []
     for count in (32, 64, 128):
         x = x0
         for _ in range(count):
             x = np.array(step(x, u, stages.p_nominal, span / count)[0]).ravel()
         errors.append(np.abs(x - exact)[:2].max())
-    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
-    assert np.all(np.abs(orders - order) < 0.4)
+    assert order(errors) == pytest.approx(expected, abs=0.4)
 
 
 def test_the_implicit_step_is_stable_where_the_explicit_one_is_not():
@@ -122,9 +109,8 @@ def test_cost_gradient_and_rows(name):
     value, g, h, c, jac = (np.array(v) for v in stages.cost(x, u, p, r, stages.weights))
     y = np.array(stages.outputs(x, u, p)).ravel()
     assert value.item() == pytest.approx(0.5 * stages.stage * float(stages.weights @ (y - r) ** 2))
-    z = np.concatenate([x, u])
-    difference = [(cost(z + d) - cost(z - d)) / 2e-6 for d in 1e-6 * np.eye(z.size)]
-    assert g.ravel() == pytest.approx(np.array(difference), rel=1e-5, abs=1e-5 * np.abs(difference).max())
+    (expected,) = differences(cost, np.concatenate([x, u]))
+    assert g.ravel() == pytest.approx(expected, rel=1e-5, abs=1e-5 * np.abs(expected).max())
     assert np.linalg.eigvalsh(h).min() > -1e-9 * np.abs(h).max()
     assert c.ravel() == pytest.approx(np.array(stages.rows(x, u, p)).ravel())
     assert jac.shape == (stages.nc, stages.nx + stages.nu)
@@ -165,9 +151,7 @@ def test_what_follows_the_input_at_once_ends_under_the_input_before():
     z = np.append(x, held)
     tip = np.array(model.tip(x, held, stages.p_nominal)).ravel()
     assert end(z)[0].item() == pytest.approx(2.5 * np.sum((tip - target) ** 2), rel=1e-12)
-    steps = 1e-6 * np.eye(z.size)
-    difference = [(end(z + d)[0] - end(z - d)[0]).item() / 2e-6 for d in steps]
-    assert end(z)[1].ravel() == pytest.approx(np.array(difference), abs=1e-7)
+    assert end(z)[1].ravel() == pytest.approx(differences(lambda z: end(z)[0], z)[0], abs=1e-7)
 
 
 @pytest.mark.parametrize("quadratic", [1e-3, 1e-2])

@@ -327,7 +327,6 @@ CALLS = {
     "two numbers of states": (lambda c, x: c.batch("forward_dynamics", [x, x], [[0, 0]] * 3), "one number of states"),
     "wrong rows in a batch": (lambda c, x: c.batch("forward_dynamics", [x[:2]] * 3), "x has 4 entries"),
     "initial state": (lambda c, x: c.rollout(x[:-1], 5, 0.1), r"x0: expected \(4,\) or \(count, 4\), got shape \(3,\)"),
-    "no model": (lambda c, x: cg.compile(5), "model: expected a FingerModel or a System, got 5"),
     "no steps": (lambda c, x: c.rollout(x, 0, 0.1), "steps: expected a whole number, 1 or more, got 0"),
     "negative step": (lambda c, x: c.rollout(x, 5, -0.1), "step: expected a finite number above 0, got -0.1"),
     "no substeps": (lambda c, x: c.rollout(x, 5, 0.1, substeps=0), "substeps: expected a whole number"),

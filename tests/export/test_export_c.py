@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from continuum_grasp.export.part import Code
-from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, packages, run, shared_library  # noqa: F401
+from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
 from tests.marks import few
 
-FINGER, LOOP, MOTION = (
+FINGER, LOOP, MOTION, SEEN = (
     ("dynamics", "step", "tip", "section_at", "statics"),
     ("estimator_step", "mpc"),
     ("dynamics", "step"),
+    ("shape", "velocities", "touch"),
 )
 PACKAGES = {
     ("friction", "float"): FINGER,
@@ -37,6 +38,8 @@ PACKAGES = {
     ("many elements, everything", "double"): MOTION,
     ("many elements, friction", "double"): MOTION,
     ("many elements, winches", "double"): MOTION,
+    ("seen", "float"): SEEN,
+    ("seen", "double"): SEEN,
 }
 """Packages of ``export_cases`` by name and type, with the functions of which they have test vectors."""
 COMPILERS = [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")]
@@ -54,7 +57,7 @@ START["observed"] = "static finger_controller c; int main() { return finger_cont
 @pytest.mark.parametrize(
     ("name", "real", "compiler"), [*TURNS, ("friction", "float", "clang"), ("observed", "float", "clang")]
 )
-def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):  # noqa: F811
+def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, packages, tmp_path):
     if shutil.which(compiler) is None:
         pytest.skip(f"not installed: {compiler}")
     level = "-O2" if PACKAGES[name, real] in (FINGER, MOTION) else "-O1"
@@ -68,7 +71,7 @@ def test_every_vector_to_the_bit_without_a_warning(name, real, compiler, package
 @pytest.mark.parametrize(
     ("name", "real"), few([("friction", "float"), ("friction", "double"), ("observed", "float")], 2)
 )
-def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(name, real, compiler, packages, tmp_path):  # noqa: F811
+def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(name, real, compiler, packages, tmp_path):
     """NaN and infinity, of which vectors are full, are found although the compiler may assume that there are none."""
     tolerance = {"float": "2e-3", "double": "1e-11"}[real]
     fast = ("-std=c99", "-O3", "-ffast-math", "-march=native")
@@ -80,9 +83,9 @@ def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(name, real
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(
     ("name", "real"),
-    few([("friction", "float"), ("limited", "float"), ("observed", "float"), ("detector", "double")], 1),
+    few([(name, "float") for name in ("friction", "seen", "limited", "observed")] + [("detector", "double")], 2),
 )
-def test_any_bits_under_sanitizers(name, real, compiler, packages, tmp_path):  # noqa: F811
+def test_any_bits_under_sanitizers(name, real, compiler, packages, tmp_path):
     flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
     vectors, fuzz = compile_programs(compiler, packages(name, real), tmp_path, "main fuzz", *flags)
     run(vectors)
@@ -91,7 +94,7 @@ def test_any_bits_under_sanitizers(name, real, compiler, packages, tmp_path):  #
 
 @needs("gcc")
 @pytest.mark.parametrize("name", few(["friction", "given"], 1))
-def test_threads_do_not_meet(name, packages, tmp_path):  # noqa: F811
+def test_threads_do_not_meet(name, packages, tmp_path):
     flags = (*STRICT, "-O1", "-g", "-fsanitize=thread", "-pthread")
     (program,) = compile_programs("gcc", packages(name, "double"), tmp_path, "threads", *flags)
     assert "0 cases failed" in run(program)
@@ -99,7 +102,7 @@ def test_threads_do_not_meet(name, packages, tmp_path):  # noqa: F811
 
 @needs("gcc", "nm")
 @pytest.mark.parametrize(("name", "real"), few([*STACK, *list(PACKAGES)[1:6]], 2))
-def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packages, tmp_path):  # noqa: F811
+def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packages, tmp_path):
     package = packages(name, real)
     flags = (*STRICT, "-O2", "-fstack-usage", f"-I{package / 'include'}")
     run("gcc", *flags, "-c", *(package / "src").glob("*.c"), cwd=tmp_path)
@@ -117,7 +120,7 @@ def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packag
 @pytest.mark.deep
 @needs("cppcheck")
 @pytest.mark.parametrize(("name", "real"), [("friction", "float"), ("contact", "double"), ("observed", "float")])
-def test_cppcheck_finds_nothing(name, real, packages):  # noqa: F811
+def test_cppcheck_finds_nothing(name, real, packages):
     package = packages(name, real)
     flags = ("--enable=warning,style,performance,portability", "--std=c99", "--suppress=missingIncludeSystem", "-q")
     own = [package / "src/finger_control.c"] if name == "observed" else [package / "src"]
@@ -126,7 +129,7 @@ def test_cppcheck_finds_nothing(name, real, packages):  # noqa: F811
 
 @needs("c++", "cc")
 @pytest.mark.parametrize("name", few(START, 1))
-def test_the_header_is_one_of_cpp_too(name, packages, tmp_path):  # noqa: F811
+def test_the_header_is_one_of_cpp_too(name, packages, tmp_path):
     package = packages(name, "double")
     (tmp_path / "main.cpp").write_text(f'#include "finger.h"\n{START[name]}\n')
     include = f"-I{package / 'include'}"
@@ -136,7 +139,7 @@ def test_the_header_is_one_of_cpp_too(name, packages, tmp_path):  # noqa: F811
 
 
 @needs("cc")
-def test_a_vector_that_is_changed_fails(packages, tmp_path):  # noqa: F811
+def test_a_vector_that_is_changed_fails(packages, tmp_path):
     """The check program does see the last bit: one literal of the kernels is changed by one part in 1e16."""
     package = tmp_path / "package"
     shutil.copytree(packages("tendons", "double"), package)
@@ -152,7 +155,7 @@ def test_a_vector_that_is_changed_fails(packages, tmp_path):  # noqa: F811
 
 @needs("cc")
 @pytest.mark.parametrize("name", ["tendons", "contact", "direct", "arcs"])
-def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, packages, tmp_path):  # noqa: F811
+def test_a_state_that_no_step_takes_was_warned_about_and_can_be_drawn(name, packages, tmp_path):
     """Of 20,000 steps up to every limit, those with the warning and no others end where the next one is refused."""
     module, library = shared_library(packages(name, "double"), tmp_path)
     limits = json.loads((packages(name, "double") / "MANIFEST.json").read_text())["structs"]

@@ -10,13 +10,13 @@ import pytest
 from continuum_grasp.control import Contact, Controller, Estimator
 from continuum_grasp.export.fields import REALS
 from tests.contact_cases import NOISE, RADIUS, STEP, plant, short_scene
-from tests.export_cases import STRICT, needs, packages, run, shared_library  # noqa: F401
+from tests.export_cases import needs, shared_library
 
 COSTLY_FIXTURES = ("made",)
 
 
 @pytest.fixture(scope="module", params=REALS)
-def made(request, packages, tmp_path_factory):  # noqa: F811
+def made(request, packages, tmp_path_factory):
     """Precision, binding and library of the package."""
     return request.param, *shared_library(packages("detector", request.param), tmp_path_factory.mktemp("contact"))
 

@@ -21,17 +21,16 @@ from continuum_grasp.export.fields import REALS, identifiers, unit_of
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.source import source_of
 from tests.control_cases import Reality, hand_scene
-from tests.export_cases import (  # noqa: F401
+from tests.export_cases import (
     DRIVES,
     STRICT,
     WARNINGS,
     compile_programs,
-    loop_scene,
     needs,
-    packages,
     run,
     scene,
     shared_library,
+    values,
 )
 from tests.marks import few
 
@@ -46,7 +45,7 @@ CODES = {
 
 
 @pytest.fixture(scope="module")
-def libraries(packages, tmp_path_factory):  # noqa: F811
+def libraries(packages, tmp_path_factory):
     """Python binding and library of packages by scene and type, compiled once."""
 
     @lru_cache
@@ -54,11 +53,6 @@ def libraries(packages, tmp_path_factory):  # noqa: F811
         return shared_library(packages(name, real), tmp_path_factory.mktemp(f"{name}_{real}"))
 
     return made
-
-
-def values(struct) -> list[float]:
-    """Numbers of a struct of the Python binding."""
-    return [getattr(struct, name) for name, _ in struct._fields_]
 
 
 def reference(finger, rows):
@@ -110,7 +104,7 @@ def test_the_controller_is_that_of_python(name, real, libraries):
 @pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize("name", few(["scenarios", *DRIVES], 2))
-def test_a_controller_of_drives_or_scenarios_is_that_of_python(name, packages, tmp_path):  # noqa: F811
+def test_a_controller_of_drives_or_scenarios_is_that_of_python(name, packages, tmp_path):
     """In closed loop from rest to a bend and back, on a finger whose tendons have friction, or on a fourth plant."""
     given, p = scene(name), 1.3 if name == "scenarios" else 1.0
     finger, library = shared_library(packages(name, "double"), tmp_path)

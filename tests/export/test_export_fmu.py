@@ -28,7 +28,7 @@ from continuum_grasp.export.fmu.description import base_unit
 from continuum_grasp.export.fmu.plant import loop_plant_unit
 from continuum_grasp.scene.load import load
 from tests.export.test_export_touching import scene as touching_scene
-from tests.export_cases import TENDONS, loop_scene, needs, run, shared_library
+from tests.export_cases import TENDONS, loop_scene, needs, run, shared_library, values
 from tests.marks import few
 from tests.rods import ROOT
 
@@ -176,7 +176,7 @@ def test_a_thousand_steps_are_those_of_the_c_package_to_the_bit(fmi, stride, ope
         one.step(k * h, stride * h)
         for _ in range(stride):
             x = library.step(x, finger.Input(*u), finger.Forces(*w), h)
-        assert one.get("state.").tolist() == [getattr(x, name) for name, _ in x._fields_]
+        assert one.get("state.").tolist() == values(x)
         tip = library.tip(x, finger.Input(*u))
         assert one.get("tip.").tolist() == [tip.x, tip.y, tip.angle]
     assert np.abs(one.get("tip.")).max() > 0.05
@@ -198,8 +198,8 @@ def test_directional_derivatives_are_differences(fmi, opened):
     ends = []
     for sign in (1.0, -1.0):
         moved = at + sign * step * seed
-        for start, values in zip(("input.", "forces.", "state."), np.split(moved, [2, 4]), strict=True):
-            one.set(start, values)
+        for start, part in zip(("input.", "forces.", "state."), np.split(moved, [2, 4]), strict=True):
+            one.set(start, part)
         ends.append(one.get("state.", "rate.", "tip."))
     expected = (ends[0] - ends[1]) / (2.0 * step)
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())
@@ -480,11 +480,11 @@ def test_an_object_moves_as_by_steps_of_the_c_package_to_the_bit(name, tmp_path)
     pressed = 0.0
     for k in range(200):
         seen = library.touch(x, u, *(forces if "table" in one.names("contact.")[-1] else []))
-        assert one.get("contact.").tolist() == [value for field, _ in seen._fields_ for value in getattr(seen, field)]
+        assert one.get("contact.").tolist() == [number for field in values(seen) for number in field]
         pressed = max(pressed, *seen.normal_force)
         one.step(k * h, h)
         x = library.step(x, u, *forces, h)
-        assert one.get("state.").tolist() == [getattr(x, field) for field, _ in x._fields_]
+        assert one.get("state.").tolist() == values(x)
     assert pressed > 0.05
     one.fmu.terminate()
     one.fmu.freeInstance()

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, subject
-from tests.export_cases import needs, shared_library
+from tests.export_cases import needs, shared_library, values
 from tests.simulation.test_winches import SERVO, model
 from tests.tendon_cases import PASSIVE
 
@@ -36,7 +36,7 @@ def test_steps_have_order_two_and_long_ones_stay(tmp_path):
         state = package.State()
         for _ in range(round(0.05 / step)):
             state = library.implicit_step(state, package.Input(*u), package.Forces(), step)
-        return np.array([getattr(state, name) for name, _ in state._fields_])[: made.n]
+        return np.array(values(state))[: made.n]
 
     off = [np.abs(after(step) - exact).max() for step in (1e-3, 5e-4, 2.5e-4)]
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.25)

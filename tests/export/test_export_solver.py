@@ -11,12 +11,12 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.part import Code
-from tests.export_cases import needs, packages, shared_library  # noqa: F401
+from tests.export_cases import needs, shared_library
 from tests.rti_problems import cart_pole
 
 
 @pytest.fixture
-def package(packages):  # noqa: F811
+def package(packages):
     """Package of the cart-pole."""
     return packages("cart-pole", "double")
 

@@ -12,7 +12,7 @@ from continuum_grasp.errors import SolverError
 from continuum_grasp.export import export_c, targets
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
-from tests.export_cases import STRICT, compile_programs, needs, packages, run, scene, two_arcs  # noqa: F401
+from tests.export_cases import STRICT, compile_programs, needs, run, scene, two_arcs
 from tests.rods import ROOT
 
 pytestmark = pytest.mark.deep
@@ -43,7 +43,7 @@ CONTROL_LIMITS = {"cortex-m4f": 568_000, "cortex-m7": 589_000}
 
 @pytest.mark.parametrize("real", REALS)
 @MACHINES
-def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):  # noqa: F811
+def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):
     compiler, emulator, flags = ELSEWHERE[machine]
     (program,) = compile_programs(compiler, packages("friction", real), tmp_path, "main", *STRICT, *flags, "-O2")
     assert len(re.findall(r" 0 of +\d+ cases failed", run(emulator, program))) == 5
@@ -51,7 +51,7 @@ def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):  
 
 @pytest.mark.parametrize(("name", "real"), LOOPS)
 @MACHINES
-def test_a_controller_to_the_bit_elsewhere(machine, name, real, packages, tmp_path):  # noqa: F811
+def test_a_controller_to_the_bit_elsewhere(machine, name, real, packages, tmp_path):
     compiler, emulator, flags = ELSEWHERE[machine]
     (program,) = compile_programs(compiler, packages(name, real), tmp_path, "main", *STRICT, *flags, "-O1")
     assert len(re.findall(r" 0 of +\d+ cases failed", run(emulator, program))) == LOOPS[name, real]
@@ -115,7 +115,7 @@ def test_the_step_takes_no_more_instructions_than_it_did(real, target, tmp_path)
 
 @needs("arm-none-eabi-gcc", "cmake", "make")
 @pytest.mark.parametrize("core", ["m4f", "m7"])
-def test_toolchain_files(core, packages, tmp_path):  # noqa: F811
+def test_toolchain_files(core, packages, tmp_path):
     package = packages("tendons", "float")
     options = (
         "-DFINGER_TESTS=OFF",
@@ -131,7 +131,7 @@ def test_toolchain_files(core, packages, tmp_path):  # noqa: F811
 
 @needs("clang", "wasm-ld", "node")
 @pytest.mark.parametrize("real", REALS)
-def test_every_vector_to_the_bit_in_webassembly(real, packages, tmp_path):  # noqa: F811
+def test_every_vector_to_the_bit_in_webassembly(real, packages, tmp_path):
     package = packages("friction", real, "wasm")
     run("sh", package / "wasm/build.sh", tmp_path)
     said = run("node", tmp_path / "test.mjs")
@@ -141,7 +141,7 @@ def test_every_vector_to_the_bit_in_webassembly(real, packages, tmp_path):  # no
 
 @needs("clang", "wasm-ld", "node")
 @pytest.mark.parametrize(("name", "real"), LOOPS)
-def test_a_controller_to_the_bit_in_webassembly(name, real, packages, tmp_path):  # noqa: F811
+def test_a_controller_to_the_bit_in_webassembly(name, real, packages, tmp_path):
     run("sh", packages(name, real, "wasm") / "wasm/build.sh", tmp_path)
     (tmp_path / "use.mjs").write_text(
         """
@@ -211,7 +211,7 @@ console.log(JSON.stringify({ answers, refused, missing, same, direct, beside, fi
 
 
 @needs("clang", "wasm-ld", "node")
-def test_the_javascript_wrapper_gives_the_numbers_of_the_model(packages, tmp_path):  # noqa: F811
+def test_the_javascript_wrapper_gives_the_numbers_of_the_model(packages, tmp_path):
     from continuum_grasp.model import FingerModel
 
     run("sh", packages("friction", "double", "wasm") / "wasm/build.sh", tmp_path)

@@ -18,7 +18,7 @@ from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import press, vectors_of
 from continuum_grasp.scene.simulate import Scene
-from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, shared_library
+from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, shared_library, values
 from tests.marks import few
 
 STIFFNESS = 800.0
@@ -85,7 +85,7 @@ def test_steps_are_the_motion_of_simulate(name, tmp_path):
     acting, x = finger.Input(*truth.u[0]), finger.State(*truth.x[0])
     poses = [k for k, one in enumerate(truth.system.x_names) if one.split(" ")[0] in ("object_x", "object_y")]
     for k in range(len(truth.t)):
-        row = [getattr(x, field) for field, _ in x._fields_]
+        row = values(x)
         tip = library.tip(x, acting)
         assert math.hypot(tip.x - truth.tip[k, 0], tip.y - truth.tip[k, 1]) < 3e-6  # 2e-5 of the length
         assert np.take(row, poses) == pytest.approx(truth.x[k, poses], abs=3e-6)

@@ -253,7 +253,6 @@ REFUSED = {
     HEAD + "p0,0.02,0.2,0.2,0\n": "points.csv:3:1: tip_moment differs from the first row",
     HEAD + "p0,0.01,0.1,0.2,0\n": "points.csv:3:1: 2 rows of one pose at one place",
     HEAD + "p0,0.01,0.3,0.2,0\n": "0.3 m is not on the finger of 0.2 m",
-    "pose,M,s,x,y\np0,0.01,0.1,,\n": "points.csv:2:13: column x: the cell is empty",
     "pose;M;s;x;y\np0;0.01;0.1;0,1;0\n": "expected a number, got '0,1' (write a decimal point, not a comma)",
     "pose,M,s,x,y\np0,0.01,-0.1,0.1,0\n": "points.csv:2:9: -0.1 m is not on the finger of 0.2 m",
     "pose,M,s,x,y\np0,0.01,0.1,0.1_5,0\n": "points.csv:2:13: column x: expected a number, got '0.1_5'",

@@ -19,14 +19,15 @@ from tests.declared import assert_declared
 from tests.identification_cases import (
     DENSITY,
     LENGTH,
-    ROD,
     STIFFNESS,
     bare_scene,
+    bent,
     coverage,
     elastica,
     frequency,
     loaded_scene,
     rung,
+    weighed,
 )
 from tests.rods import rod_scene
 
@@ -41,7 +42,7 @@ def tip_data(noise=0.0, seed=0, **truth):
 
 
 def poses(tips, **keys):
-    return Poses([Reading("x", tips[:, 0]), Reading("y", tips[:, 1])], {"load_1_y": -LOADS}, **keys)
+    return weighed(tips, LOADS, **keys)
 
 
 # -- shapes at rest --------------------------------------------------------------------------------------------------
@@ -79,7 +80,7 @@ def test_a_lean_and_a_shift_across_the_finger_from_bends_in_several_planes():
     """An arc in closed form; what is found predicts a plane that was not fitted, and turned planes turn the vectors."""
     across = [Estimate(name="rest_curvature", per="plane"), Estimate(name="base_y", per="plane")]
     held = bent_in(1.0, fitted=[False] * 3)
-    scene = rod_scene(ROD, "arc", gravity=(0.0, 0.0), elements=1)
+    scene = bare_scene(1, "arc")
     fit = cg.identify(scene, [*map(bent_in, PLANES), held], parameters=["bending_stiffness", *across])
     names = ("bending_stiffness", "rest_curvature", "base_y", "rest_curvature at 0 deg", "rest_curvature at 90 deg")
     assert fit.names == (*names, "base_y at 0 deg", "base_y at 90 deg")
@@ -87,7 +88,7 @@ def test_a_lean_and_a_shift_across_the_finger_from_bends_in_several_planes():
     assert np.abs(fit.residuals).max() < 1e-8
     assert fit.apply().finger.rest_curvature == pytest.approx(0.05)  # the lean is of no one plane
     with pytest.raises(InputError, match="rest_curvature is estimated per plane: state the plane of poses"):
-        cg.identify(scene, Poses([Reading("bend", [0.1])], {"tip_moment": [0.01]}), parameters=across)
+        cg.identify(scene, bent([0.01], [0.1]), parameters=across)
 
 
 def test_estimates_in_a_scene_are_those_of_its_model():
@@ -268,7 +269,7 @@ def test_a_bound_that_is_reached_is_named():
 
 
 def test_a_mode_that_does_not_ring_is_an_error():
-    scene = rod_scene(ROD, elements=2, gravity=(0.0, 0.0), finger={"damping": {"material": 1.0}})
+    scene = bare_scene(2, finger={"damping": {"material": 1.0}})
     with pytest.raises(SolverError, match="does not ring") as caught:
         cg.identify(scene, rung(2.0), parameters=["bending_stiffness"])
     assert caught.value.status == "overdamped"

@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Estimate, Poses, Reading
+from continuum_grasp.identification import Estimate
 from continuum_grasp.model import FingerModel
-from tests.identification_cases import bare_scene, frequency, rung
+from tests.identification_cases import bare_scene, frequency, rung, weighed
 from tests.rods import rod_scene
 
 STEPPED = {
@@ -51,7 +51,7 @@ def cone_scene(**keys):
 
 def poses(modulus):
     tips = np.array([tip_of_cone(load, modulus) for load in LOADS])
-    return Poses([Reading("x", tips[:, 0]), Reading("y", tips[:, 1])], {"load_1_y": -LOADS})
+    return weighed(tips, LOADS)
 
 
 @pytest.mark.deep

@@ -9,14 +9,25 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Poses, Reading, TipPath
+from continuum_grasp.identification import TipPath
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.doubts import _of_law, _widths, doubts_of_laws
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, built_once, elastica, loaded_scene
+from tests.identification_cases import (
+    LENGTH,
+    ROD,
+    STIFFNESS,
+    at_tip,
+    bare_scene,
+    bent,
+    built_once,
+    elastica,
+    loaded_scene,
+    weighed,
+)
 from tests.marks import few
 from tests.rods import rod_scene
 
@@ -131,7 +142,7 @@ def test_rows_and_origins_of_shapes_at_rest(names, seeds):
     """Tips of the exact rod with noise of a millimeter: 1 % are doubted, and all of another row or origin."""
     loads = np.linspace(0.0, 0.2, 8)
     clean, scene = np.array([elastica(load)[:2] for load in loads]), loaded_scene(2)
-    poses = Poses([Reading("x", clean[:, 0]), Reading("y", clean[:, 1])], {"load_1_y": -loads})
+    poses = weighed(clean, loads)
     unknowns = read_unknowns(scene, names)
     problem = Problem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
 
@@ -189,8 +200,8 @@ def test_stiffness_and_memory_of_shapes_at_rest(make, words, side):
     moments = 0.1 * np.concatenate([np.linspace(0.0, 1.0, 12), np.linspace(0.95, 0.0, 12)])
     bends = side * (make(moments) + 4e-3 * np.random.default_rng(1).standard_normal(moments.size))
     moments = side * moments
-    scene = rod_scene(ROD, "arc", 2, gravity=(0.0, 0.0))
-    fit = cg.identify(scene, Poses([Reading("bend", bends)], {"tip_moment": moments}), parameters=["bending_stiffness"])
+    scene = bare_scene(2, "arc")
+    fit = cg.identify(scene, bent(moments, bends), parameters=["bending_stiffness"])
     warnings = [one for one in fit.warnings if "law" in one or "memory" in one]
     assert len(warnings) == (words is not None)
     assert all(words in one for one in warnings)
@@ -200,9 +211,9 @@ def test_stiffness_and_memory_of_shapes_at_rest(make, words, side):
 @pytest.mark.parametrize("rows", [6, 12, 24])
 def test_noise_alone_makes_no_law_of_shapes_at_rest_wrong(rows):
     """At most one false alarm in a hundred, there and back; the models are built once."""
-    scene, half = rod_scene(ROD, "arc", 2, gravity=(0.0, 0.0)), rows // 2
+    scene, half = bare_scene(2, "arc"), rows // 2
     moments = 0.1 * np.concatenate([np.linspace(0.0, 1.0, half), np.linspace(0.95, 0.0, rows - half)])
-    poses = Poses([Reading("bend", moments * LENGTH / STIFFNESS)], {"tip_moment": moments})
+    poses = bent(moments, moments * LENGTH / STIFFNESS)
     unknowns, found = read_unknowns(scene, KNOWN[:1]), 0
     problem = Problem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
     clean = problem.measured
@@ -215,8 +226,8 @@ def test_noise_alone_makes_no_law_of_shapes_at_rest_wrong(rows):
 @pytest.mark.parametrize(("back", "judged"), [(3, False), (4, True)])
 def test_the_direction_of_loading_is_judged_from_four_rows_each_way_on(back, judged):
     bends = np.concatenate([np.linspace(0.0, 1.0, 8), np.linspace(0.9, 0.1, back)])
-    scene = rod_scene(ROD, "arc", 1, gravity=(0.0, 0.0))
-    poses = Poses([Reading("bend", bends)], {"tip_moment": 0.1 * bends})
+    scene = bare_scene(1, "arc")
+    poses = bent(0.1 * bends, bends)
     unknowns = read_unknowns(scene, KNOWN[:1])
     problem = Problem([PosesBlock(scene, poses, unknowns)], unknowns)
     assert bool(_widths(problem, bends)) == judged
@@ -227,8 +238,8 @@ def test_a_wrong_law_of_stiffness_is_the_one_in_use(softening):
     """Bends that grow more slowly than the moment: a finger that softens bends less than so, as a linear one does."""
     moments = np.linspace(0.0, 0.1, 14)
     bends = 8.0 * moments - 20.0 * moments**2
-    scene = rod_scene(ROD, "arc", 2, gravity=(0.0, 0.0), finger={"softening": softening})
-    fit = cg.identify(scene, Poses([Reading("bend", bends)], {"tip_moment": moments}), parameters=["bending_stiffness"])
+    scene = bare_scene(2, "arc", finger={"softening": softening})
+    fit = cg.identify(scene, bent(moments, bends), parameters=["bending_stiffness"])
     (found,) = [one for one in fit.warnings if "law of stiffness" in one]
     assert "stiffens where" in found
     assert ("a linear law" in found) == (softening is None)
@@ -237,9 +248,9 @@ def test_a_wrong_law_of_stiffness_is_the_one_in_use(softening):
 
 def test_the_bend_of_one_joint():
     """Between two sections: moment times length over stiffness."""
-    scene = rod_scene(ROD, "arc", 4, gravity=(0.0, 0.0))
+    scene = bare_scene(4, "arc")
     moments = np.array([0.02, 0.05])
     bends = moments * 0.15 / STIFFNESS
-    poses = Poses([Reading("bend", bends, at=0.25, since=0.1)], {"tip_moment": moments})
+    poses = bent(moments, bends, at=0.25, since=0.1)
     fit = cg.identify(scene, poses, parameters=["bending_stiffness"])
     assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=1e-8)

@@ -7,9 +7,9 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.identification import Estimate, Fit, Reading, TipPath
-from tests.contact_cases import MOTOR, NOISE, STEP, TENDON, plant
+from tests.contact_cases import MOTOR, NOISE, STEP, plant
 from tests.identification_cases import at_tip
-from tests.tendon_cases import OFFSET, PASSIVE, STIFFNESS
+from tests.tendon_cases import CABLE, OFFSET, PASSIVE, STIFFNESS
 from tests.truth.servo import ServoedChain
 
 SAMPLE, DURATION = 0.02, 3.0
@@ -40,7 +40,7 @@ def fitted(seed: int) -> tuple[Fit, dict[str, float]]:
     scene = cg.Scene(
         finger={
             **PASSIVE,
-            "tendons": [{**TENDON, "offset": OFFSET, "friction": 0.1, "drive": MOTOR}],
+            "tendons": [{**CABLE, "offset": OFFSET, "friction": 0.1, "drive": MOTOR}],
         },
         gravity=(0.0, 0.0),
         fidelity={"family": "clothoid", "elements": 2},

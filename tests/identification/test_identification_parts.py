@@ -16,8 +16,7 @@ from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.least_squares import least_squares
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
-from tests.identification_cases import DENSITY, ROD, STIFFNESS, loaded_scene, rung, slope_error
-from tests.rods import rod_scene
+from tests.identification_cases import DENSITY, STIFFNESS, bare_scene, loaded_scene, rung, slope_error
 
 # -- the search ------------------------------------------------------------------------------------------------------
 
@@ -153,7 +152,7 @@ def test_derivatives_of_vibrations(family):
 def test_derivatives_behind_friction_of_tendons_and_bending():
     tendons = {"tendons": {"offset": 0.02, "max_tension": 10.0, "friction": 0.1}}
     tendons["damping"] = {"dry_friction": [{"stiffness": 1.0, "moment": 0.01}]}
-    scene = rod_scene(ROD, "clothoid", finger=tendons, gravity=(0.0, 0.0))
+    scene = bare_scene(2, "clothoid", finger=tendons)
     unknowns = read_unknowns(scene, ["bending_stiffness", "tendon_friction", "dry_friction_1_moment", "tendon_offset"])
     conditions = {"tension_1": [3.0, 0.5, 0.5], "tension_2": [0.5, 4.0, 0.7]}
     block = PosesBlock(scene, Poses([Reading("bend", [0.5, -0.5, 0.0])], conditions), unknowns)

@@ -18,7 +18,7 @@ from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.slips import slips_of, undone
 from continuum_grasp.identification.unknowns import read_unknowns
 from tests.identification.test_identification_doubts import ONE
-from tests.identification_cases import LENGTH, ROD, elastica, loaded_scene
+from tests.identification_cases import LENGTH, ROD, bare_scene, bent, elastica, loaded_scene, weighed
 from tests.marks import few
 from tests.rods import rod_scene
 
@@ -190,8 +190,8 @@ def test_slips_are_named(change, words):
 def test_bends_of_the_other_sign_are_named_and_written_only_when_asked_for(side, tmp_path):
     """Bends M L / EI of a rod under moments at its tip, and of its mirror image."""
     moments = side * np.array([0.01, 0.02, 0.03])
-    scene = rod_scene(ROD, "arc", 1, gravity=(0.0, 0.0))
-    data = Poses([Reading("bend", -moments * LENGTH / ROD["bending_stiffness"])], {"tip_moment": moments})
+    scene = bare_scene(1, "arc")
+    data = bent(moments, -moments * LENGTH / ROD["bending_stiffness"])
     fit = cg.identify(scene, data, parameters=["bending_stiffness"], accept_implausible=True)
     assert fit.status == "implausible"
     expected = {"bend has the other sign in the data", "tip_moment has the other sign in the data"}
@@ -209,12 +209,11 @@ def test_good_data_are_not_refused(seeds):
     # The model is built once; predictions do not depend on what was measured.
     model = PosesBlock(scene, Poses([Reading("x", LOADS), Reading("y", LOADS)], {"load_1_y": -LOADS}), unknowns)
     for seed in range(seeds):
-        x, y = (clean + 0.01 * LENGTH * np.random.default_rng(seed).standard_normal(clean.shape)).T
-        data = Poses([Reading("x", x), Reading("y", y)], {"load_1_y": -LOADS})
-        values = np.stack([x, y], axis=1).ravel()
+        noisy = clean + 0.01 * LENGTH * np.random.default_rng(seed).standard_normal(clean.shape)
+        data = weighed(noisy, LOADS)
         block = copy(model)
         block.data, block.again = data, Missed(data).again
-        block.entries = [replace(one, value=value) for one, value in zip(model.entries, values, strict=True)]
+        block.entries = [replace(one, value=value) for one, value in zip(model.entries, noisy.ravel(), strict=True)]
         problem = Problem([block], unknowns)
         assert not judge(problem, problem.solve(lambda share: None)).reason
 
@@ -226,11 +225,9 @@ def test_good_data_are_not_refused(seeds):
 def test_slips_of_scale_leave_no_misfit_and_are_named_by_the_scene_s_stiffness(angle, moment, words):
     """Bends M L / EI, in other units than stated."""
     moments = np.array([0.01, 0.02, 0.03])
-    scene = rod_scene(ROD, "arc", 1, gravity=(0.0, 0.0))
+    scene = bare_scene(1, "arc")
     bends = angle * moments * LENGTH / ROD["bending_stiffness"]
-    fit = cg.identify(
-        scene, Poses([Reading("bend", bends)], {"tip_moment": moment * moments}), parameters=["bending_stiffness"]
-    )
+    fit = cg.identify(scene, bent(moment * moments, bends), parameters=["bending_stiffness"])
     found = [one for one in fit.warnings if "times the scene's" in one]
     assert fit.status == "converged"
     assert bool(found) == (words is not None)

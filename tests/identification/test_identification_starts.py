@@ -14,7 +14,17 @@ from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.searches import may_be_local, restarted
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene, rung, slope_error
+from tests.identification_cases import (
+    LENGTH,
+    ROD,
+    STIFFNESS,
+    at_tip,
+    elastica,
+    loaded_scene,
+    rung,
+    slope_error,
+    weighed,
+)
 from tests.rods import HANGING, rod_scene
 
 PLACES = (0.15, 0.28, LENGTH)
@@ -156,8 +166,8 @@ def test_each_set_has_a_clamp_of_its_own():
     """Two weighings of the exact rod between which its clamp has turned: one stiffness, two angles."""
     loads, angles, sets = [0.0, 0.1, 0.2], [0.05, -0.08], []
     for k, angle in enumerate(angles):
-        x, y, _ = np.array([elastica(load, clamp=angle) for load in loads]).T
-        sets.append(Poses([Reading("x", x), Reading("y", y)], {"load_1_y": -np.array(loads)}, name=f"day {k + 1}"))
+        tips = np.array([elastica(load, clamp=angle) for load in loads])
+        sets.append(weighed(tips, loads, name=f"day {k + 1}"))
     turned = Estimate(name="clamp_angle", per="set")
     fit = cg.identify(loaded_scene(), sets, parameters=["bending_stiffness", turned])
     assert fit.names == ("bending_stiffness",)
@@ -227,7 +237,7 @@ def test_starts_far_off_accuse_no_good_data(factor):
     scene = loaded_scene()
     forces = np.array([0.0, 0.1, 0.25, 0.4])
     tips = np.array([elastica(force) for force in forces])
-    poses = Poses([Reading("x", tips[:, 0]), Reading("y", tips[:, 1])], {"load_1_y": -forces})
+    poses = weighed(tips, forces)
     fit = cg.identify(scene, poses, parameters=[Estimate(name="bending_stiffness", start=factor * STIFFNESS)])
     assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=1e-3)
     assert (fit.status, fit.causes) == ("converged", ())

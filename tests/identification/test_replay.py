@@ -17,33 +17,12 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.periods import Periods
 from continuum_grasp.identification.replayed import replay
 from continuum_grasp.scene import ControlScene
+from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
 from tests.declared import assert_declared
 from tests.marks import few
 
 TIME = 0.02  # s, of the drives
-SCENE = {
-    "finger": {
-        "rod": {"length": 0.18, "linear_density": 0.034, "bending_stiffness": 6.11e-3, "diameter": 0.0012},
-        "damping": {"material": 3e-5},
-        "masses": [{"at": 0.18, "mass": 0.002}],
-        "tendons": {"offset": 0.005, "min_tension": 1.0, "max_tension": 60.0, "time_constant": TIME},
-    },
-    "gravity": (0.0, 0.0),
-    "fidelity": {"family": "arc", "elements": 2},
-    "controller": {
-        "horizon": {"stages": 10, "stage": 0.01},
-        "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "speed": 0.02, "effort": 1e-3, "input_rate": 5e-5},
-        "input": {"rate_max": 600.0},
-    },
-    "reference": {"tip": (-0.045, 0.172)},
-    "estimator": {
-        "measured": {"tip": 3e-4, "tension": 0.1, "bending": {"at": (0.09, 0.18), "std": 0.003}},
-        "disturbances": {"tip_moment": 0.01},
-        "acceleration_std": 1.0,
-        "delay": 0.01,
-    },
-    "duration": 1.5,
-}
+SCENE = {**ARCS_LOOP, "reference": {"tip": (-0.045, 0.172)}, "estimator": ARCS_ESTIMATOR, "duration": 1.5}
 PLANT = {"fidelity": {"family": "clothoid", "elements": 3}}
 NAMES = ["tip_x", "tip_y", "tension_1", "tension_2", "angle_1", "angle_2"]
 

@@ -7,18 +7,18 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.mission.assign import Commands
+from tests.tendon_cases import LENGTH, OFFSET, PASSIVE
 
-LENGTH, OFFSET, CABLE = 0.18, 0.005, {"axial_stiffness": 1e4, "series_stiffness": 2e4}
+CABLE = {"axial_stiffness": 1e4, "series_stiffness": 2e4}
+GIVE = 1.0 / 2e4 + LENGTH / 1e4
+"""Elongation of a whole tendon and what is in series with it [m/N]."""
 S = np.linspace(0.0, LENGTH, 2001)
 BEND = 1.5
 
 
 def finger(friction=0.0, **drive):
     own = {"offset": OFFSET, "max_tension": 60.0, "friction": friction}
-    return cg.Finger(
-        rod={"length": LENGTH, "linear_density": 0.034, "bending_stiffness": 6.11e-3},
-        tendons=own | (CABLE | {"drive": drive} if drive else {}),
-    )
+    return cg.Finger(**PASSIVE, tendons=own | (CABLE | {"drive": drive} if drive else {}))
 
 
 def test_tensions_are_their_own_commands():
@@ -27,16 +27,14 @@ def test_tensions_are_their_own_commands():
 
 def test_winches_wind_up_the_path_of_an_arc_and_its_elongation():
     found = Commands(finger(kind="length", time_constant=0.02, pretension=3.0), S).of([20.0, 2.0], BEND * S / LENGTH)
-    give = 1.0 / 2e4 + LENGTH / 1e4
-    assert found == pytest.approx([OFFSET * BEND + give * 17.0, -OFFSET * BEND - give * 1.0])
+    assert found == pytest.approx([OFFSET * BEND + GIVE * 17.0, -OFFSET * BEND - GIVE * 1.0])
 
 
 def test_a_pulley_that_winds_up_its_second_tendon_is_the_mirror_image():
     """Of a finger that its second tendon closes, commands and the limits while it holds are those of the first."""
     own = Commands(finger(kind="length", time_constant=0.02, arrangement="one_pulley", pretension=3.0), S)
     first = own.of([20.0, 2.0], BEND * S / LENGTH)
-    give = 1.0 / 2e4 + LENGTH / 1e4
-    assert first == pytest.approx([OFFSET * BEND + give * 17.0])
+    assert first == pytest.approx([OFFSET * BEND + GIVE * 17.0])
     assert own.of([2.0, 20.0], -BEND * S / LENGTH) == pytest.approx(-first)
     assert own.closing([True, False]).tolist() == [1.0]
     assert own.closing([False, True]).tolist() == [-1.0]
@@ -58,9 +56,8 @@ def test_friction_leaves_less_of_a_tension_to_elongate():
 def test_a_servo_turns_further_by_its_torque():
     drive = {"kind": "motor", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 0.5, "position_gain": 2.0}
     found = Commands(finger(**drive, arrangement="one_pulley", pretension=3.0), S).of([20.0, 0.0], BEND * S / LENGTH)
-    give = 1.0 / 2e4 + LENGTH / 1e4
     # The second tendon is slack: 20 N are more than twice the pretension.
-    assert found == pytest.approx([(OFFSET * BEND + give * 17.0) / 0.008 + 0.008 * 20.0 / 2.0])
+    assert found == pytest.approx([(OFFSET * BEND + GIVE * 17.0) / 0.008 + 0.008 * 20.0 / 2.0])
     # Behind a gear by its twist, and by half its play towards the flank that bears.
     gear = {"arrangement": "one_pulley", "backlash": 0.02, "gear_stiffness": 5.0, "pretension": 3.0}
     ahead = np.array([0.01 + 0.008 * 20.0 / 5.0])

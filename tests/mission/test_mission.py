@@ -31,7 +31,7 @@ from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
 from tests.declared import assert_declared
-from tests.mission_cases import MUG, QUICK, SHORT, begun, planned
+from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned
 
 COSTLY_FIXTURES = ("held",)
 
@@ -119,7 +119,7 @@ def test_setpoints_are_smooth(table, assignment):
 def test_the_last_share_of_the_force_rises_while_it_is_followed(grasp):
     """By the posture up to a share, by the force from there: never more than before the lift, and never less again."""
     phases = SHORT.replace("lift:", "settle: 0.4, squeeze_share: 0.8, lift:")
-    assigned = assign(load(MUG, [*QUICK[:1], f"phases={phases}", *QUICK[2:]]), grasp)[0]
+    assigned = assign(load(MUG, [COARSE, f"phases={phases}", *QUICK[2:]]), grasp)[0]
     table = Timetable(assigned)
     squeezed, settled, lift = table.span("squeeze"), table.span("settle"), table.span("lift")
     assert (squeezed.end, settled.end) == pytest.approx((settled.start, lift.start))

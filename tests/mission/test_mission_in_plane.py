@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,12 +20,8 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.objects import Circle
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings, Table
-from continuum_grasp.simulation.contacts import ContactForces
 from continuum_grasp.simulation.statics import equilibrium_under
-
-CUP = Path(__file__).parents[2] / "configs/mission/cup_lying.yaml"
-PINCH = CUP.with_name("pinch.yaml")
-QUICK = ("plant.fidelity={family: clothoid, elements: 3}",)
+from tests.mission_cases import COARSE, CUP, PINCH, pressed
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +31,7 @@ def grasp():
 
 @pytest.fixture(scope="module")
 def assignment(grasp):
-    return assign(load(CUP, QUICK), grasp)[0]
+    return assign(load(CUP, [COARSE]), grasp)[0]
 
 
 @pytest.mark.deep
@@ -137,7 +132,7 @@ def lowered(fingers, pulls, pad, mass=1.0):
 @pytest.mark.deep
 def test_how_far_a_pull_lowers_an_object_between_two_fingertips(stacked):
     """As two springs at the tensions of the grasp, each in series with its pad."""
-    fingers = assign(load(PINCH, [DOWN, *QUICK]), stacked)
+    fingers = assign(load(PINCH, [DOWN, COARSE]), stacked)
     stiff = [tip_stiffness(one, stacked) for one in fingers]
     pulls = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]
     for pad in (2000.0, 1e9):
@@ -155,10 +150,10 @@ def test_winches_hold_as_firmly_as_their_cables(stacked):
     pull, given = [[0.0, -1.0, 0.0]], []
     for series in ("1e12", "33e3", "1e-3"):
         change = WINCHES[0].replace("33 N/mm", series).replace("10e3", "1e12")
-        wound = assign(load(PINCH, [DOWN, *QUICK, change, *WINCHES[1:]]), stacked)
+        wound = assign(load(PINCH, [DOWN, COARSE, change, *WINCHES[1:]]), stacked)
         given.append(float(lowered(wound, pull, 1e9)[0][0]))
         assert keep_position([one.control.finger for one in wound])
-    pulled = assign(load(PINCH, [DOWN, *QUICK]), stacked)
+    pulled = assign(load(PINCH, [DOWN, COARSE]), stacked)
     assert not keep_position([one.control.finger for one in pulled])
     away, certified = (float(value[0]) for value in lowered(pulled, pull, 1e9))
     assert given[0] == pytest.approx(certified, rel=1e-3)
@@ -175,11 +170,11 @@ def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_
     assert f"the certificate has {1e3 * warned.certified:.3g} mm" in warned.text
     assert exceeded(assign(load(PINCH, [DOWN, "pull_share=0.3"]), stacked), Variation()) == ()
     assert exceeded(assign(load(PINCH, [DOWN, *WINCHES]), stacked), Variation()) == ()
-    fingers = assign(load(PINCH, [DOWN, *QUICK]), stacked)
+    fingers = assign(load(PINCH, [DOWN, COARSE]), stacked)
     table = Timetable(fingers[0])
     t, span = np.arange(0.0, table.duration, 0.01), table.span("pull 4")
-    one, zero, planar = np.ones((len(t), 2)), np.zeros((len(t), 2)), np.zeros((len(t), 2, 2))
-    held = ContactForces(("lower.tip", "upper.tip"), zero, 4.0 * one, one, zero, planar, planar)
+    one = np.ones((len(t), 2))
+    held = pressed(("lower.tip", "upper.tip"), 4.0 * one, one)
     sunk = 0.006 * ((t > span.start + 0.2) & (t < span.end))
     drop = find_drop(fingers, table, Variation(), t, held, sunk)
     assert drop.slips == ()

@@ -13,48 +13,26 @@ from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import check_mission, on_pads
 from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.mission.run import run_mission, run_trials
 from continuum_grasp.scene.load import load
-from tests.mission_cases import CERTIFIED, MUG, STEP, fingers
-
-STAGES = SimpleNamespace(r_names=(), weights=np.zeros(0), u_min=np.zeros(2), u_max=np.full(2, 75.0))
-NOTHING = Anomaly(0)
+from tests.mission_cases import CERTIFIED, MUG, STAGES, STEP, carried_out, commanded, fingers
 
 
-def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NONE, anomaly=NOTHING, health=Health.OK):
-    """Schedules that are run with estimates ``forces(t)`` of all tips: timetable, phases by instant, the check."""
-    of = fingers(*names)
-    tables = [Timetable(one) for one in of]
-    check = LiftCheck(of, tables)
-    plans = [check.schedule(k, STAGES) for k in range(len(of))]
-    limits, passed = {}, []
-    controller = SimpleNamespace(change=lambda u_min, u_max, **_: limits.update({plans[0].phase: (*u_min, *u_max)}))
-    for plan in plans:
-        plan.enter(0.0, controller, SimpleNamespace(command=np.zeros(2)))
-    for k in range(1, 1000):
-        t, going = k * STEP, []
-        for plan, force in zip(plans, forces(k * STEP), strict=True):
-            estimated = SimpleNamespace(force=np.array([force]), std=np.array([0.02]))
-            seen = {"trip": trip, "anomaly": anomaly, "health": health}
-            command = SimpleNamespace(contact_forces=estimated, u=np.array([tension, 1.0]), **seen)
-            going.append(plan.advance(t, controller, SimpleNamespace(t=t, command=command.u), command))
-        assert len(set(going)) == 1
-        if not going[0]:
-            break
-        assert len({plan.phase for plan in plans}) == 1
-        passed.append((t, plans[0].phase))
+def lifted(forces, *, tension=60.0, names=("lower", "upper"), **seen):
+    """Schedules that are run with estimates ``forces(t)`` of all tips: timetable, phases by instant, the refusal."""
+    run = carried_out(fingers(*names), forces, std=0.02, u=np.array([tension, 1.0]), **seen)
+    refused = run.check.refused
     # Squeezing on, the tendon that closes has its tension in the grasp, and the other does not pull against it.
-    assert limits["confirm"] == (60.0, 0.0, 75.0, 4.0)
-    assert limits.get("lift") == (None if check.refused else (51.0, 0.0, 75.0, 4.0))
-    return tables[0], passed, check.refused
+    assert run.limits["confirm"] == (60.0, 0.0, 75.0, 4.0)
+    assert run.limits.get("lift") == (None if refused else (51.0, 0.0, 75.0, 4.0))
+    return run.table, run.passed, refused
 
 
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper"), ("a", "b", "c")])
 def test_fingers_that_bear_enough_lift_at_once(names):
-    table, passed, refused = carried_out(lambda t: [2.002] * len(names), names=names)
+    table, passed, refused = lifted(lambda t: [2.002] * len(names), names=names)
     # Of several fingers the first decides with what the others estimated a period before.
     late = STEP * (len(names) > 1)
     assert refused is None
@@ -65,7 +43,7 @@ def test_fingers_that_bear_enough_lift_at_once(names):
 
 @pytest.mark.parametrize("low", [0, 1])
 def test_one_that_bears_too_little_is_waited_for_then_all_let_go(low):
-    table, passed, refused = carried_out(lambda t: [1.998 if k == low else 4.0 for k in range(2)])
+    table, passed, refused = lifted(lambda t: [1.998 if k == low else 4.0 for k in range(2)])
     assert [span.name for span in table.spans] == ["approach", "squeeze", "confirm", "release", "end"]
     assert (table.span("confirm").end, table.span("lift").start) == (pytest.approx(2.4), math.inf)
     assert [name for _, name in passed][-1] == "end"
@@ -86,7 +64,7 @@ def test_one_that_bears_too_little_is_waited_for_then_all_let_go(low):
     ],
 )
 def test_forces_that_no_measurement_shows_lift_nothing(seen, why):
-    _, passed, refused = carried_out(lambda t: [4.0, 4.0], **seen)
+    _, passed, refused = lifted(lambda t: [4.0, 4.0], **seen)
     assert ("lift" in [name for _, name in passed]) is (not why)
     assert (refused is None) is (not why)
     assert refused is None or (why in refused.text and "Look at the sensors" in refused.text)
@@ -95,7 +73,7 @@ def test_forces_that_no_measurement_shows_lift_nothing(seen, why):
 @pytest.mark.parametrize("share", [0.999, 1.001])
 def test_a_drive_at_its_limit_is_the_cause(share):
     """Commands count as at the limit from 99.9 % of it on."""
-    _, _, refused = carried_out(lambda t: [0.0], names=("finger",), tension=share * 0.999 * 75.0)
+    _, _, refused = lifted(lambda t: [0.0], names=("finger",), tension=share * 0.999 * 75.0)
     assert ("at its limit of 75 N" in refused.cause) == (share > 1.0)
 
 
@@ -105,13 +83,8 @@ def test_a_drive_at_its_limit_is_the_cause(share):
 def test_an_object_is_let_go_when_asked_without_a_jump(k, at_once, phase):
     """Setpoints go on from where they are; what was lifted is lowered first."""
     (of,) = fingers("finger")
-    limits = np.zeros(2), np.full(2, 75.0)
-    names = ("contact_force_finger.tip [N]",)
-    stages = SimpleNamespace(r_names=names, weights=np.ones(1), u_min=limits[0], u_max=limits[1])
-    plan, plant = Plan(Timetable(of), stages, np.zeros(1)), SimpleNamespace(command=np.zeros(2))
-    forces = SimpleNamespace(force=np.full(1, CERTIFIED))
-    command = SimpleNamespace(contact_forces=forces, trip=Trip.NONE, anomaly=NOTHING, health=Health.OK)
-    controller, rows = SimpleNamespace(change=lambda **_: None), []
+    plan, plant = Plan(Timetable(of), STAGES, np.zeros(1)), SimpleNamespace(command=np.zeros(2))
+    command, controller, rows = commanded(CERTIFIED), SimpleNamespace(change=lambda **_: None), []
     plan.enter(0.0, controller, plant)
     for step in range(1, 800):
         if not plan.advance(step * STEP, controller, plant, command):
@@ -129,7 +102,7 @@ def test_an_object_is_let_go_when_asked_without_a_jump(k, at_once, phase):
 
 def test_what_follows_a_lift_that_is_late_is_late():
     """Table, pulls and setpoints are those of the plan, moved by the wait."""
-    table, _, refused = carried_out(lambda t: [4.0 * (t > 1.995)], names=("finger",))
+    table, _, refused = lifted(lambda t: [4.0 * (t > 1.995)], names=("finger",))
     plan, t = Timetable(fingers("finger")[0]), np.linspace(0.0, 9.0, 901)
     assert refused is None
     assert table.span("confirm").end == pytest.approx(2.0)

@@ -3,57 +3,28 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.status import Anomaly, Health, Trip
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plant import Timetable, Variation, reserve
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Slip
-from tests.mission_cases import CERTIFIED, MUG, QUICK, STEP, fingers
+from tests.mission_cases import CERTIFIED, MUG, QUICK, STEP, carried_out, fingers
 from tests.rods import ROOT
 
-NOTHING = Anomaly(0)
-FORCE = "contact_force_finger.tip [N]"
-STAGES = SimpleNamespace(r_names=(FORCE,), weights=np.zeros(1), u_min=np.zeros(2), u_max=np.full(2, 75.0))
 BEGINS = 2.4  # s: sinks or parts from then on, in the hold (1.9 s to 2.9 s)
 
 
 def watched(height, *, slip, force=lambda t: CERTIFIED, names=("finger",), **more):
     """Phases that are given heights and forces by instant: check, timetable, setpoints of each finger, events."""
     of = fingers(*names, slip=slip, **more)
-    tables = [Timetable(one) for one in of]
-    check = LiftCheck(of, tables)
-    plans = [check.schedule(k, STAGES) for k in range(len(of))]
-    controller, wanted = SimpleNamespace(change=lambda **_: None), list[tuple[float, list[float]]]()
-    plant = SimpleNamespace(command=np.zeros(2), height=height(0.0))
-    for plan in plans:
-        plan.enter(0.0, controller, plant)
-    for k in range(1, 1000):
-        t = k * STEP
-        plant.height = height(t)
-        going = []
-        for j, plan in enumerate(plans):
-            felt = SimpleNamespace(force=np.array([force(t) if j == 0 else CERTIFIED]), std=np.array([0.1]))
-            going.append(
-                plan.advance(
-                    t,
-                    controller,
-                    plant,
-                    SimpleNamespace(contact_forces=felt, trip=Trip.NONE, anomaly=NOTHING, health=Health.OK),
-                )
-            )
-        if not all(going):
-            break
-        wanted.append((t, [float(plan.rows(np.array([t]))[0, 0]) for plan in plans]))
-    return check, tables[0], dict(wanted), list(plans[0].events)
+    run = carried_out(of, lambda t: [force(t), *[CERTIFIED] * (len(of) - 1)], height=height)
+    return run.check, run.table, run.wanted, run.events
 
 
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,9 +22,8 @@ from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from tests.declared import assert_declared
 from tests.marks import few
-from tests.mission_cases import begun, planned
+from tests.mission_cases import BLOCK, MUG, PINCH, begun, planned
 
-BLOCK = Path(__file__).parents[2] / "configs/mission/turn_block.yaml"
 SHORT = (
     "{touch: 0.5, stroke: 1.4, leave: 0.4, approach: 0.5, squeeze: 0.6, settle: 0.3, lift: 0.2, hold: 0.3, pull: 0.16, "
     "rest: 0.06, lower: 0.2, release: 0.5}"
@@ -129,10 +127,9 @@ def test_what_makes_no_turn_is_named(change, said):
 
 
 def test_several_fingers_do_not_turn():
-    pinch = BLOCK.with_name("pinch.yaml")
     camera = "estimator.measured.object={position: 0.0003, angle: 0.005}"
     with pytest.raises(InputError, match="turn: needs a grasp of one finger"):
-        load(pinch, [camera, "turn={angle: 0.5, position: [0.08, 0.0]}", "estimator.disturbances.object_position=null"])
+        load(PINCH, [camera, "turn={angle: 0.5, position: [0.08, 0.0]}", "estimator.disturbances.object_position=null"])
 
 
 @pytest.mark.deep
@@ -216,7 +213,7 @@ def test_a_turn_that_fell_short_is_explained(table, assignment, given, reason):
 
 
 def test_no_turn_has_no_verdict(table, assignment):
-    plain = replace(assignment, mission=load(BLOCK.with_name("mug.yaml")))
+    plain = replace(assignment, mission=load(MUG))
     assert find_turned([plain], table, Variation(), [SimpleNamespace(t=None)], np.zeros((1, 4)), None) is None
 
 

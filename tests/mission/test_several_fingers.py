@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -23,8 +21,8 @@ from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from continuum_grasp.simulation.contacts import ContactForces
 from tests.declared import assert_declared
+from tests.mission_cases import PINCH, QUICK, SHORT, pressed
 
-PINCH = Path(__file__).parents[2] / "configs/mission/pinch.yaml"
 GUIDES = "plant={guides: 8, axial_stiffness: 10 kN, stiffness: 1.1, damping: 1.3, tendon_friction: 0.02}"
 COARSE = ("plant.fidelity={family: clothoid, elements: 2}",)
 
@@ -264,14 +262,10 @@ def test_a_drop_names_finger_and_contact(assignments, grasp):
     t = np.arange(0.0, table.duration, 0.01)
     shape = (len(t), 2)
 
-    def contacts(normal, friction):
-        zero = np.zeros((len(t), 2))
-        planar = np.zeros((len(t), 2, 2))
-        return ContactForces(("finger.tip", "table"), zero, normal, friction, zero, planar, planar)
-
+    names = ("finger.tip", "table")
     firm, weak = np.full(shape, 4.0), np.full(shape, 1.0)
     slipping = np.where(t[:, None] < 3.0, 1.0, 2.0) * np.ones(shape)
-    both = ContactForces.joined({"lower": contacts(firm, weak), "upper": contacts(firm, slipping)})
+    both = ContactForces.joined({"lower": pressed(names, firm, weak), "upper": pressed(names, firm, slipping)})
     assert both.names == ("lower.tip", "upper.tip", "table")
     assert [both.on_finger(name) for name in both.names] == [True, True, False]
     drop = find_drop(assignments, table, Variation(), t, both, 0.02 * (t >= 3.2))
@@ -294,8 +288,7 @@ def test_what_makes_no_mission_of_two_fingers_is_named(change, said):
 
 @pytest.mark.deep
 def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
-    phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
-    short = load(PINCH, ["plant.fidelity={family: clothoid, elements: 3}", f"phases={phases}"])
+    short = load(PINCH, QUICK[:2])
     runner = MissionRunner(assign(short, grasp))
     libraries = {one._c.library._name for one in runner._controllers}
     assert len(libraries) == 1  # compiled once
@@ -338,8 +331,7 @@ def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
 @pytest.mark.deep
 def test_chains_of_guides_hold_a_tin_between_them(grasp):
     """The exact law of tendons at every guide, of a finger that no controller knows."""
-    phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
-    run = MissionRunner(assign(load(PINCH, [GUIDES.replace("8,", "16,"), f"phases={phases}"]), grasp)).run()
+    run = MissionRunner(assign(load(PINCH, [GUIDES.replace("8,", "16,"), f"phases={SHORT}"]), grasp)).run()
     assert run.verdict.succeeded
     hold = run.timetable.span("hold")
     during = (run.t > hold.start) & (run.t < hold.end)
@@ -353,8 +345,7 @@ def test_chains_of_guides_hold_a_tin_between_them(grasp):
 
 @pytest.mark.deep
 def test_a_tin_is_pressed_on_a_palm_by_two_fingers_and_dropped_off_it():
-    phases = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
-    short = load(PINCH.with_name("pinch_palm.yaml"), [f"phases={phases}", "plant.fidelity.elements=3"])
+    short = load(PINCH.with_name("pinch_palm.yaml"), [f"phases={SHORT}", "plant.fidelity.elements=3"])
     runner = MissionRunner(assign(short))
     run = runner.run()
     assert run.verdict.succeeded
@@ -375,7 +366,7 @@ def test_a_tin_is_pressed_on_a_palm_by_two_fingers_and_dropped_off_it():
 
 @pytest.mark.deep
 def test_three_fingers_hold_more_firmly_than_two():
-    phases = "{approach: 0.5, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
+    phases = SHORT.replace("approach: 0.4", "approach: 0.5")
     changes = [f"phases={phases}", "plant.fidelity.elements=4", "controller.elements=[1, 1]", "pull_share=0.4"]
     run = run_mission(load(PINCH.with_name("pinch_three.yaml"), changes))
     assert run.verdict.succeeded

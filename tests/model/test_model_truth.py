@@ -105,23 +105,16 @@ MAKE_UPS = {
     "material damping": {"damping": Damping(material=0.03)},
     "damping per arc": {"damping": Damping(per_arc=0.03)},
 }
+PARTS = [({}, lengths) for lengths in ((0.006, 0.594), (0.594, 0.006), (0.2, 0.2, 0.2), (0.01, 0.5, 0.01, 0.08))]
+PARTS += [(finger, 2) for finger in MAKE_UPS.values()]
 
 
 @pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
-@pytest.mark.parametrize("name", MAKE_UPS)
-def test_each_part_alone(name, family):
-    case = Case().with_finger(**MAKE_UPS[name])
-    model = case.model(family, accuracy=EXACT[family])
-    name, error = worst(errors(case, model, state(model, 1.7)))
-    assert error <= BOUND[family], name
-
-
-@pytest.mark.parametrize("lengths", [(0.006, 0.594), (0.594, 0.006), (0.2, 0.2, 0.2), (0.01, 0.5, 0.01, 0.08)])
-@pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
-def test_very_unequal_elements(family, lengths):
-    case = Case()
-    model = case.model(family, lengths, accuracy=EXACT[family])
-    name, error = worst(errors(case, model, state(model, 0.9)))
+@pytest.mark.parametrize(("finger", "elements"), PARTS, ids=[*(str(lengths) for _, lengths in PARTS[:4]), *MAKE_UPS])
+def test_each_part_and_very_unequal_elements_alone(finger, elements, family):
+    case = Case().with_finger(**finger)
+    model = case.model(family, elements, accuracy=EXACT[family])
+    name, error = worst(errors(case, model, state(model, 1.7 if finger else 0.9)))
     assert error <= BOUND[family], name
 
 

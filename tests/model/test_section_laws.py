@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -10,6 +9,7 @@ from scipy.linalg import expm
 import continuum_grasp as cg
 from continuum_grasp.identification import TipPath
 from continuum_grasp.scene.finger import Softening, Stops
+from tests.finger_cases import energy_rate
 from tests.identification_cases import at_tip
 from tests.marks import few
 
@@ -61,23 +61,6 @@ def test_lengths_at_run_time_are_those_of_a_model_that_was_built_with_them(law, 
     assert rates[0] == pytest.approx(rates[1], rel=1e-9, abs=1e-9 * np.abs(rates[1]).max())
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_sweeps_of_many_elements_balance_the_dense_equations(law):
-    """Accelerations of 16 arcs, found link by link, in the inverse dynamics, which are not; friction as it acts."""
-    model = cg.FingerModel(finger(**LAWS[law]), family="arc", elements=16, tip_force=False)
-    assert model.sweeps
-    rng, n = np.random.default_rng(5), model.n
-    q, qd = 0.3 * rng.standard_normal(n), 30.0 * rng.standard_normal(n)
-    z = rng.uniform(-0.9, 0.9, model.nx - 2 * n) * (law == "dry friction")
-    qdd = model.forward_dynamics(np.concatenate([q, qd, z]), [0.0], [], []).full().ravel()[n : 2 * n]
-    history = [np.append(z, 0.0)] if law == "dry friction" else []
-    given = {"q": q, "qd": qd, "qdd": qdd, "u": [0.0], "w": [], "p": [], "history": history[0] if history else []}
-    names = [model.inverse_dynamics.name_in(k) for k in range(model.inverse_dynamics.n_in())]
-    missing = model.inverse_dynamics(*[given[name] for name in names]).full().ravel()
-    still = model.inverse_dynamics(*[{**given, "qdd": 0.0 * qdd}[name] for name in names]).full().ravel()
-    assert missing == pytest.approx(0.0, abs=1e-9 * np.abs(still).max())
-
-
 @pytest.mark.parametrize(("family", "elements"), few([("clothoid", 2), ("arc", 3), ("clothoid", 8)], 2))
 def test_a_held_moment_creeps_and_comes_back_by_the_closed_form(family, elements):
     """Bent evenly, every section is the same linear system of its curvature and branches."""
@@ -108,8 +91,7 @@ def test_a_held_moment_creeps_and_comes_back_by_the_closed_form(family, elements
 @pytest.mark.parametrize(("family", "elements"), [("arc", 3), ("clothoid", 2)])
 def test_what_relaxes_loses_the_energy_of_its_dashpots(family, elements):
     model = cg.FingerModel(finger(damping={"relaxation": BRANCHES}), family=family, elements=elements, tip_force=False)
-    x = ca.MX.sym("x", model.nx)
-    slope = ca.Function("slope", [x], [ca.jacobian(sum(model.energy(x, [0.0], [])), x)])
+    gained = energy_rate(model, [0.0])
     nodes = model.structure.laws[0].ports
     rng, n = np.random.default_rng(4), model.n
     for _ in range(5):
@@ -121,7 +103,7 @@ def test_what_relaxes_loses_the_energy_of_its_dashpots(family, elements):
             for port, own in zip(nodes, stretched, strict=True)
             for j, branch in enumerate(BRANCHES)
         )
-        assert float((slope(state) @ rate).full().item()) == pytest.approx(-lost, rel=1e-9)
+        assert gained(state, rate) == pytest.approx(-lost, rel=1e-9)
 
 
 def test_a_swing_is_that_of_the_sudden_stiffness_and_rest_that_of_the_slow_one():

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
 import continuum_grasp as cg
 from continuum_grasp.identification import Poses, Reading
+from tests.finger_cases import energy_rate
 
 LENGTH, STIFFNESS, RADIUS, OFFSET = 0.2, 8e-3, 4e-3, 6e-3
 UNIFORM = {"length": LENGTH, "linear_density": 0.05, "bending_stiffness": STIFFNESS}
@@ -71,14 +71,14 @@ def test_tensions_that_stay_give_the_power_that_the_finger_takes(family, element
     """Weight, inertia and velocity products of the shorter finger are those of one energy."""
     masses = [{"at": 0.13, "mass": 0.01}, {"at": LENGTH, "mass": 0.02}]
     model = cg.FingerModel(finger(masses=masses), family=family, elements=elements, tip_force=False)
-    x, u = ca.MX.sym("x", model.nx), np.array([15.0, 4.0])
-    slope = ca.Function("slope", [x], [ca.jacobian(sum(model.energy(x, u, [])), x)])
+    u = np.array([15.0, 4.0])
+    taken = energy_rate(model, u)
     rng, n = np.random.default_rng(3), model.n
     for _ in range(5):
         state = np.concatenate([2.0 * rng.standard_normal(n), 20.0 * rng.standard_normal(n)])
         rate = model.forward_dynamics(state, u, [], []).full().ravel()
         power = float(model.actuation(state[:n], u, []).full().ravel() @ state[n:])
-        assert float((slope(state) @ rate)[0]) == pytest.approx(power, rel=1e-9, abs=1e-9 * abs(power))
+        assert taken(state, rate) == pytest.approx(power, rel=1e-9, abs=1e-9 * abs(power))
 
 
 def test_modulus_and_radius_come_out_of_made_up_poses():

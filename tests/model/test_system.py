@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import casadi as ca
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, brentq
@@ -30,7 +29,9 @@ from continuum_grasp.scene import (
     VGroove,
 )
 from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
+from tests.finger_cases import energy_rate
 from tests.marks import few
+from tests.truth.differences import differences
 
 FAMILIES = ("arc", "clothoid", "matched_clothoid")
 ROD = Rod(length=0.2, linear_density=0.04, bending_stiffness=8e-3, rotary_inertia=2e-6, diameter=0.002)
@@ -299,11 +300,8 @@ def test_action_is_reaction(family):
 
 
 def power(model: System, x: np.ndarray) -> float:
-    """Rate of the total energy along the motion, by the exact derivative of the energy."""
-    symbol = ca.SX.sym("x", model.nx)
-    kinetic, potential = model.energy(symbol, np.zeros(model.nu), [])
-    slope = ca.Function("slope", [symbol], [ca.gradient(kinetic + potential, symbol)])
-    return float(numbers(slope(x)) @ rate(model, x))
+    """Rate of the total energy along the motion."""
+    return energy_rate(model, np.zeros(model.nu))(x, rate(model, x))
 
 
 @pytest.mark.parametrize(
@@ -339,12 +337,8 @@ def test_linearization_is_the_slope_of_the_dynamics(family):
     model = system(item, family=family, supports=supports_of(item), out_of_plane_gravity=2.0)
     x = moving(model, 5)
     a, b = (np.array(v) for v in model.linearization(x, [0.0], np.zeros(model.nw), []))
-    step = 1e-7
-    for k in range(model.nx):
-        size = step * max(1.0, abs(x[k]))
-        sides = [rate(model, x + sign * size * np.eye(model.nx)[k]) for sign in (1.0, -1.0)]
-        slope = (sides[0] - sides[1]) / (2 * size)
-        assert a[:, k] == pytest.approx(slope, rel=2e-4, abs=2e-5 * np.abs(a).max(axis=1).max())
+    slope = differences(lambda x: rate(model, x), x, 1e-7 * np.maximum(1.0, np.abs(x)))
+    assert a == pytest.approx(slope, rel=2e-4, abs=2e-5 * np.abs(a).max())
     moments = approx_fprime(np.zeros(1), lambda u: rate(model, x, u[0]), 1e-5)
     assert b[:, 0] == pytest.approx(moments.ravel(), rel=1e-4, abs=1e-4 * np.abs(b).max())
 

@@ -26,6 +26,7 @@ from continuum_grasp.planning.search import Search
 from continuum_grasp.scene.plan import PlanScene
 from tests.declared import assert_declared
 from tests.marks import few
+from tests.rods import after
 
 HAND = cg.Finger.model_validate(
     {
@@ -205,9 +206,7 @@ def test_held_inputs_give_the_plan_in_an_independent_integrator():
     model = found.prediction
     x = [found.x[0]]
     for k, u in enumerate(found.u[:-1]):
-        span = (found.t[k], found.t[k + 1])
-        run = solve_ivp(lambda t, x, u=u: np.array(model.dynamics(x, u, [])).ravel(), span, x[-1], rtol=1e-9, atol=1e-9)
-        x.append(run.y[:, -1])
+        x.append(after(found.t[k + 1] - found.t[k], lambda x, u=u: model.dynamics(x, u, []), x[-1]))
     assert np.array(x)[:, :2] == pytest.approx(found.x[:, :2], abs=1e-5)
 
 
@@ -332,8 +331,8 @@ def test_a_bound_that_cannot_be_satisfied_is_named_with_its_amount_and_instant()
     zone = {"type": "half_plane", "point": (0.01, 0.0), "normal_angle": 0.0}
     found = plan(small(bounds={"curvature": None, "keep_out": {"wall": zone}}), raise_on_failure=False)
     model, first = found.prediction, 0.1 / 25 / 4
-    run = solve_ivp(lambda t, x: np.array(model.dynamics(x, [-0.3], [])).ravel(), (0.0, first), found.x[0], rtol=1e-8)
-    amount = 0.011 - np.array(model.tip(run.y[:, -1], [-0.3], [])).ravel()[0]
+    moved = after(first, lambda x: model.dynamics(x, [-0.3], []), found.x[0])
+    amount = 0.011 - np.array(model.tip(moved, [-0.3], [])).ravel()[0]
     assert found.status is PlanStatus.INFEASIBLE
     assert f"wall is left by {amount:.3g} m at t = {first:.3g} s" in found.message
     assert any(text == f"wall: off by {amount:.3g} m (bounds.keep_out.wall)" for text in found.violated)
@@ -355,9 +354,9 @@ def test_a_wall_that_is_entered_after_the_end_is_said(end):
         atol=1e-11,
         t_eval=times,
     )
-    after = np.array([np.array(model.tip(x, free.u[-1], [])).ravel()[0] for x in run.y.T])
+    later = np.array([np.array(model.tip(x, free.u[-1], [])).ravel()[0] for x in run.y.T])
     wall = free.tip[:, 0].max() + 2e-3  # to the right, to which the finger swings back
-    assert bool(after.max() > wall) is (end == "still")
+    assert bool(later.max() > wall) is (end == "still")
     zone = {"type": "half_plane", "point": (wall, 0.0), "normal_angle": np.pi}
     walled = plan(
         small(
@@ -367,7 +366,7 @@ def test_a_wall_that_is_entered_after_the_end_is_said(end):
         )
     )
     assert walled.objective == pytest.approx(free.objective, rel=1e-4)
-    share = 100 * (after.max() + 1e-3 - wall) / 0.3  # the surface is 1 mm from the backbone
+    share = 100 * (later.max() + 1e-3 - wall) / 0.3  # the surface is 1 mm from the backbone
     said = f"within 0.5 s after the end, under its last input, wall is left by {share:.2g} % of its limit"
     assert (said in walled.message) is (end == "still")
     assert walled.solved

@@ -11,8 +11,10 @@ from scipy import linalg
 import continuum_grasp as cg
 from continuum_grasp.simulation import modes
 from tests.closed_forms.rods import roots
+from tests.tendon_cases import LENGTH, OFFSET, ROD, STIFFNESS
+from tests.truth.differences import differences
 
-LENGTH, DENSITY, STIFFNESS, OFFSET, TIP = 0.18, 0.034, 6.11e-3, 0.005, 0.002
+DENSITY, TIP = ROD["linear_density"], 0.002
 AXIAL, SERIES = 1e4, 1 / 3e-5
 CABLE = 1.0 / (1.0 / SERIES + LENGTH / AXIAL)
 RADIUS, INERTIA, PULL, PLAY, GEAR = 0.008, 2e-6, 5.0, 0.01, 20.0
@@ -30,8 +32,7 @@ MOTOR = {
 
 def scene(drive, actuation, *, family="clothoid", elements=8, **tendons):
     own = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": AXIAL, "series_stiffness": SERIES, **tendons}
-    rod = {"length": LENGTH, "linear_density": DENSITY, "bending_stiffness": STIFFNESS}
-    finger = {"rod": rod, "masses": [{"at": LENGTH, "mass": TIP}]}
+    finger = {"rod": ROD, "masses": [{"at": LENGTH, "mass": TIP}]}
     if drive is not None:
         finger["tendons"] = {**own, "drive": drive}
     initial = {"pose": "equilibrium", **({"reached_by": "pulling"} if tendons.get("friction") else {})}
@@ -156,8 +157,7 @@ def test_friction_of_a_bent_finger_acts_on_as_it_did():
             return np.array(model.mass_matrix(q, about.u, about.p)) @ rates[n : 2 * n]
 
         assert np.abs(force(about.q)).max() < 1e-6
-        step = 1e-4
-        stiffness = -np.array([(force(about.q + e) - force(about.q - e)) / (2 * step) for e in step * np.eye(n)]).T
+        stiffness = -differences(force, about.q, 1e-4)
         mass = np.array(model.mass_matrix(about.q, about.u, about.p))
         true = np.sqrt(linalg.eigvals(stiffness, mass).real) / (2.0 * math.pi)
         assert found.frequencies_hz == pytest.approx(np.sort(true), rel=1e-4)

@@ -17,6 +17,7 @@ from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation import equilibrium, modes, simulate
 from tests.rods import ROOT, without_compiler  # noqa: F401
+from tests.truth.differences import differences
 
 pytestmark = pytest.mark.usefixtures("without_compiler")
 
@@ -200,8 +201,7 @@ def truth(stiffness, moment=0.06):
         return found.x, stiffness * depth(found.x)
     rule = {"type": "ineq", "fun": lambda bend: -1e3 * depth(bend)}
     found = minimize(energy, start, method="SLSQP", constraints=[rule], options={**options, "ftol": 1e-15})
-    step = 1e-6
-    slope = [(depth(found.x + step * e) - depth(found.x - step * e)) / (2 * step) for e in np.eye(2)]
+    (slope,) = differences(depth, found.x)
     missing = moment - ROD["bending_stiffness"] / 0.1 * found.x
     return found.x, float(missing @ slope / np.dot(slope, slope))
 

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from tests.tendon_cases import CABLE, LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
 from tests.truth.tendon import HingedFinger
 from tests.truth.tendon_motion import MovingFinger
 
-LENGTH, STIFFNESS, OFFSET, DENSITY = 0.18, 6.11e-3, 0.005, 0.034
-CABLE = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
 IN = {"times": [0.0, 0.08, 0.16], "values": [0.0, 0.010, 0.004]}
 OUT = {"times": [0.0, 0.08, 0.16], "values": [0.0, -0.010, -0.004]}
 
@@ -30,7 +29,7 @@ def test_the_chain_vibrates_as_a_cantilever_does():
     crossed = np.flatnonzero((a[:-1] > 0.0) != (a[1:] > 0.0))
     instants = chain.time_step * (1 + crossed + a[crossed] / (a[crossed] - a[crossed + 1]))
     pulsation = math.pi * (len(instants) - 1) / (instants[-1] - instants[0])
-    exact = 1.8751041**2 * math.sqrt(STIFFNESS / DENSITY) / LENGTH**2
+    exact = 1.8751041**2 * math.sqrt(STIFFNESS / ROD["linear_density"]) / LENGTH**2
     assert pulsation == pytest.approx(exact, rel=2e-3)
 
 
@@ -50,16 +49,8 @@ def test_the_chain_stays_where_it_rests():
 )
 def test_two_winches_move_a_finger_as_the_chain_moves(friction, angle, tip, tension):
     """Greatest differences of angle and tip, and those of the tensions in the mean."""
-    finger = cg.Finger(
-        rod={"length": LENGTH, "linear_density": DENSITY, "bending_stiffness": STIFFNESS},
-        damping={"material": 3e-5},
-        masses=[{"at": LENGTH, "mass": 0.002}],
-        tendons={
-            **CABLE,
-            "friction": friction,
-            "drive": {"kind": "length", "time_constant": 0.01, "pretension": 2.0},
-        },
-    )
+    drive = {"kind": "length", "time_constant": 0.01, "pretension": 2.0}
+    finger = cg.Finger(**PASSIVE, tendons={**CABLE, "friction": friction, "drive": drive})
     scene = cg.Scene(
         finger=finger,
         gravity=[0.0, 0.0],

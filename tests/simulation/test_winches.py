@@ -12,9 +12,8 @@ from continuum_grasp.scene import Tendons
 from continuum_grasp.simulation import equilibrium_under
 from continuum_grasp.simulation.slack import slack_times, tension_warnings
 from tests import control_cases
-from tests.tendon_cases import LENGTH, OFFSET, PASSIVE
+from tests.tendon_cases import CABLE, LENGTH, OFFSET, PASSIVE
 
-CABLE = {"offset": OFFSET, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 1 / 3e-5}
 SERVO = {"kind": "length", "time_constant": 0.02}
 MOTOR = {
     "kind": "motor",
