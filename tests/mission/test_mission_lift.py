@@ -27,8 +27,7 @@ NOTHING = Anomaly(0)
 def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NONE, anomaly=NOTHING, health=Health.OK):
     """Schedules that are run with estimates ``forces(t)`` of all tips: timetable, phases by instant, the check."""
     of = fingers(*names)
-    tables = [Timetable(one) for one in of]
-    check = LiftCheck(of, tables)
+    check = LiftCheck(of)
     plans = [check.schedule(k, STAGES) for k in range(len(of))]
     limits, passed = {}, []
     controller = SimpleNamespace(change=lambda u_min, u_max, **_: limits.update({plans[0].phase: (*u_min, *u_max)}))
@@ -49,7 +48,7 @@ def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NON
     # Squeezing on, the tendon that closes has its tension in the grasp, and the other does not pull against it.
     assert limits["confirm"] == (60.0, 0.0, 75.0, 4.0)
     assert limits.get("lift") == (None if check.refused else (51.0, 0.0, 75.0, 4.0))
-    return tables[0], passed, check.refused
+    return check.timetable, passed, check.refused
 
 
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper"), ("a", "b", "c")])

@@ -29,8 +29,7 @@ BEGINS = 2.4  # s: sinks or parts from then on, in the hold (1.9 s to 2.9 s)
 def watched(height, *, slip, force=lambda t: CERTIFIED, names=("finger",), **more):
     """Phases that are given heights and forces by instant: check, timetable, setpoints of each finger, events."""
     of = fingers(*names, slip=slip, **more)
-    tables = [Timetable(one) for one in of]
-    check = LiftCheck(of, tables)
+    check = LiftCheck(of)
     plans = [check.schedule(k, STAGES) for k in range(len(of))]
     controller, wanted = SimpleNamespace(change=lambda **_: None), list[tuple[float, list[float]]]()
     plant = SimpleNamespace(command=np.zeros(2), height=height(0.0))
@@ -53,7 +52,7 @@ def watched(height, *, slip, force=lambda t: CERTIFIED, names=("finger",), **mor
         if not all(going):
             break
         wanted.append((t, [float(plan.rows(np.array([t]))[0, 0]) for plan in plans]))
-    return check, tables[0], dict(wanted), list(plans[0].events)
+    return check, check.timetable, dict(wanted), list(plans[0].events)
 
 
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
