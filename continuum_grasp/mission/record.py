@@ -1,4 +1,4 @@
-"""What happened in a mission: on which plant, by which closed loops, with which contacts."""
+"""Record of a mission, off which its verdict is read: the plant, the closed loops, the contacts."""
 
 from __future__ import annotations
 
