@@ -147,7 +147,7 @@ def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
 
 def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variation) -> dict[str, Any]:
     """The mission on one plant: what became of the object, read off MuJoCo."""
-    table, scene = Timetable(of), scene_of_plant(of, variation)
+    check, scene = LiftCheck([of]), scene_of_plant(of, variation)
     chain = export_mjcf(scene, hinges=HINGES)
     mission, period = of.mission, control.period
     weight = plant_mass(of.mission, variation) * mission.gravity
@@ -155,8 +155,7 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
     known = {"weight": weight, "friction": of_table.friction, "stiffness": mission.contact_law.stiffness}
     known |= {"friction_radius": of_table.friction_radius}
     reading = peer.ask(xml=with_pads(chain.text, scene), table=known)
-    check, outside = LiftCheck([of], [table]), table.outside()
-    plan = check.schedule(0, control.stages)
+    plan, outside = check.schedule(0, control.stages), check.timetable.outside()
     names = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
     rng = np.random.default_rng(variation.seed)
     sensors = _Sensors(of, chain.text, scene)
@@ -181,7 +180,7 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
         rows.append((t, *reading["pose"], *reading["pads"].values(), command.status.name.lower()))
         if not reading["finite"] or not plan.advance(t, control, plant, command):
             break
-    found = _judged(of, table, rows, list(reading["pads"]))
+    found = _judged(of, check.timetable, rows, list(reading["pads"]))
     return found | {"held": found["held"] and check.refused is None}
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from continuum_grasp.control.status import Anomaly, Health, Trip
 from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plan import Plan
-from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.scene.mission import Phases
 from continuum_grasp.simulation.contacts import ContactForces
 from tests.rods import ROOT
@@ -100,8 +99,7 @@ def carried_out(of, forces, *, height=lambda t: 0.0, **commands):
     The check of the lift, the timetable, limits by phase of the first finger, and by instant the phase and the setpoint
     of each finger; all fingers are in one phase and end together.
     """
-    tables = [Timetable(one) for one in of]
-    check, limits, passed, wanted = LiftCheck(of, tables), {}, [], {}
+    check, limits, passed, wanted = LiftCheck(of), {}, [], {}
     plans = [check.schedule(k, STAGES) for k in range(len(of))]
     controller = SimpleNamespace(change=lambda u_min, u_max, **_: limits.update({plans[0].phase: (*u_min, *u_max)}))
     plant = SimpleNamespace(t=0.0, command=np.zeros(2), height=height(0.0))
@@ -119,7 +117,7 @@ def carried_out(of, forces, *, height=lambda t: 0.0, **commands):
         passed.append((t, plans[0].phase))
         wanted[t] = [float(plan.rows(np.array([t]))[0, 0]) for plan in plans]
     return SimpleNamespace(
-        check=check, table=tables[0], limits=limits, passed=passed, wanted=wanted, events=list(plans[0].events)
+        check=check, table=check.timetable, limits=limits, passed=passed, wanted=wanted, events=list(plans[0].events)
     )
 
 

@@ -26,45 +26,27 @@ class Assignment:
     """Task of one finger; a mission has one for each finger."""
 
     mission: MissionScene
-    grasp: GraspResult
-    """The grasp that is carried out, of all fingers."""
-    name: str
-    """Name of the finger in the grasp."""
-    control: ControlScene
-    """Finger, object and controller of all phases; the object stands where the mission begins."""
-    object_pose: tuple[float, float, float]
-    """Pose of the object in the grasp: world x, y [m] and angle [rad]."""
-    tensions: Array
-    """Tension of each tendon in the grasp [N]."""
-    held: Array
-    """Inputs (nu) under which the finger holds the object with them."""
-    tight: Array
-    """Inputs (nu) beyond ``held``, as seen from ``before``, where a drive is at its limit."""
-    reserve: float
-    """Share of the tensions beyond ``before`` by which ``tight`` has more than ``held`` [1]."""
-    before: Array
-    """Inputs (nu) with which the finger is about to touch."""
-    rest: Array
-    """Inputs (nu) that leave the finger alone."""
-    holding: tuple[Array, Array]
-    """Least and greatest inputs (nu) while the object is held: it is not let go to correct a force."""
-    bends: Array
-    """Bending angles of the controller's elements (N) when it is about to touch [rad]."""
-    posture: Array
-    """Bending angles of the same elements in the grasp [rad]."""
-    forces: dict[str, float]
-    """Normal force of the grasp at each contact where it is held, by its name in the controller [N]."""
-    middles: tuple[str, ...]
-    """Names in the grasp of the contacts ``finger.1`` and so on."""
-    resisted: Resistance
-    """Disturbances that the grasp resists as certified, with drives that hold."""
-    pulls: Array
-    """Wrenches that are pulled with (K, 3): world force x, y [N] and moment about the center of mass [N m]."""
+    grasp: GraspResult  # that is carried out, of all fingers
+    name: str  # of the finger in the grasp
+    control: ControlScene  # finger, object and controller of all phases; the object stands where the mission begins
+    object_pose: tuple[float, float, float]  # pose of the object in the grasp: world x, y [m] and angle [rad]
+    tensions: Array  # of each tendon in the grasp [N]
+    held: Array  # inputs (nu) under which the finger holds the object with them
+    tight: Array  # inputs (nu) beyond ``held``, as seen from ``before``, where a drive is at its limit
+    reserve: float  # share of the tensions beyond ``before`` by which ``tight`` has more than ``held`` [1]
+    before: Array  # inputs (nu) with which the finger is about to touch
+    rest: Array  # inputs (nu) that leave the finger alone
+    holding: tuple[Array, Array]  # least and greatest inputs (nu) while the object is held, whatever its force
+    bends: Array  # bending angles of the controller's elements (N) when it is about to touch [rad]
+    posture: Array  # bending angles of the same elements in the grasp [rad]
+    forces: dict[str, float]  # normal force of the grasp at each held contact, by its name in the controller [N]
+    middles: tuple[str, ...]  # names in the grasp of the contacts ``finger.1`` and so on
+    resisted: Resistance  # disturbances that the grasp resists as certified, with drives that hold
+    pulls: Array  # wrenches that are pulled with (K, 3): world force x, y [N], moment about the center of mass [N m]
     standing: float = 0.0
     """Share by which all fingers press harder than in the grasp from the lift on, since slip is over before they could
     answer it [1]."""
-    gives: float = 0.0
-    """Height that an object which weighs in the plane loses while it is pulled, though nothing slips [m]."""
+    gives: float = 0.0  # height that an object which weighs in the plane loses while it is pulled, without slip [m]
 
     @property
     def contact(self) -> str:

@@ -32,12 +32,9 @@ ROUNDING = 1e-6
 class CertifiedContact:
     """Certified numbers of one contact of the plant; several contacts of one support count together."""
 
-    friction: float
-    """Friction coefficient for which the grasp is certified [1]."""
-    normal_force: float
-    """Normal force of the grasp [N]."""
-    shear: float
-    """Friction force of the grasp, in and out of the plane [N]."""
+    friction: float  # coefficient for which the grasp is certified [1]
+    normal_force: float  # of the grasp [N]
+    shear: float  # friction force of the grasp, in and out of the plane [N]
 
 
 def certified_contact(assignments: Sequence[Assignment], name: str) -> CertifiedContact | None:
@@ -167,22 +164,12 @@ def held_resistance(
 
 @dataclass(frozen=True)
 class Lowered:
-    """Distance by which a pull lowers an object that weighs in the plane, though no contact slips.
+    """Distance by which a pull lowers an object that weighs in the plane, though no contact slips."""
 
-    Attributes
-    ----------
-    pull : int
-        Number of the pull, from 1.
-    distance, certified : float
-        With the mission's drives and pads, and with drives that keep their position as the certificate has them [m].
-    keeps : {"tension", "position"}
-        What the mission's drives keep.
-    """
-
-    pull: int
-    distance: float
-    certified: float
-    keeps: Literal["tension", "position"]
+    pull: int  # number of the pull, from 1
+    distance: float  # with the mission's drives and pads [m]
+    certified: float  # with drives that keep their position, as the certificate has them [m]
+    keeps: Literal["tension", "position"]  # what the mission's drives keep
 
     @property
     def text(self) -> str:

@@ -5,25 +5,15 @@ certificate says there; and how far a turn came.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.budget import (
-    CertifiedContact,
-    Lowered,
-    bodies,
-    certified_contact,
-    lowered_by_pulls,
-    plant_friction,
-)
-from continuum_grasp.mission.plant import Span, Timetable, Variation
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.mission.budget import CertifiedContact, Lowered, bodies, certified_contact, lowered_by_pulls
+from continuum_grasp.mission.plant import Span
+from continuum_grasp.mission.record import Record
 
 FALLEN = 0.005
 """Height that an object loses before it counts as dropped [m]."""
@@ -33,30 +23,15 @@ ON_CONE = 0.99
 
 @dataclass(frozen=True)
 class Slip:
-    """A contact that gave way before the object fell.
+    """A contact that gave way before the object fell; forces are those of that instant [N]."""
 
-    Attributes
-    ----------
-    contact : str
-        Name on the plant: ``finger.1``, ``finger.tip``, of several fingers with each one's name in place of ``finger``,
-        or that of a support, whose corners count together.
-    how : {"slipped", "parted", "absent"}
-        At its friction cone, at a normal force of zero, or so before the lift began.
-    time : float
-        From when on, until the object had fallen [s]; of what was absent, when the lift began.
-    friction, normal_force, shear : float
-        Friction coefficient [1], and forces at that instant [N].
-    certified : CertifiedContact or None
-        The same of the certified grasp, before anything pulls; None at a contact that the grasp does not have.
-    """
-
-    contact: str
-    how: Literal["slipped", "parted", "absent"]
-    time: float
-    friction: float
+    contact: str  # name on the plant, as of ``Shortfall``, or that of a support, whose corners count together
+    how: Literal["slipped", "parted", "absent"]  # at its friction cone, without normal force, or so before the lift
+    time: float  # from when on, until the object had fallen [s]; of what was absent, when the lift began
+    friction: float  # coefficient [1]
     normal_force: float
     shear: float
-    certified: CertifiedContact | None
+    certified: CertifiedContact | None  # the same of the grasp, before anything pulls; None: it has no such contact
 
     @property
     def text(self) -> str:
@@ -72,25 +47,12 @@ class Slip:
 
 @dataclass(frozen=True)
 class Drop:
-    """An object that was dropped.
+    """An object that was dropped."""
 
-    Attributes
-    ----------
-    time : float
-        When it had lost 5 mm of height [s].
-    phase : str
-        In which the first contact gave way.
-    slips : tuple of Slip
-        Contacts that gave way and stayed so until then, the first one first.
-    lowered : Lowered, optional
-        Where none gave way while something pulled at an object that weighs in the plane: how far the pull lowers it
-        with the fingers that hold it.
-    """
-
-    time: float
-    phase: str
-    slips: tuple[Slip, ...]
-    lowered: Lowered | None = None
+    time: float  # when it had lost 5 mm of height [s]
+    phase: str  # in which the first contact gave way
+    slips: tuple[Slip, ...]  # contacts that gave way and stayed so until then, the first one first
+    lowered: Lowered | None = None  # by a pull in the plane at which none gave way: how far it lowers what is held
 
     @property
     def text(self) -> str:
@@ -104,32 +66,23 @@ class Drop:
         return f"{first.text} ({self.phase}){then}; 5 mm lower at {self.time:.2f} s"
 
 
-def find_drop(
-    assignments: Sequence[Assignment],
-    timetable: Timetable,
-    variation: Variation,
-    t: Array,
-    contacts: ContactForces,
-    sunk: Array,
-) -> Drop | None:
+def find_drop(record: Record, sunk: Array) -> Drop | None:
     """Why an object fell; None where it did not.
 
-    ``sunk`` (K + 1,) is the height that it lost since the lift began, zero before and from the lowering on [m], at
-    instants ``t`` (K + 1,) [s]; ``contacts`` are those of all fingers.
+    ``sunk`` (K + 1,) is the height that it lost since the lift began, zero before and from the lowering on [m].
     """
     fallen = np.flatnonzero(sunk >= FALLEN)
     if not fallen.size:
         return None
-    end = int(fallen[0])
-    friction = plant_friction(assignments[0].mission, variation, contacts.names, timetable.fallen(variation, t))
-    lift, slips = timetable.span("lift").start, []
-    for name, rows in bodies(contacts.names, [assignment.name for assignment in assignments]).items():
+    end, t, contacts, friction = int(fallen[0]), record.t, record.contacts, record.friction
+    lift, slips = record.timetable.span("lift").start, []
+    for name, rows in bodies(contacts.names, [assignment.name for assignment in record.assignments]).items():
         normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
         gone = np.all(shear >= ON_CONE * friction[:, rows] * normal, axis=1)  # also where nothing presses
         gone[1:-1] |= gone[:-2] & gone[2:]  # friction that turns is within the cone for an instant
         firm = np.flatnonzero(~gone[: end + 1])
         begin = int(firm[-1]) + 1 if firm.size else 0
-        certified = certified_contact(assignments, name)
+        certified = certified_contact(record.assignments, name)
         if begin > end or (certified is None and t[begin] < lift):
             continue  # firm until the end, or nothing that had to hold
         at = max(begin, int(np.searchsorted(t, lift)))
@@ -147,8 +100,9 @@ def find_drop(
         )
     slips.sort(key=lambda slip: slip.time)
     began = slips[0].time if slips else float(t[end])
-    phase = next(span.name for span in timetable.spans if began <= span.end)
-    lowered = lowered_by_pulls(assignments, variation) if not slips and phase.startswith("pull ") else ()
+    phase = next(span.name for span in record.timetable.spans if began <= span.end)
+    pulled = not slips and phase.startswith("pull ")
+    lowered = lowered_by_pulls(record.assignments, record.variation) if pulled else ()
     sinks = next((lowering for lowering in lowered if phase == f"pull {lowering.pull}"), None)
     return Drop(float(t[end]), phase, tuple(slips), sinks)
 
@@ -158,33 +112,15 @@ _TIP = ".tip"
 
 @dataclass(frozen=True)
 class Turned:
-    """Outcome of a turn; NaN for angles and times that were not reached.
+    """Outcome of a turn; NaN for angles and times that were not reached."""
 
-    Attributes
-    ----------
-    angle : float
-        By which the object was turned when the finger had left it for the last time, counter-clockwise [rad].
-    error : float
-        Of the object's angle then, against that in the grasp [rad].
-    end_error : float
-        The same at the end of the mission, after it was held and let go [rad].
-    shift : float
-        Distance of the object from where the grasp has it when the finger had left it [m].
-    strokes : tuple of float
-        By how much it was turned from its first angle when each stroke had ended [rad].
-    tolerance : float
-        Of both errors [rad].
-    reason : str
-        Why an error exceeds it; empty where none does.
-    """
-
-    angle: float
-    error: float
-    end_error: float
-    shift: float
-    strokes: tuple[float, ...]
-    tolerance: float
-    reason: str = ""
+    angle: float  # by which the object was turned when the finger had left it, counter-clockwise [rad]
+    error: float  # of the object's angle then, against that in the grasp [rad]
+    end_error: float  # the same at the end of the mission, after it was held and let go [rad]
+    shift: float  # distance of the object from where the grasp has it when the finger had left it [m]
+    strokes: tuple[float, ...]  # by how much it was turned from its first angle when each stroke had ended [rad]
+    tolerance: float  # of both errors [rad]
+    reason: str = ""  # why an error exceeds it; empty where none does
 
     @property
     def achieved(self) -> bool:
@@ -201,20 +137,13 @@ class Turned:
         )
 
 
-def find_turned(
-    assignments: Sequence[Assignment],
-    timetable: Timetable,
-    variation: Variation,
-    runs: Sequence[ControlRun],
-    pose: Array,
-    contacts: ContactForces,
-) -> Turned | None:
-    """Turn of the object from its poses (K + 1, 3 or 4) [m, rad]; None where no turn was asked for."""
-    of, run = assignments[0], runs[0]
-    turn = of.mission.turn
+def find_turned(record: Record) -> Turned | None:
+    """Turn of the object; None where none was asked for."""
+    of, turn, timetable = record.assignments[0], record.mission.turn, record.timetable
     if turn is None:
         return None
-    t, angle = run.t, pose[:, 2] - (of.object_pose[2] - turn.angle)
+    t, pose = record.t, record.object_pose
+    angle = pose[:, 2] - (of.object_pose[2] - turn.angle)
     strokes = [(timetable.span(f"turn {k}"), timetable.span(f"leave {k}")) for k in timetable.strokes]
     turned = [_at(t, angle, leave.end) for _, leave in strokes]
     left = strokes[-1][1].end
@@ -242,7 +171,7 @@ def find_turned(
         ]
         span = strokes[late[0]][0]
         short = (turned[late[0]] - asked[late[0]]) * math.copysign(1.0, turn.angle)
-        why = f"{_short(of, variation, run, contacts, span, short)} (turn {timetable.strokes[late[0]]})"
+        why = f"{_short(record, span, short)} (turn {timetable.strokes[late[0]]})"
     elif not math.isnan(outcome.end_error):
         lift = _at(t, angle, timetable.span("lift").start) - turn.angle
         when = "squeezed" if abs(lift) > turn.tolerance else "held and let go"
@@ -250,10 +179,9 @@ def find_turned(
     return replace(outcome, reason=why)
 
 
-def _short(
-    of: Assignment, variation: Variation, run: ControlRun, contacts: ContactForces, span: Span, short: float
-) -> str:
+def _short(record: Record, span: Span, short: float) -> str:
     """Why a stroke ended elsewhere than asked, ``short`` of its angle where negative [rad]."""
+    run, contacts = record.runs[0], record.contacts
     if "tripped" in run.health and run.t[run.health.index("tripped")] < span.end:
         return f"the controller tripped at {run.t[run.health.index('tripped')]:.2f} s"
     during = (run.t >= span.start) & (run.t <= span.end)
@@ -272,12 +200,13 @@ def _short(
     # much
     if np.any(run.u[during[:-1]][-1] >= 0.98 * run.u_max):
         return f"the drive is at its limit: {pressed}"
-    friction = float(plant_friction(of.mission, variation, [name])[0])
+    friction = float(record.friction[0, tip])
     use = contacts.shear[during, tip][pushing] / (friction * normal[pushing])
     # 0.5: share of the time that it pushes in which the fingertip slides, where sliding is called the reason
     if float(np.mean(use >= ON_CONE)) > 0.5:
         return f"{name} slides on it with friction of {friction:.2f}: {pressed}"
-    forces = {body: contacts.normal_force[during][:, rows] for body, rows in bodies(contacts.names, [of.name]).items()}
+    groups = bodies(contacts.names, [record.assignments[0].name]).items()
+    forces = {body: contacts.normal_force[during][:, rows] for body, rows in groups}
     held = {body: float(force.max(initial=0.0)) for body, force in forces.items() if not contacts.on_finger(body)}
     bears = "".join(f", {body} bears {force:.2f} N" for body, force in held.items() if force > 0.0)
     return f"it stood still, or needs more time: {pressed}{bears}"

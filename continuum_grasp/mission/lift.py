@@ -111,31 +111,14 @@ class NotLifted:
 
 @dataclass(frozen=True)
 class Slipped:
-    """Slip that was noticed while the object was held, and the answer to it.
+    """Slip that was noticed while the object was held, and the answer to it."""
 
-    Attributes
-    ----------
-    time : float
-        When it was noticed, and the fingers squeezed harder [s].
-    noticed : {"sinks", "parts"}
-        The object lost height in the hand; a contact bore hardly anything, by its estimate.
-    lost : float
-        Height lost by then, by what was measured [m]; zero where it is not measured.
-    firmer : float
-        Share by which the fingers press harder from then on [1].
-    down : float
-        When the hand began to set it down, because it went on [s]; infinite where squeezing held it.
-    slid : float
-        Height that it had lost in the hand by when it stood [m]; zero where it was not set down. What falls faster than
-        the hand sinks meets the table hard.
-    """
-
-    time: float
-    noticed: str
-    lost: float
-    firmer: float
-    down: float = math.inf
-    slid: float = 0.0
+    time: float  # when it was noticed, and the fingers squeezed harder [s]
+    noticed: str  # sinks: the object lost height in the hand; parts: a contact bore hardly anything, by its estimate
+    lost: float  # height lost by then, by what was measured [m]; zero where it is not measured
+    firmer: float  # share by which the fingers press harder from then on [1]
+    down: float = math.inf  # when the hand began to set it down, because it went on [s]; infinite where it held
+    slid: float = 0.0  # height lost in the hand by when it stood [m]: what falls meets the table hard
 
     @property
     def text(self) -> str:
@@ -155,12 +138,12 @@ class LiftCheck:
     Where a contact bears too little by the estimate, the fingers squeeze on, following their held forces, for as long
     as the squeeze took at most; then they let go. What one finger notices while the object is held, all answer.
 
-    What follows the decision is moved in the timetables; ``refused`` says why the object was not lifted, ``slipped``
+    What follows the decision is moved in the ``timetable``; ``refused`` says why the object was not lifted, ``slipped``
     what was noticed of slip while it was held.
     """
 
-    def __init__(self, assignments: Sequence[Assignment], timetables: Sequence[Timetable]) -> None:
-        self._of, self._tables = tuple(assignments), tuple(timetables)
+    def __init__(self, assignments: Sequence[Assignment]) -> None:
+        self._of, self.timetable = tuple(assignments), Timetable(assignments[0])
         self._plans: list[Plan] = []
         self._seen: dict[int, Any] = {}
         self._over = False
@@ -169,11 +152,9 @@ class LiftCheck:
 
     def schedule(self, finger: int, stages: Stages) -> Plan:
         """The phases of a finger, by number, which ask before the lift."""
-        certified, leads = certified_forces(self._of, self._of[finger]), finger == 0
+        table, certified, leads = Timetable(self._of[finger]), certified_forces(self._of, self._of[finger]), finger == 0
         reported, waits = self._others if leads else lambda: self._plans[0].decision, partial(self._waited, finger)
-        plan = Plan(
-            self._tables[finger], stages, certified, leads=leads, reported=reported, waits=waits, grips=self._firmest
-        )
+        plan = Plan(table, stages, certified, leads=leads, reported=reported, waits=waits, grips=self._firmest)
         self._plans.append(plan)
         return plan
 
@@ -185,8 +166,7 @@ class LiftCheck:
             self.slipped = Slipped(t, NOTICED[plan.noticed], max(plan.lost, 0.0), more)
         if plan.grip == SETS_DOWN and self.slipped is not None and math.isinf(self.slipped.down):
             self.slipped = replace(self.slipped, down=t)
-            for table in self._tables:
-                table.set_down(t)
+            self.timetable.set_down(t)
         return plan.grip
 
     def _others(self) -> int:
@@ -203,9 +183,7 @@ class LiftCheck:
         self._over = decision != WAITS and finger == 0
         if self._over and decision == LETS_GO:
             self.refused = NotLifted(t, self._lacking(), self._cause())
-        for table in self._tables:
-            lifts = decision != LETS_GO
-            table.resume(t if self._over else table.latest, "lift" if lifts else "release")
+        self.timetable.resume(t if self._over else self.timetable.latest, "release" if decision == LETS_GO else "lift")
 
     def _lacking(self) -> tuple[Shortfall, ...]:
         lacking = list[Shortfall]()

@@ -53,28 +53,20 @@ class Outcome:
 class Summary:
     """Many plants in numbers; of those that have a verdict, whose attributes they are of."""
 
-    plants: int
-    """Number of plants."""
-    held: int
-    """Number of plants on which the object was never dropped."""
-    succeeded: int
-    """Number of plants that also let the object go in the end, and turned it before where that was asked for."""
+    plants: int  # number of plants
+    held: int  # of those on which the object was never dropped
+    succeeded: int  # of those that also let it go in the end, and turned it before where that was asked for
     force_error_median: float
     force_error_worst: float
     estimate_error_worst: float
-    estimate_error_normalized: float
-    """Root of the mean square of the error of the estimate per its stated standard deviation [1]."""
+    estimate_error_normalized: float  # root mean square of the estimate's error per its stated standard deviation [1]
     sunk_worst: float
     moved_worst: float
     slip_margin_least: float
-    fallbacks: int
-    """Number of fallback commands on all plants together."""
-    failed: tuple[int, ...]
-    """Numbers of the plants that did not succeed."""
-    turned: int | None = None
-    """Number of plants on which the object was turned as asked; None where that was not asked for."""
-    turn_error_median: float | None = None
-    """Median error of the object's angle before it was grasped, without its sign [rad]."""
+    fallbacks: int  # fallback commands on all plants together
+    failed: tuple[int, ...]  # which plants did not succeed
+    turned: int | None = None  # number of plants on which it was turned as asked; None where that was not asked for
+    turn_error_median: float | None = None  # of the object's angle before it was grasped, without its sign [rad]
     turn_error_worst: float | None = None
 
     def pairs(self) -> dict[str, str]:

@@ -31,22 +31,14 @@ and fingers come to rest."""
 class Variation:
     """Difference of one plant from another; None: as the mission's ``plant`` says."""
 
-    stiffness: float | None = None
-    """Per that of the controller's finger [1]."""
-    damping: float | None = None
-    """Per that of the controller's finger [1]."""
-    mass: float = 1.0
-    """Mass of the object, per that of the mission [1]."""
-    friction: float = 1.0
-    """Friction of all contacts of the object, per that of the mission [1]."""
-    shift: tuple[float, float] = (0.0, 0.0)
-    """Shift of the object's place, world x, y [m]."""
-    seed: int | None = None
-    """Seed of the measurement noise."""
-    tendon_friction: float = 1.0
-    """Friction of the tendons, per that of the plant [1]."""
-    friction_fall: float = 0.0
-    """Share of ``friction`` by which that of all contacts is less from the middle of the hold on [1]."""
+    stiffness: float | None = None  # per that of the controller's finger [1]
+    damping: float | None = None  # per that of the controller's finger [1]
+    mass: float = 1.0  # of the object, per that of the mission [1]
+    friction: float = 1.0  # of all contacts of the object, per that of the mission [1]
+    shift: tuple[float, float] = (0.0, 0.0)  # of the object's place, world x, y [m]
+    seed: int | None = None  # of the measurement noise
+    tendon_friction: float = 1.0  # of the tendons, per that of the plant [1]
+    friction_fall: float = 0.0  # share of ``friction`` that all contacts lose from the middle of the hold on [1]
 
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:

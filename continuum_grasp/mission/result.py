@@ -14,21 +14,21 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
-from continuum_grasp.mission.assignment import Assignment, object_of, present
-from continuum_grasp.mission.budget import plant_friction
+from continuum_grasp.mission.assignment import object_of
+from continuum_grasp.mission.lift import NotLifted, Slipped
 from continuum_grasp.mission.on_pads import reserved
 from continuum_grasp.mission.plan import Plan
-from continuum_grasp.mission.plant import Span, Timetable, Variation
-from continuum_grasp.mission.precheck import Exceeded
-from continuum_grasp.mission.verdict import Verdict, force_estimate
+from continuum_grasp.mission.plant import Span
+from continuum_grasp.mission.precheck import Exceeded, exceeded
+from continuum_grasp.mission.record import Record
+from continuum_grasp.mission.verdict import Verdict, force_estimate, judge
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.results.plain import plain, yaml_text
 from continuum_grasp.results.result import Result
-from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import CONTACT, ContactForces, overlap_text
+from continuum_grasp.simulation.contacts import CONTACT, overlap_text
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 
 _HEAD = """\
@@ -38,7 +38,7 @@ _HEAD = """\
 
 
 @dataclass(frozen=True)
-class MissionRun(MotionResult):
+class MissionRun(Record, MotionResult):
     """A mission that was carried out; the closed loop of each finger is stored in a folder of its name."""
 
     kind: ClassVar[str] = "mpc"
@@ -75,20 +75,20 @@ class MissionRun(MotionResult):
     page: ClassVar[str] = "export.web.page:page_of_loop"
     fps: ClassVar[float] = 25.0
 
-    assignments: tuple[Assignment, ...]
-    """Task of each finger."""
-    timetable: Timetable
-    variation: Variation
-    """Difference of the plant from the mission's own."""
-    runs: tuple[ControlRun, ...]
-    """The closed loop of each finger."""
     scenes: tuple[Scene, ...] = field(repr=False)
     """Each finger of the plant, with object and supports."""
-    contacts: ContactForces = field(repr=False)
-    """Gaps and forces of all contacts."""
-    verdict: Verdict
-    exceeded: tuple[Exceeded, ...] = ()
-    """Numbers that the mission asked beyond its certificate, as said before the run."""
+    refused: NotLifted | None
+    slipped: Slipped | None
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Verdict on the mission."""
+        return judge(self, self.refused, self.slipped)
+
+    @cached_property
+    def exceeded(self) -> tuple[Exceeded, ...]:
+        """Numbers that the mission asked beyond its certificate, as said before the run."""
+        return exceeded(self.assignments, self.variation)
 
     @property
     def name(self) -> str | None:
@@ -99,11 +99,6 @@ class MissionRun(MotionResult):
     def outcome(self) -> str:
         """Outcome for the object."""
         return self.verdict.word
-
-    @property
-    def mission(self) -> MissionScene:
-        """The mission."""
-        return self.assignments[0].mission
 
     @property
     def scene(self) -> Scene:
@@ -138,11 +133,6 @@ class MissionRun(MotionResult):
     def pairs(self) -> dict[str, str]:
         """Time, and the verdict in numbers."""
         return {"time": f"{self.t[-1]:g} s", **self.verdict.pairs()}
-
-    @property
-    def t(self) -> Array:
-        """Instants (K + 1,) [s]."""
-        return self.runs[0].t
 
     @property
     def command_times(self) -> Array:
@@ -186,11 +176,6 @@ class MissionRun(MotionResult):
         return self.assignments[0].pulls
 
     @cached_property
-    def object_pose(self) -> Array:
-        """Pose of the object (K + 1, 4): x, y [m], angle [rad], height [m]."""
-        return present(self.runs[0].object_pose)
-
-    @cached_property
     def _page(self) -> Any:
         if self.run is None:
             raise InputError(f"a page has one finger, and this mission {len(self.runs)}: take animate")
@@ -223,11 +208,9 @@ class MissionRun(MotionResult):
     @cached_property
     def friction_use(self) -> Array:
         """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
-        contacts = self.contacts
-        fallen = self.timetable.fallen(self.variation, self.t)
-        limits = plant_friction(self.mission, self.variation, contacts.names, fallen) * contacts.normal_force
+        limits = self.friction * self.contacts.normal_force
         # Contacts without a limit bear nothing, or are the table, whose friction is of another kind.
-        use: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
+        use: Array = np.divide(self.contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
         return use
 
     @cached_property

@@ -11,7 +11,6 @@ import numpy as np
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.plant import SharedPlant
-from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import FingerLoop, run_fingers
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.controller import Controller
@@ -22,10 +21,9 @@ from continuum_grasp.mission.assignment import Assignment, present
 from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.on_pads import reserved
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
-from continuum_grasp.mission.plant import MissionPlant, Timetable, Variation, mission_plant_model
+from continuum_grasp.mission.plant import MissionPlant, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import admit, exceeded, exceeded_by_trials
 from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene, Trials
 from continuum_grasp.simulation.contacts import ContactForces
@@ -98,35 +96,28 @@ class MissionRunner:
 
     def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
         """Carry the mission out on one plant; errors are those of ``run_mission``."""
-        asked, loops, tables = variation or Variation(), [], [Timetable(assignment) for assignment in self.assignments]
-        check = LiftCheck(self.assignments, tables)
+        asked, loops, check = variation or Variation(), [], LiftCheck(self.assignments)
         for k, (assignment, control, model) in enumerate(
             zip(self.assignments, self._controllers, self._models, strict=True)
         ):
-            plant = MissionPlant(assignment, tables[k], control.prediction, asked, model)
+            plant = MissionPlant(assignment, check.timetable, control.prediction, asked, model)
             plan = check.schedule(k, control.stages)
             loops.append(FingerLoop(assignment.control, control, plant, plan.rows, plan))
         shared = SharedPlant([loop.plant for loop in loops], self._shared)
         runs, error = run_fingers(loops, shared, plan.duration, progress)  # all last equally long
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
         with interrupt.held(quietly=True) as pressed:
-            judged = self._judged(asked, runs, tables[0], check)
+            by_finger = zip(self.assignments, runs, strict=True)
+            contacts = ContactForces.joined({of.name: present(run.contacts) for of, run in by_finger})
+            scenes, found = tuple(model.scene for model in self._models), (check.refused, check.slipped)
+            judged = MissionRun(self.assignments, check.timetable, asked, tuple(runs), contacts, scenes, *found)
+            _ = judged.verdict, judged.exceeded
         if pressed() and error is None:
             error = Interrupted("interrupted after the end of the mission")
         if error is not None:
             error.result = judged
             raise error
         return judged
-
-    def _judged(
-        self, variation: Variation, runs: Sequence[ControlRun], table: Timetable, check: LiftCheck
-    ) -> MissionRun:
-        of, scenes = self.assignments, tuple(model.scene for model in self._models)
-        by_finger = {assignment.name: present(run.contacts) for assignment, run in zip(of, runs, strict=True)}
-        contacts = ContactForces.joined(by_finger)
-        verdict = judge(of, table, variation, runs, contacts, check.refused, check.slipped)
-        beyond = exceeded(of, variation)
-        return MissionRun(of, table, variation, tuple(runs), scenes, contacts, verdict, beyond)
 
 
 def variations(trials: Trials) -> list[Variation]:

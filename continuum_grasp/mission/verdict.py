@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment, object_height, present
-from continuum_grasp.mission.budget import is_table, plant_friction
+from continuum_grasp.mission.budget import is_table
 from continuum_grasp.mission.causes import FALLEN, Drop, Turned, find_drop, find_turned
 from continuum_grasp.mission.lift import NotLifted, Slipped
-from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.mission.record import Record
 
 _SETTLED = 0.5
 """Last share of the hold over which forces are judged."""
@@ -107,58 +106,45 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.1f} %"
 
 
-def judge(
-    assignments: Sequence[Assignment],
-    timetable: Timetable,
-    variation: Variation,
-    runs: Sequence[ControlRun],
-    contacts: ContactForces,
-    refused: NotLifted | None = None,
-    slipped: Slipped | None = None,
-) -> Verdict:
-    """The verdict on a closed loop, which may have been stopped early, read off the plant.
-
-    ``runs`` are those of the fingers, ``contacts`` those of all fingers and supports, ``refused`` is why nothing was
-    lifted, ``slipped`` what was noticed of slip.
+def judge(record: Record, refused: NotLifted | None = None, slipped: Slipped | None = None) -> Verdict:
+    """The verdict on a mission, read off the plant; ``refused`` is why nothing was lifted, ``slipped`` what was noticed
+    of slip.
     """
-    first, mission = runs[0], assignments[0].mission
-    pose, t = present(first.object_pose), first.t
-    lift, hold, lower = (timetable.span(name) for name in ("lift", "hold", "lower"))
+    contacts, pose, t = record.contacts, record.object_pose, record.t
+    lift, hold, lower = (record.timetable.span(name) for name in ("lift", "hold", "lower"))
     carried = (t >= lift.start) & (t <= lower.start)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
     # Of what was lifted: heights before the lift do not count.
-    lost, height = np.zeros(len(t)), object_height(mission, pose)
+    lost, height = np.zeros(len(t)), object_height(record.mission, pose)
     lost[carried] = height[carried][:1] - height[carried]
     sunk = float(np.max(lost, initial=0.0))
     if slipped is not None and slipped.down < np.inf:
         until = (t >= lift.start) & (t <= lower.end)
         slipped = replace(slipped, slid=float(np.max(height[until][:1] - height[until], initial=0.0)))
     fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
-    margins = _margins(assignments, contacts, timetable.fallen(variation, t), variation)
+    margins = _margins(record)
     return Verdict(
         held=whole and sunk < FALLEN,
         sunk=sunk,
         moved=float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0)),
-        **_force_errors(assignments, runs, (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)),
+        **_force_errors(record, (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)),
         slip_margin=_over(np.min, margins[(t >= hold.start) & (t <= hold.end)]),
         pulled_margin=_over(np.min, margins[(t > hold.end) & (t < lower.start)]),
         released=(whole or refused is not None) and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
-        fallbacks=sum(word in _FALLBACKS for run in runs for word in run.status),
-        drop=find_drop(assignments, timetable, variation, t, contacts, lost),
+        fallbacks=sum(word in _FALLBACKS for run in record.runs for word in run.status),
+        drop=find_drop(record, lost),
         refused=refused,
         slipped=slipped,
-        turned=find_turned(assignments, timetable, variation, runs, pose, contacts),
+        turned=find_turned(record),
     )
 
 
-def _force_errors(
-    assignments: Sequence[Assignment], runs: Sequence[ControlRun], still: NDArray[np.bool_]
-) -> dict[str, float]:
+def _force_errors(record: Record, still: NDArray[np.bool_]) -> dict[str, float]:
     """Errors of held forces and of their estimates over some instants (K + 1,), per setpoint: the worst of all."""
     # 0.1: time over which forces are averaged before their greatest error is taken [s]
-    window = max(1, round(0.1 / runs[0].period))
+    window = max(1, round(0.1 / record.runs[0].period))
     errors, means, estimates = list[Array](), list[float](), list[tuple[float, float]]()
-    for assignment, run in zip(assignments, runs, strict=True):
+    for assignment, run in zip(record.assignments, record.runs, strict=True):
         for name, wanted in assignment.forces.items():
             force, setpoint = (each[:, run.r_names.index(f"contact_force_{name} [N]")] for each in (run.tracked, run.r))
             share = force / np.where(setpoint > 0.0, setpoint, wanted)
@@ -176,15 +162,15 @@ def _force_errors(
     }
 
 
-def _margins(assignments: Sequence[Assignment], contacts: ContactForces, fallen: Array, variation: Variation) -> Array:
+def _margins(record: Record) -> Array:
     """Share of the friction cone (K + 1, contacts) that is left at each contact but the table's."""
-    bearing = [k for k, name in enumerate(contacts.names) if not is_table(name)]
-    normal, names = contacts.normal_force[:, bearing], [contacts.names[k] for k in bearing]
-    limits = plant_friction(assignments[0].mission, variation, names, fallen) * normal
-    margins = 1.0 - contacts.shear[:, bearing] / np.maximum(limits, 1e-9)
+    bearing = [k for k, name in enumerate(record.contacts.names) if not is_table(name)]
+    normal = record.contacts.normal_force[:, bearing]
+    limits = record.friction[:, bearing] * normal
+    margins = 1.0 - record.contacts.shear[:, bearing] / np.maximum(limits, 1e-9)
     # Where hardly anything presses, the cone is too small for its share to mean something.
     # 0.05: share of the held force below which a contact's friction is not judged
-    margins[normal < 0.05 * min(assignment.force for assignment in assignments)] = 1.0
+    margins[normal < 0.05 * min(assignment.force for assignment in record.assignments)] = 1.0
     return np.asarray(margins)
 
 

@@ -97,7 +97,7 @@ def excess_over_intervals(motion: Motion, states: Array) -> Array:
     fixed = (np.zeros(model.nu), parameters_over_time(motion.scene, model, [0.0])[0])
     every = motion.rows.map(count)(states.T, *(np.tile(v, (count, 1)).T for v in fixed))
     rows = np.array(every).T
-    excess = np.maximum(np.maximum(np.array(bounded.least) - rows, rows - np.array(bounded.most)), 0.0)
+    excess = np.maximum(np.maximum(bounded.least - rows, rows - bounded.most), 0.0)
     inner = excess[1:].reshape((count - 1) // PARTS, PARTS, rows.shape[1])
     return np.asarray(inner.max(axis=1))
 

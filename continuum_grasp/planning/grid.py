@@ -113,8 +113,8 @@ class StateBounds:
         # Entries of each bound, and places: columns of states, weights of their sum, columns of the input held there.
         self._places: dict[str, tuple[list[int], Indices, Array, Indices]] = {}
         bounded = motion.bounded
-        lower = np.where(np.array(bounded.least) > -ABSENT, bounded.least, -np.inf)
-        upper = np.where(np.array(bounded.most) < ABSENT, bounded.most, np.inf)
+        lower = np.where(bounded.least > -ABSENT, bounded.least, -np.inf)
+        upper = np.where(bounded.most < ABSENT, bounded.most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
         # With contact at the nodes alone: with bounds between them too, IPOPT did not solve the plan of a mug in 500
         # iterations; without, in 334.

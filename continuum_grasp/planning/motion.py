@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.control.ocp.bounds import HARD, state_bounds
+from continuum_grasp.control.ocp.bounds import HARD, BoundedRows, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
@@ -55,12 +55,12 @@ class Motion:
             self.tracked = Outputs(scene.cost, model, terms)
             self._setpoints = setpoints(self.tracked, scene.reference)
         self.nr = 0 if self.tracked is None else len(self.tracked.names)
-        self.bounded = state_bounds(scene.bounds, model)
+        self.bounded = BoundedRows(state_bounds(scene.bounds, model))
         for k, name in enumerate(self.bounded.names):
             if name.startswith("tension_"):
                 greatest_tension = scene.finger.tendon_list[int(name.removeprefix("tension_")) - 1].max_tension
                 self.bounded.least[k] = scene.least_tension / greatest_tension
-        self.hard = np.asarray(self.bounded.linear >= HARD.linear)
+        self.hard = self.bounded.linear >= HARD.linear
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu
         self.input_unit = unit_of(model.u_names[0])

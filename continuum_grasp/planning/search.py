@@ -246,7 +246,7 @@ class Search:
         motion, bounded, scene = copy(self.motion), self.motion.bounded, self.scene
         u, p = np.tile(scene.initial_input, (_FIRST + 1, 1)), motion.numbers([0.0])[0, : motion.prediction.np]
         rows = np.array(motion.rows(self.x0, u[0], p)).ravel()
-        beyond = np.maximum(np.array(bounded.least) - rows, rows - np.array(bounded.most))
+        beyond = np.maximum(bounded.least - rows, rows - bounded.most)
         if not (beyond[motion.hard] > 0.0).any():
             return False
         share = _FIRST / scene.intervals

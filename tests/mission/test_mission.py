@@ -23,6 +23,7 @@ from continuum_grasp.mission.assign import _control_scene, assign
 from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import MissionPlant, Timetable, Variation, mission_plant_model
+from continuum_grasp.mission.record import Record
 from continuum_grasp.mission.result import verdict_data
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.verdict import judge
@@ -310,7 +311,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, 
     control = SimpleNamespace(contacts=(0.1,))
     held = {"contact": "finger.1", "force": 5.0, "forces": {"finger.1": 5.0}, "middles": ("finger.middle",)}
     work = SimpleNamespace(mission=asked, grasp=certified, name="finger", control=control, **held)
-    return judge([work], table, Variation(friction=0.8), [run], contacts)
+    return judge(Record((work,), table, Variation(friction=0.8), (run,), contacts))
 
 
 INSTANTS = np.arange(0.0, 8.05, 0.1)

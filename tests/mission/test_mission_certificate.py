@@ -20,6 +20,7 @@ from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.causes import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
+from continuum_grasp.mission.record import Record
 from continuum_grasp.mission.run import variations
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
@@ -165,7 +166,8 @@ def drop_of(grasp, *, normal, shear, fallen=5.0, step=0.01):
     contacts = SimpleNamespace(
         names=("finger.1", "finger.tip", "palm", "table"), normal_force=forces[0], shear=forces[1]
     )
-    return find_drop([assignment], table, Variation(friction=0.75), t, contacts, 0.02 * (t >= fallen - 1e-9))
+    record = Record((assignment,), table, Variation(friction=0.75), (SimpleNamespace(t=t),), contacts)
+    return find_drop(record, 0.02 * (t >= fallen - 1e-9))
 
 
 def steps(*pairs):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from continuum_grasp.mission.budget import keep_position, lowered_by_pulls
 from continuum_grasp.mission.causes import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.precheck import exceeded
+from continuum_grasp.mission.record import Record
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.load import load
@@ -176,12 +178,13 @@ def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_
     one = np.ones((len(t), 2))
     held = pressed(("lower.tip", "upper.tip"), 4.0 * one, one)
     sunk = 0.006 * ((t > span.start + 0.2) & (t < span.end))
-    drop = find_drop(fingers, table, Variation(), t, held, sunk)
+    record = Record(fingers, table, Variation(), (SimpleNamespace(t=t),), held)
+    drop = find_drop(record, sunk)
     assert drop.slips == ()
     assert drop.lowered.distance == pytest.approx(warned.given)
     assert drop.text.endswith(f"with all contacts in their cones; {drop.lowered.text}")
     # What falls while nothing pulls has no such number.
-    assert find_drop(fingers, table, Variation(), t, held, 0.006 * (t > table.span("hold").start)).lowered is None
+    assert find_drop(record, 0.006 * (t > table.span("hold").start)).lowered is None
 
 
 @pytest.mark.deep

@@ -17,6 +17,7 @@ from continuum_grasp.mission.causes import Turned, find_turned
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
+from continuum_grasp.mission.record import Record
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
@@ -185,8 +186,9 @@ def judged(table, assignment, *, first=15.0, second=30.0, end=30.0, shear=0.1, n
         normal_force=np.stack([force, 0.5 * force, 1.0 + 0.0 * t], axis=1),
         shear=np.stack([shear * force, 0.0 * t, 0.0 * t], axis=1),
     )
-    run = SimpleNamespace(t=t, u=np.full((len(t) - 1, 2), u), u_max=np.array([95.0, 95.0]), health=("ok",))
-    return find_turned([assignment], table, Variation(), [run], pose, contacts)
+    u = np.full((len(t) - 1, 2), u)
+    run = SimpleNamespace(t=t, u=u, u_max=np.array([95.0, 95.0]), health=("ok",), object_pose=pose)
+    return find_turned(Record((assignment,), table, Variation(), (run,), contacts))
 
 
 @pytest.mark.parametrize(
@@ -214,7 +216,7 @@ def test_a_turn_that_fell_short_is_explained(table, assignment, given, reason):
 
 def test_no_turn_has_no_verdict(table, assignment):
     plain = replace(assignment, mission=load(MUG))
-    assert find_turned([plain], table, Variation(), [SimpleNamespace(t=None)], np.zeros((1, 4)), None) is None
+    assert find_turned(Record((plain,), table, Variation(), (SimpleNamespace(t=None),), None)) is None
 
 
 # -- end to end -------------------------------------------------------------------------------------------------------

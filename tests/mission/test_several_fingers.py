@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from continuum_grasp.mission.causes import find_drop
 from continuum_grasp.mission.on_pads import pushed_out
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded
+from continuum_grasp.mission.record import Record
 from continuum_grasp.mission.run import MissionRunner, run_mission
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
@@ -268,7 +271,8 @@ def test_a_drop_names_finger_and_contact(assignments, grasp):
     both = ContactForces.joined({"lower": pressed(names, firm, weak), "upper": pressed(names, firm, slipping)})
     assert both.names == ("lower.tip", "upper.tip", "table")
     assert [both.on_finger(name) for name in both.names] == [True, True, False]
-    drop = find_drop(assignments, table, Variation(), t, both, 0.02 * (t >= 3.2))
+    record = Record(assignments, table, Variation(), (SimpleNamespace(t=t),), both)
+    drop = find_drop(record, 0.02 * (t >= 3.2))
     assert drop.text.startswith("slipped at upper.tip at 3.00 s: friction 0.50, certificate needs 0.45")
     own = certified_contact(assignments, "upper.tip")
     assert own.normal_force == grasp.contact("upper.tip").normal_force

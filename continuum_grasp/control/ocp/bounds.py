@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -41,44 +42,16 @@ class Row(NamedTuple):
     names: tuple[str, ...] = ()
 
 
-@dataclass
 class BoundedRows:
-    """Rows of constraints with their bounds and penalty weights (per row, linear and quadratic)."""
+    """Rows by entry: their names, values, bounds, and penalty weights."""
 
-    names: list[str] = field(default_factory=list)
-    values: list[ca.SX] = field(default_factory=list)
-    least: list[float] = field(default_factory=list)
-    most: list[float] = field(default_factory=list)
-    penalties: list[Penalty] = field(default_factory=list)
-
-    def add(self, names: list[str], value: ca.SX, least: float, most: float, penalty: Penalty) -> None:
-        self.names += names
-        self.values.append(value)
-        self.least += [least] * len(names)
-        self.most += [most] * len(names)
-        self.penalties += [penalty] * len(names)
-
-    def groups(self) -> dict[str, Row]:
-        """Rows by groups of entries that were added together."""
-        groups, at = {}, 0
-        for value in self.values:
-            end = at + value.numel()
-            names = tuple(self.names[at:end])
-            groups[" ".join(names)] = Row(value, self.least[at], self.most[at], self.penalties[at], names)
-            at = end
-        return groups
-
-    @property
-    def linear(self) -> Array:
-        return np.array([penalty.linear for penalty in self.penalties])
-
-    @property
-    def quadratic(self) -> Array:
-        return np.array([penalty.quadratic for penalty in self.penalties])
-
-    @property
-    def column(self) -> ca.SX:
-        return ca.vertcat(*self.values) if self.values else ca.SX(0, 1)
+    def __init__(self, rows: Sequence[Row]) -> None:
+        self.names = [name for row in rows for name in row.names]
+        self.column = ca.vertcat(ca.SX(0, 1), *(row.value for row in rows))
+        self.least, self.most, self.linear, self.quadratic = (
+            np.array([of(row) for row in rows for _ in row.names], dtype=float)
+            for of in map(attrgetter, ("least", "most", "penalty.linear", "penalty.quadratic"))
+        )
 
 
 def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
@@ -99,31 +72,30 @@ def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
     return np.array(asked), np.array(ranges)
 
 
-def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
+def state_bounds(bounds: Bounds, model: Prediction) -> list[Row]:
     """List the rows of the state alone: curvatures, bending rates, tensions under winches, and distances from zones."""
-    rows = BoundedRows()
+    rows = list[Row]()
     penalty = _penalty(bounds.penalty or bounds.usual_penalty)
     inputs = (model.x, model.u, model.p)
     if bounds.curvature is not None:
         # A row per node, relative to its limit: elements differ in range, and one scale of penalties serves all.
         kappa = model.curvature(*inputs)
         limits = np.minimum(*curvature_limits(bounds, model.system.finger_model))
-        names = [f"curvature_{k + 1}" for k in range(kappa.numel())]
-        rows.add(names, kappa / ca.DM(limits), -1.0, 1.0, penalty)
+        names = tuple(f"curvature_{k + 1}" for k in range(kappa.numel()))
+        rows.append(Row(kappa / ca.DM(limits), -1.0, 1.0, penalty, names))
     if bounds.speed is not None:
         rate = model.bending_rate(*inputs)
-        names = [f"bending_rate_{k + 1}" for k in range(rate.numel())]
-        rows.add(names, rate / bounds.speed, -1.0, 1.0, penalty)
+        names = tuple(f"bending_rate_{k + 1}" for k in range(rate.numel()))
+        rows.append(Row(rate / bounds.speed, -1.0, 1.0, penalty, names))
     if model.scene.finger.winches:
         # What drives leave, not an input: where the model has a higher tension than allowed, the plan must lower it.
         greatest_tensions = [tendon.max_tension for tendon in model.scene.finger.tendon_list]
-        names = [f"tension_{k + 1}" for k in range(len(greatest_tensions))]
-        rows.add(names, model.tensions(*inputs) / ca.DM(greatest_tensions), -ABSENT, 1.0, penalty)
-    _add_zones(rows, bounds, model)
-    return rows
+        names = tuple(f"tension_{k + 1}" for k in range(len(greatest_tensions)))
+        rows.append(Row(model.tensions(*inputs) / ca.DM(greatest_tensions), -ABSENT, 1.0, penalty, names))
+    return [*rows, *_zones(bounds, model)]
 
 
-def _add_zones(rows: BoundedRows, bounds: Bounds, model: Prediction) -> None:
+def _zones(bounds: Bounds, model: Prediction) -> Iterator[Row]:
     """Distance of the finger's surface from each zone, per finger length."""
     finger = model.scene.finger
     for name, zone in bounds.keep_out.items():
@@ -138,8 +110,9 @@ def _add_zones(rows: BoundedRows, bounds: Bounds, model: Prediction) -> None:
         # The surface, half a thickness from the backbone, is what must stay outside.
         away = zone.clearance + finger.profile.half_thickness(places)
         gaps = distance_from(zone, where[0, :], where[1, :]).T - ca.DM(away)
-        labels = [name] if len(places) == 1 else [f"{name}_{k + 1}" for k in range(len(places))]
-        rows.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty or bounds.usual_penalty))
+        labels = (name,) if len(places) == 1 else tuple(f"{name}_{k + 1}" for k in range(len(places)))
+        penalty = _penalty(zone.penalty or bounds.usual_penalty)
+        yield Row(gaps / finger.rod.length, 0.0, ABSENT, penalty, labels)
 
 
 def distance_from(zone: HalfPlaneZone | DiscZone, x: Any, y: Any) -> Any:

@@ -156,8 +156,8 @@ class ControlProblem(Summarized):
             c_names=tuple(bounded.names),
             u_min=u_min,
             u_max=u_max,
-            c_min=np.array(bounded.least),
-            c_max=np.array(bounded.most),
+            c_min=bounded.least,
+            c_max=bounded.most,
             linear=bounded.linear,
             quadratic=bounded.quadratic,
             weights=np.concatenate([term.weight for term in tracked.values()]),
@@ -264,7 +264,7 @@ class _Reader:
             row = _tuple(Row, f"rows.{key}", entry, "(expression, least, most)")
             value = self.column(f"rows.{key}", row.value)
             read[key] = row._replace(value=value, names=row.names or _numbered(key, value.numel()))
-        bounded = BoundedRows()
+        entries = list[Row]()
         order = sorted(read, key=lambda key: not self.of_state(read[key].value))
         for key in order:
             row = read[key]
@@ -276,7 +276,8 @@ class _Reader:
                 scale = max([abs(bound) for bound in (least, greatest) if abs(bound) < ABSENT] or [0.0]) or 1.0
                 value = row.value[k] if scale == 1.0 else row.value[k] / scale
                 low, high = (bound if abs(bound) >= ABSENT else bound / scale for bound in (least, greatest))
-                bounded.add([row.names[k]], value, low, high, penalty)
+                entries.append(Row(value, low, high, penalty, (row.names[k],)))
+        bounded = BoundedRows(entries)
         _once("rows", bounded.names)
         ns = sum(len(read[key].names) for key in order if self.of_state(read[key].value))
         return inputs[:, 0].copy(), inputs[:, 1].copy(), bounded, ns

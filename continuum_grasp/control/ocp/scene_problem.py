@@ -100,7 +100,7 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
     held = ca.vertcat(*[ca.SX.sym(f"held_{name}") for name in model.u_names if remembers])
     # Over a stage, which is how long the plan holds an input; a command that is held shorter is limited in the C.
     change = (model.u - held) / horizon.stage if remembers else None
-    rows = state_bounds(scene.controller.bounds, model).groups()
+    rows = {" ".join(row.names): row for row in state_bounds(scene.controller.bounds, model)}
     if limits.rate_max is not None and change is not None:
         # As soft rows with the penalties of hard constraints: the QP stays feasible from any input before.
         names = tuple(f"{name.split(' ')[0]}_rate" for name in model.u_names)
