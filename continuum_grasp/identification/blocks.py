@@ -17,7 +17,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import UNIT_OF, Data, Poses, TipPath
 from continuum_grasp.identification.observation import check_tensions, observed
-from continuum_grasp.identification.rows import Resting, Shapes, symbols, with_slopes
+from continuum_grasp.identification.rows import Chained, Dual, Resting, Shapes, symbols
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.identification.vibrations import Vibrations
 from continuum_grasp.model import FingerModel
@@ -192,7 +192,7 @@ class PosesBlock(Block):
             return [at_rest()(q, u, p, *past) for at_rest in (model.tensions_at_rest, model.drives_at_rest)]
 
         y = observed(model, still, q, u, p, drives, beside)
-        self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
+        self._observe = Chained("observation", y, q, ca.vertcat(u, w, p), history, beside)
         offsets = [np.broadcast_to(reading.offset, data.rows) for reading in still]
         self._offsets = np.array(offsets).T.reshape(data.rows, -1)
         vibrations = [reading for reading in data.measured if reading.of_mode]
@@ -218,7 +218,7 @@ class PosesBlock(Block):
                 with suppress(SolverError):
                     last[row] = resting = self._shapes.row(row, values, last[row])
                     if self._shapes.use(resting).max() <= 1.0 and self._shapes.stable(resting):
-                        derivatives[row].append(self._row(row, resting)[1])
+                        derivatives[row].append(self._row(row, resting).slope)
                         continue
                 del derivatives[row]
         slopes = np.array(list(derivatives.values()))
@@ -227,14 +227,12 @@ class PosesBlock(Block):
     def bent(self, values: Array) -> Bent:
         self.followed = rows = self._shapes.all(values, self.followed)
         model = self._shapes.model
-        u, _, p = np.split(np.array([row.z for row in rows]), np.cumsum([model.nu, model.nw]), axis=1)
-        return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([row.q for row in rows]), u, p, False)
+        u, _, p = np.split(np.array([row.z.value for row in rows]), np.cumsum([model.nu, model.nw]), axis=1)
+        return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([row.q.value for row in rows]), u, p, False)
 
-    def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
-        arguments = (resting.q, resting.z, resting.history, self._offsets[row])
-        y, by_q, by_z, by_past = (np.array(v) for v in self._observe(*arguments)[:4])
-        y, slope = y.ravel(), by_q @ resting.by_q + by_z @ resting.by_z + by_past @ resting.by_history
+    def _row(self, row: int, resting: Resting) -> Dual:
+        read = self._observe(resting.q, resting.z, resting.history, self._offsets[row])
         if self._vibrations is None:
-            return y, slope
-        more, slopes = self._vibrations.at(resting)
-        return np.append(y, more)[self._places], np.vstack([slope, slopes])[self._places]
+            return read
+        both = zip(read, self._vibrations.at(resting), strict=True)
+        return Dual(*(np.concatenate(parts)[self._places] for parts in both))
