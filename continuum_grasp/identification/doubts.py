@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF, Data
-from continuum_grasp.identification.inference import FALSE_ALARMS, infer, surely
+from continuum_grasp.identification.inference import FALSE_ALARMS, surely
 from continuum_grasp.identification.path_block import of_one_code
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
@@ -155,19 +155,15 @@ def _judged(
     """Judgment of the last parameter: step per what noise makes of it, 0 where it matters less than ``least``; step;
     deviation.
     """
-    tried, slopes = zip(*further, strict=True)
-    jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
-    step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
-    left: Array = np.asarray(residuals + jacobian @ step)
-    inference = infer([*problem.unknowns, *tried], step, jacobian, left, series=problem.series)
-    effect = step[-1] * jacobian[:, -1]
-    beyond = effect - jacobian[:, :-1] @ np.linalg.lstsq(jacobian[:, :-1], effect, rcond=None)[0]
-    sure = surely(inference.freedom, chances) * inference.deviations[-1]
-    if tried[-1].target == _BEFORE and round(float(step[-1])) != 1:  # there is no row between two
+    (*_, unknown), values, jacobian, inference = problem.inferred(solution, *further)
+    step, deviation, others = float(values[-1]), float(inference.deviations[-1]), jacobian[:, :-1]
+    effect = step * jacobian[:, -1]
+    beyond = effect - others @ np.linalg.lstsq(others, effect, rcond=None)[0]
+    if unknown.target == _BEFORE and round(step) != 1:  # there is no row between two
         return 0.0, 0.0, 0.0
+    sure = float(surely(inference.freedom, chances) * deviation)
     matters = math.isfinite(sure) and float(np.linalg.norm(beyond)) > least
-    share = abs(float(step[-1])) / max(float(sure), 1e-300) if matters else 0.0
-    return share, float(step[-1]), float(inference.deviations[-1])
+    return abs(step) / max(sure, 1e-300) if matters else 0.0, step, deviation
 
 
 _LAWS = {

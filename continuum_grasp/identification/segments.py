@@ -53,18 +53,16 @@ class Pattern(NamedTuple):
 
 
 class Excited(NamedTuple):
-    """Commands as they are designed: segments, the motion, derivatives (T, readings, n) of what is read, scale [1]."""
+    """Commands as they are designed: segments, the motion, scale [1]."""
 
     segments: tuple[Segment, ...]
     rehearsal: Trajectory
-    rows: Array
     scale: float
 
-    @property
-    def by_segment(self) -> dict[str, Array]:
-        """Derivatives (readings, n) of what is read in each segment, by its name."""
-        t, width = self.rehearsal.t[1:], self.rows.shape[-1]
-        return {of.name: self.rows[(t > of.start) & (t <= of.end)].reshape(-1, width) for of in self.segments}
+    def by_segment(self, slopes: Array) -> dict[str, Array]:
+        """Derivatives (readings, n) of what is read in each segment, by its name, of those (T, readings, n) in all."""
+        t, width = self.rehearsal.t[1:], slopes.shape[-1]
+        return {of.name: slopes[(t > of.start) & (t <= of.end)].reshape(-1, width) for of in self.segments}
 
 
 _SHOWS = {
@@ -188,18 +186,13 @@ class Design:
         greatest = np.array([tendon.max_tension for tendon in tendons])
         return bool(use <= reach and np.all(tensions <= reach * greatest))
 
-    def excited(
-        self, rows: Callable[[Trajectory], Array], allowed: Callable[[Trajectory], bool] | None = None
-    ) -> Excited:
-        """Commands as large as the motion that they cause is allowed to be.
-
-        ``rows`` gives derivatives (T, readings, n) of what is read after each sample, per standard deviation.
-        """
+    def excited(self, allowed: Callable[[Trajectory], bool] | None = None) -> Excited:
+        """Commands as large as the motion that they cause is allowed to be."""
         scale, tries, rehearsal = 1.0, _TRIES, simulate(self.scene(1.0))
         while tries and not (allowed or self.within)(rehearsal):
             scale, tries = _LESS * scale, tries - 1
             rehearsal = simulate(self.scene(scale))
-        return Excited(self.segments, rehearsal, rows(rehearsal), scale)
+        return Excited(self.segments, rehearsal, scale)
 
     def within(self, motion: Trajectory) -> bool:
         """Whether a motion stays within the bending range and the greatest tensions."""
