@@ -300,7 +300,8 @@ class _Known:
             self.values[: solution.values.size] = solution.values
             rows = (solution.jacobian / solution.sigma[:, None])[problem.fitted]
             rows = np.pad(rows, ((0, 0), (0, self.sizes.size - solution.values.size)))
-            self._scales = {of.group: float(sigma) for of, sigma in zip(problem.entries, solution.sigma, strict=True)}
+            pairs = zip(problem.described, solution.sigma.tolist(), strict=True)
+            self._scales = {column.group: sigma for column, sigma in pairs}
         self.rows = np.vstack([rows, prior(self.problem.unknowns, self.values)[1]])
 
     @property
@@ -333,8 +334,8 @@ class _Known:
     def _whitened(self, part: Part, slopes: Array, key: str) -> Array:
         """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
         sigma = []
-        for k, entry in enumerate(part.block.entries[: slopes.shape[-2]]):
-            deviation = self._scales.get(entry.group) if entry.sigma is None else entry.sigma
+        for k, column in enumerate(part.block.measured.columns):
+            deviation = self._scales.get(column.group) if column.sigma is None else column.sigma
             if deviation is None:
                 why = "deviations cannot be predicted without that of every reading: state it"
                 hint = "" if self._scales else ", or give data whose scatter shows it (--data)"

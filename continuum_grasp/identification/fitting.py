@@ -193,7 +193,7 @@ def compare(
     task = posed(scene_of(scene), data, None, folder_of(scene), progress)
     problem = task.problem
     start = np.array([unknown.start for unknown in problem.unknowns])
-    beyond = too_far(problem, start, np.array([entry.sigma or 0.0 for entry in problem.entries]))
+    beyond = too_far(problem, start, np.array([column.sigma or 0.0 for column in problem.described]))
     return Comparison(
         **problem.predicted(start, problem.predict(start)[0]),
         scene=task.scene,

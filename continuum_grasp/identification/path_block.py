@@ -20,7 +20,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, entries_of
+from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, measured_of
 from continuum_grasp.identification.data import Data, Poses, TipPath, column
 from continuum_grasp.identification.observation import check_tensions, observed
 from continuum_grasp.identification.rows import Chained, Dual, Shapes, runtime_names, set_by, symbols
@@ -80,8 +80,6 @@ class PathBlock(Block):
     derivatives by a delay where that is unknown. Derivatives by some of the unknowns alone take less code.
     """
 
-    moves = ordered = True
-
     def __init__(
         self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown], by: Sequence[int] | None = None
     ) -> None:
@@ -122,7 +120,7 @@ class PathBlock(Block):
         self._core = Core(model, compiled=False)
         # shapes at the start; and parameters, steps per second, and these steps
         self.followed = None if self._shape is None else self._shape.start, None
-        self.entries = entries_of(data, self._t, np.full(self._t.size, data.fitted), scene.finger.rod.length)
+        self.measured = measured_of(data, self._t, np.full(self._t.size, data.fitted), scene.finger.rod.length)
 
     def _with_slopes(self, name: str, y: ca.SX, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> ca.Function:
         """[y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by unknowns."""
@@ -143,7 +141,7 @@ class PathBlock(Block):
         count, instants = len(self._by), self._t.size
         inputs = self._commands(self._t, delay), self._signals.w(self._t), np.tile(p, (instants, 1))
         both = np.array(self._read(states.T, *(rows.T for rows in inputs))).reshape(1 + count, -1, instants)
-        return both[0].T.ravel(), both[1:].transpose(2, 1, 0).reshape(-1, count)
+        return both[0].T.ravel(), both[1:].transpose(2, 1, 0).reshape(both[0].size, count)
 
     def bent(self, values: Array) -> Bent:
         states, p, delay = self._moved(values)
@@ -151,7 +149,7 @@ class PathBlock(Block):
         commands = self._commands(t, delay)[:, : model.nu]
         u = acting_input(model, states[:, : model.nx].T, commands.T, p)
         rows = np.broadcast_to(np.array(u).T, (t.size, model.nu)), np.tile(p, (t.size, 1))
-        return Bent(model, t, states[:, : model.n], *rows, True)
+        return Bent(model, t, states[:, : model.n], *rows)
 
     def _commands(self, t: Array, delay: float) -> Array:
         """Commands (T, nu) that reach the drive, and behind them their derivatives by an unknown delay."""

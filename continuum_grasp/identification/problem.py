@@ -14,6 +14,7 @@ from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.inference import Inference, infer
 from continuum_grasp.identification.least_squares import Minimum, least_squares
+from continuum_grasp.identification.numbers import Numbers
 from continuum_grasp.identification.unknowns import ALONG, DIRECTIONS, Unknown, prior
 
 Progress = Callable[[float], None]
@@ -36,10 +37,10 @@ class Solution(NamedTuple):
 
     values: Array
     predictions: Array
-    """(m,), of every entry, fitted or not."""
+    """(m,), of every number, fitted or not."""
     jacobian: Array
     sigma: Array
-    """Standard deviation (m,) of every entry, as known or found."""
+    """Standard deviation (m,) of every number, as known or found."""
     iterations: int
     evaluations: int
 
@@ -79,7 +80,7 @@ class Inferred(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A set of measurements, where its entries are among those of all sets, and the matrix by which its unknowns follow
+    """A set of measurements, where its numbers are among those of all sets, and the matrix by which its unknowns follow
     from theirs.
     """
 
@@ -88,7 +89,7 @@ class Part(NamedTuple):
     mix: Array
 
 
-class Problem:
+class Problem(Numbers):
     """Measurements of all sets and the model's predictions of them.
 
     The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given.
@@ -98,32 +99,24 @@ class Problem:
         self.blocks, self.sought = list(blocks), tuple(unknowns)
         self.unknowns, mixes = with_sets(unknowns, blocks)
         self.shared = sum(unknown.per != "set" for unknown in self.unknowns)
-        ends = np.cumsum([len(block.entries) for block in blocks]).tolist()
-        rows = [slice(end - len(block.entries), end) for block, end in zip(blocks, ends, strict=True)]
-        self.parts = [Part(*part) for part in zip(blocks, rows, mixes, strict=True)]
-        self.entries = [entry for block in blocks for entry in block.entries]
-        self.measured = np.array([entry.value for entry in self.entries])
-        self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
-        self._at = np.array([entry.at for entry in self.entries])
-        names = [entry.group for entry in self.entries]
+        self.sets = tuple(block.measured for block in blocks)
+        self.parts = [Part(*part) for part in zip(blocks, self.slices, mixes, strict=True)]
         self._sought = np.ones(len(self.unknowns), dtype=bool)
         for part in self.parts:
             # what only a set that is not fitted has would drift in a search that does not see it
             self._sought[self._own(part)] = self.fitted[part.rows].any()
-        self.groups = {name: np.array([other == name for other in names]) for name in dict.fromkeys(names)}
-        self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
+        self._known = np.array([np.nan if of.sigma is None else of.sigma for of in self.described])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
         self._iterations = self._evaluations = 0
 
     @property
     def series(self) -> list[NDArray[np.intp]]:
-        """Numbers (T, readings) among the fitted entries of each set whose entries follow one another."""
+        """Numbers (T, readings) among the fitted ones of each set whose rows follow one another."""
         numbers = np.cumsum(self.fitted) - 1
-        fitted_rows = [(block, numbers[rows][self.fitted[rows]]) for block, rows, _ in self.parts]
         return [
-            indices.reshape(-1, len({entry.series for entry in block.entries}))
-            for block, indices in fitted_rows
-            if block.ordered and indices.size
+            numbers[rows][self.fitted[rows]].reshape(-1, len(of.columns))
+            for of, rows in zip(self.sets, self.slices, strict=True)
+            if of.ordered and self.fitted[rows].any()
         ]
 
     @property
@@ -144,9 +137,8 @@ class Problem:
     def predicted(self, values: Array, predictions: Array) -> dict[str, Any]:
         """Fields of `Predicted`, from a model at some values."""
         return {
-            "entries": tuple(self.entries),
+            "sets": self.sets,
             "predictions": predictions,
-            "blocks": tuple((block.name, len(block.entries)) for block in self.blocks),
             "drawn": tuple(block.drawn(mix @ values) for block, _, mix in self.parts),
         }
 
@@ -155,10 +147,10 @@ class Problem:
         return [f"{block.name}: {text}" for block, _, mix in self.parts for text in block.warnings(mix @ values)]
 
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-        """Predictions (m,) and their Jacobian (m, n) of all entries, or of those that are chosen alone."""
-        y, jacobian = np.zeros(len(self.entries)), np.zeros((len(self.entries), len(values)))
+        """Predictions (m,) and their Jacobian (m, n) of all numbers, or of those that are chosen alone."""
+        y, jacobian = np.zeros(len(self.at)), np.zeros((len(self.at), len(values)))
         for block, rows, mix in self.parts:
-            wanted = self._at[rows] if chosen is None else self._at[rows][chosen[rows]]
+            wanted = self.at[rows] if chosen is None else self.at[rows][chosen[rows]]
             if wanted.size:
                 y[rows], slopes = block.predict(mix @ values, wanted.max())
                 jacobian[rows] = slopes @ mix
@@ -290,10 +282,10 @@ class Problem:
         return minimum._replace(values=values)
 
     def _early(self, share: float) -> NDArray[np.bool_]:
-        """Entries in the first part of each path that is free; all of them elsewhere."""
+        """Numbers in the first part of each path that is free; all of them elsewhere."""
         parts = []
         for block, rows, _ in self.parts:
-            early = self._at[rows] <= self._at[rows].min() + share * np.ptp(self._at[rows])
+            early = self.at[rows] <= self.at[rows].min() + share * np.ptp(self.at[rows])
             parts.append(early if block.free else np.ones(early.size, dtype=bool))
         return np.concatenate(parts)
 
@@ -322,10 +314,7 @@ class Problem:
             freedom = float(np.sum(1.0 - leverage[used]))
             if freedom > 0.5:
                 # exact data must not weigh infinitely
-                deviations[members] = np.maximum(spread(residuals[used], freedom), 1e-6 * first[members])
+                deviations[members] = np.maximum(
+                    np.linalg.norm(residuals[used]) / math.sqrt(freedom), 1e-6 * first[members]
+                )
         return deviations
-
-
-def spread(residuals: Array, freedom: float) -> float:
-    """Standard deviation of residuals with so many degrees of freedom."""
-    return float(np.sqrt(residuals @ residuals / freedom))

@@ -21,7 +21,8 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.wiring import TIP, wiring_of
 from continuum_grasp.core.rollouts import Signal
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.identification.blocks import Block, Entry
+from continuum_grasp.identification.blocks import Block
+from continuum_grasp.identification.numbers import Measured, MeasuredColumn
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
 from continuum_grasp.labels import name_of, split_unit, unit_of
 from continuum_grasp.scene.control import ControlScene
@@ -176,14 +177,12 @@ class BenchBlock(Block):
     The search for the camera starts at that of the mounting, and zeros of its lines at 0.
     """
 
-    ordered = True
     kinked = True  # where a tendon comes to be slack
 
     def __init__(self, bench: Bench, log: Log, way: Mounting) -> None:
-        self.name, self.finger, self.entries = "bench", bench.scene.finger, []
         lines = tuple(Connection(of=k + 1) for k in range(bench.model.nu))
         self.way = way.replaced(drives=way.drives or lines, tensions=way.tensions or lines)
-        self.bench, self._log = bench, log
+        self.bench, self._log, self.scene = bench, log, bench.model.scene
         self._delay = [unknown.name for unknown in bench.unknowns].index(DELAY)
         greatest, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
         starts, sizes = (*way.camera.position, way.camera.angle, way.camera.scale), (0.05 * length,) * 2 + (0.1,) * 2
@@ -195,11 +194,12 @@ class BenchBlock(Block):
         self._cells = [bench.model.u_names.index(name) for name in cells]
         biases = [Unknown(bias_of(name), unit_of(name), BIAS, typical=0.05 * greatest) for name in cells]
         self.unknowns = [*bench.unknowns, *camera, *biases]
-        words = [(*split_unit(name), "tip" if name in TIP else "tension") for name in log.names]
-        for at, row in zip(log.at.tolist(), log.readings.tolist(), strict=True):
-            for (what, unit, group), value in zip(words, row, strict=True):
-                known = group, unit, value, True, None, at, what, what.removeprefix("tip_")
-                self.entries.append(Entry(f"{what} at {at:g} s", *known, length if group == "tip" else None))
+        columns = []
+        for name, unit in map(split_unit, log.names):
+            group, place = ("tip", length) if f"{name} [{unit}]" in TIP else ("tension", None)
+            columns.append(MeasuredColumn(name, group, unit, None, name.removeprefix("tip_"), place))
+        fitted = np.ones(log.at.size, dtype=bool)
+        self.measured = Measured("bench", tuple(columns), log.at, log.readings, fitted, moves=True, ordered=True)
 
     def mounting(self, values: Array) -> Mounting:
         """The mounting by the values of the unknowns."""
@@ -219,13 +219,13 @@ class BenchBlock(Block):
         return seen, np.column_stack([(self._seen(values + step) - seen) / step.max() for step in steps])
 
     def by_friction(self, values: Array) -> Array:
-        """Derivative (entries,) of what is read by friction of the tendons, where there is none yet."""
+        """Derivative (m,) of what is read by friction of the tendons, where there is none yet."""
         bench = Bench(self.bench.scene, friction=True)
         seen, without = (self._seen(values, bench, friction) for friction in (_FRICTION, 0.0))
         return (seen - without) / _FRICTION
 
     def _seen(self, values: Array, bench: Bench | None = None, friction: float = 0.0) -> Array:
-        """Readings (entries,) on a bench, its own where not given."""
+        """Readings (m,) on a bench, its own where not given."""
         bench, log, mounting = bench or self.bench, self._log, self.mounting(values)
         t, base = bench.shown(log, mounting, values[: len(bench.unknowns)], friction)
         then = log.at - values[self._delay]
