@@ -55,10 +55,9 @@ class Drawn(NamedTuple):
 
 
 class Bent(NamedTuple):
-    """Shapes of a model in rows or at instants ``at`` (S,): coordinates, inputs and parameters (S, ...)."""
+    """Shapes of a model in all rows or at all instants: coordinates, inputs and parameters (R, ...)."""
 
     model: FingerModel
-    at: Array
     q: Array
     u: Array
     p: Array
@@ -128,18 +127,18 @@ class Block:
         bent = self.bent(values)
         if bent is None:
             return ()
-        use = bent.model.range_use.map(len(bent.at))(bent.q.T, bent.u.T, bent.p.T)
-        return limit_warnings(bent.model, np.array(use).T, bent.at if self.measured.moves else None)
+        use = bent.model.range_use.map(len(bent.q))(bent.q.T, bent.u.T, bent.p.T)
+        return limit_warnings(bent.model, np.array(use).T, self.measured.at if self.measured.moves else None)
 
     def drawn(self, values: Array) -> Drawn:
         """Backbones of some rows or instants, evenly spread; none where no point of the finger is measured."""
         bent = self.bent(values)
         if bent is None or all(column.place is None for column in self.measured.columns):
             return Drawn(np.zeros(0), np.zeros((0, _POINTS, 2)))
-        last, core = len(bent.at) - 1, Core(bent.model, compiled=False)
+        last, core = len(bent.q) - 1, Core(bent.model, compiled=False)
         chosen = np.unique(np.linspace(0, last, min(_DRAWN, last + 1)).round().astype(int))
         lines = [backbones(core, bent.q[[k]], bent.u[[k]], _POINTS, bent.p[k])[0] for k in chosen]
-        return Drawn(bent.at[chosen], np.array(lines))
+        return Drawn(self.measured.at[chosen], np.array(lines))
 
 
 class PosesBlock(Block):
@@ -151,7 +150,6 @@ class PosesBlock(Block):
         rows = data.conditions, data.rows
         self._shapes = Shapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
         self.followed = self._shapes.start
-        self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
         model, still = self._shapes.model, [reading for reading in data.measured if not reading.of_mode]
         check_tensions(model, still, data.name)
         q, u, w, p = symbols(model)
@@ -167,7 +165,8 @@ class PosesBlock(Block):
         vibrations = [reading for reading in data.measured if reading.of_mode]
         self._vibrations = Vibrations(model, vibrations, len(unknowns), data.name) if vibrations else None
         self._places = np.argsort(np.argsort([reading.of_mode for reading in data.measured], kind="stable"))
-        self.measured = measured_of(data, np.arange(1.0, data.rows + 1.0), self._fitted, scene.finger.rod.length)
+        fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
+        self.measured = measured_of(data, np.arange(1.0, data.rows + 1.0), fitted, scene.finger.rod.length)
         self._offsets = self.measured.offsets[:, [not reading.of_mode for reading in data.measured]]
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
@@ -180,7 +179,7 @@ class PosesBlock(Block):
 
         These are (values, K, readings, unknowns).
         """
-        derivatives: dict[int, list[Array]] = {row: [] for row in range(len(self._fitted))}
+        derivatives: dict[int, list[Array]] = {row: [] for row in range(len(self.measured.at))}
         last = list(self.followed)
         for values in tried:
             for row in list(derivatives):
@@ -197,7 +196,7 @@ class PosesBlock(Block):
         self.followed = rows = self._shapes.all(values, self.followed)
         model = self._shapes.model
         u, _, p = np.split(np.array([row.z.value for row in rows]), np.cumsum([model.nu, model.nw]), axis=1)
-        return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([row.q.value for row in rows]), u, p)
+        return Bent(model, np.array([row.q.value for row in rows]), u, p)
 
     def _row(self, row: int, resting: Resting) -> Dual:
         read = self._observe(resting.q, resting.z, resting.history, self._offsets[row])

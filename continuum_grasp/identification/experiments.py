@@ -243,8 +243,9 @@ def design_experiments(
     made = np.repeat(np.arange(counts.size), counts).tolist()
     columns = tuple(dict.fromkeys(heading for k in made for heading in offered[k]))
     filled = [_read_back(of, poses.name) for (_, of), (*_, poses) in zip(proposed, tables, strict=True)]
+    pairs = zip(known.problem.unknowns, known.values.tolist(), strict=True)
     return plan_of(
-        known.unknowns,
+        [unknown._replace(start=value) for unknown, value in pairs],
         motion,
         along,
         plain,
@@ -303,12 +304,6 @@ class _Known:
             pairs = zip(problem.described, solution.sigma.tolist(), strict=True)
             self._scales = {column.group: sigma for column, sigma in pairs}
         self.rows = np.vstack([rows, prior(self.problem.unknowns, self.values)[1]])
-
-    @property
-    def unknowns(self) -> list[Unknown]:
-        """All unknowns, with these values as start."""
-        pairs = zip(self.problem.unknowns, self.values.tolist(), strict=True)
-        return [unknown._replace(start=value) for unknown, value in pairs]
 
     def possible(self, part: Part, key: str) -> tuple[NDArray[np.intp], Array]:
         """Rows (K,) of a set that are possible, and derivatives (values, K, readings, n) of what is measured there.

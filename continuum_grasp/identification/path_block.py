@@ -149,7 +149,7 @@ class PathBlock(Block):
         commands = self._commands(t, delay)[:, : model.nu]
         u = acting_input(model, states[:, : model.nx].T, commands.T, p)
         rows = np.broadcast_to(np.array(u).T, (t.size, model.nu)), np.tile(p, (t.size, 1))
-        return Bent(model, t, states[:, : model.n], *rows)
+        return Bent(model, states[:, : model.n], *rows)
 
     def _commands(self, t: Array, delay: float) -> Array:
         """Commands (T, nu) that reach the drive, and behind them their derivatives by an unknown delay."""
