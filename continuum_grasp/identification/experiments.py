@@ -194,21 +194,7 @@ def design_experiments(
     """
     resolved_scene, _ = resolved(scene)
     scene = cast(IdentifyScene, resolved_scene)
-    proposed = [
-        (k, data_set) for k, data_set in enumerate(scene.data) if isinstance(data_set, StaticPoses) and data_set.propose
-    ]
-    moving = [(k, data_set) for k, data_set in enumerate(scene.data) if isinstance(data_set, TipTrajectory)]
-    logged = moving[:1] if "excitation" in scene.model_fields_set else []
-    designed: list[tuple[int, StaticPoses | TipTrajectory]] = [*proposed, *logged]
-    if not designed:
-        raise InputError(
-            "nothing is to be designed: give propose of a static set, with choices of its conditions, or excitation "
-            "and a set of kind: trajectory",
-            key="data",
-        )
-    for k, data_set in designed:
-        if any(isinstance(place, Column) for reading in data_set.measured for place in (reading.at, reading.offset)):
-            raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
+    proposed, logged = _designed(scene)
     plain, sought = plain_scene(scene), read_unknowns(scene, scene.estimate)
     measured, sets = _measured(scene, data, progress or (lambda share: None))
     tables = [choices_of(data_set, plain, f"data[{k}]") for k, data_set in proposed]
@@ -256,6 +242,25 @@ def design_experiments(
         pose_rows=tuple(tuple(offered[k].get(heading, "") for heading in columns) for k in made),
         configuration=scene.model_copy(update={"data": (*sets, *filled, *(data_set for _, data_set in logged))}),
     )
+
+
+def _designed(scene: IdentifyScene) -> tuple[list[tuple[int, StaticPoses]], list[tuple[int, TipTrajectory]]]:
+    """Sets of which rows are proposed, and that which is logged, with their numbers."""
+    sets = list(enumerate(scene.data))
+    proposed = [(k, of) for k, of in sets if isinstance(of, StaticPoses) and of.propose]
+    moving = [(k, of) for k, of in sets if isinstance(of, TipTrajectory)]
+    logged = moving[:1] if "excitation" in scene.model_fields_set else []
+    if not (proposed or logged):
+        raise InputError(
+            "nothing is to be designed: give propose of a static set, with choices of its conditions, or excitation "
+            "and a set of kind: trajectory",
+            key="data",
+        )
+    both: list[tuple[int, StaticPoses | TipTrajectory]] = [*proposed, *logged]
+    for k, of in both:
+        if any(isinstance(place, Column) for reading in of.measured for place in (reading.at, reading.offset)):
+            raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
+    return proposed, logged
 
 
 def _measured(
