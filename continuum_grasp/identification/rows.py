@@ -132,12 +132,8 @@ class Shapes:
         return rows
 
     def row(self, row: int, values: Array, before: Resting, *, carried: bool = False) -> Resting:
-        """One row from another equilibrium, by itself or with its friction ``carried`` on; errors as of ``all``."""
-        z = self._own * self._table[row] + self._derivative @ values
-        return self._follow(before, Dual(z, self._derivative), carried)
-
-    def _follow(self, before: Resting, z: Dual, carried: bool) -> Resting:
-        """The equilibrium at z from another one, in steps; under its history, or with its friction carried on."""
+        """One row, in steps from another equilibrium, or with its friction ``carried`` on; errors as of ``all``."""
+        z = Dual(self._own * self._table[row] + self._derivative @ values, self._derivative)
         done, step, state = 0.0, 1.0, before
         while done < 1.0:
             step = min(step, 1.0 - done)
