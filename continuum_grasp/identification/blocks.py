@@ -26,7 +26,7 @@ from continuum_grasp.simulation.trajectory import backbones, limit_warnings
 
 
 def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> Measured:
-    """What was measured of a finger of some length [m], row by row, or instant by instant; both are ``at``.
+    """Table of what was measured of a finger of some length [m], row by row, or instant by instant; both are ``at``.
 
     Readings without a known deviation share that of a kind.
     """

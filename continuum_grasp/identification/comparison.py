@@ -154,7 +154,7 @@ class Predicted(Numbers, Result):
 
     @property
     def series(self) -> dict[tuple[str, str], tuple[MeasuredColumn, bool, NDArray[np.intp]]]:
-        """Of each set's name and quantity at a place what it is, whether along a motion, and its numbers (R,)."""
+        """Column, whether along a motion, and numbers (R,) by each set's name and quantity at a place."""
         series: dict[tuple[str, str], tuple[MeasuredColumn, bool, NDArray[np.intp]]] = {}
         for k, column, rows in self.by_column:
             key = self.sets[k].name, column.name

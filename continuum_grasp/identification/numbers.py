@@ -15,7 +15,7 @@ from continuum_grasp.arrays import Array
 
 
 class MeasuredColumn(NamedTuple):
-    """What a column of measured numbers is of."""
+    """Description of a column of measured numbers."""
 
     name: str
     """Quantity and place."""
@@ -69,7 +69,7 @@ class Numbers:
 
     @cached_property
     def described(self) -> list[MeasuredColumn]:
-        """What each number is of (m)."""
+        """Column of each number (m)."""
         return [column for of in self.sets for _ in of.at for column in of.columns]
 
     @cached_property

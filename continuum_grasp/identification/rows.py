@@ -203,7 +203,7 @@ class Chained:
         return [np.array(part) for part in self._function(*plain)]
 
     def __call__(self, *given: Dual | Array) -> Dual:
-        """Its value, with derivatives by the unknowns; plain arrays do not depend on them."""
+        """Value with derivatives by the unknowns; plain arrays do not depend on them."""
         y, *slopes = self.parts(*given)
         return Dual(y.ravel(), chained(slopes, given))
 
