@@ -10,6 +10,7 @@ from scipy.integrate import solve_bvp
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import Poses, Reading, TipPath
 from continuum_grasp.identification.inference import infer
+from continuum_grasp.identification.numbers import Measured, MeasuredColumn
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.scene import Scene
@@ -86,6 +87,12 @@ def rung(*frequencies, decays=(), conditions=None) -> Poses:
     given = [("frequency", frequencies), ("decay_rate", decays)]
     by_mode = [Reading(one, np.atleast_1d(v), of=k + 1) for one, modes in given for k, v in enumerate(modes)]
     return Poses(by_mode, conditions or {})
+
+
+def level_set(name: str, values: np.ndarray, sigma: float | None = None, group: str = "levels", **more) -> Measured:
+    """A set of numbers of one kind, row by row; ``more`` is of the set."""
+    known = {"fitted": np.ones(len(values), dtype=bool)} | more
+    return Measured(name, (MeasuredColumn(name, group, "m", sigma),), np.arange(len(values)), values[:, None], **known)
 
 
 def path_of(trajectory, scene: Scene, noise: float, rng: np.random.Generator) -> TipPath:

@@ -283,7 +283,7 @@ def fitted(scene: Scene) -> Iterator[object]:
         PosesBlock(known, Poses(tip), unknowns),
         PathBlock(known, TipPath([0.01, 0.02], measured=tip), unknowns),
     ):
-        yield from (block.predict(np.zeros(1)), block.entries)
+        yield from (block.predict(np.zeros(1)), block.measured)
 
 
 def read_and_sought(scene: IdentifyScene) -> Iterator[object]:

@@ -16,7 +16,7 @@ TIP = ("tip_x [m]", "tip_y [m]")
 
 
 class Affine(NamedTuple):
-    """Numbers of the bench (K,) from those of the model (K,): matrix times these, plus shift."""
+    """Numbers of the bench (..., K) from those of the model (..., K): matrix times these, plus shift."""
 
     matrix: Array
     shift: Array
@@ -32,7 +32,7 @@ class Affine(NamedTuple):
 
 def _times(matrix: ArrayLike, values: Array) -> Array:
     weights = np.asarray(matrix, dtype=float)
-    return np.asarray(np.where(weights != 0.0, weights * values, 0.0).sum(axis=1))
+    return np.asarray(np.where(weights != 0.0, weights * values[..., None, :], 0.0).sum(axis=-1))
 
 
 class Wiring(NamedTuple):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import casadi as ca
@@ -16,78 +15,52 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import UNIT_OF, Data, Poses, TipPath
+from continuum_grasp.identification.numbers import Measured, MeasuredColumn
 from continuum_grasp.identification.observation import check_tensions, observed
-from continuum_grasp.identification.rows import Resting, Shapes, symbols, with_slopes
+from continuum_grasp.identification.rows import Chained, Dual, Resting, Shapes, symbols
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.identification.vibrations import Vibrations
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.trajectory import backbones, limit_warnings
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A measured number."""
-
-    label: str
-    """Quantity and place."""
-    group: str
-    """Entries of one group share a standard deviation."""
-    unit: str
-    value: float
-    fitted: bool
-    sigma: float | None
-    """Standard deviation, where known."""
-    at: float
-    """Row, or instant [s]: where it is drawn."""
-    series: str = ""
-    """Entries of one block and one series follow each other: one reading, row by row or instant by instant."""
-    quantity: str = ""
-    """Quantity that was measured."""
-    place: float | None = None
-    """Position along the finger [m] where it was measured; None: not along the finger."""
-    offset: float = 0.0
-    """Distance of the marker from the backbone [m]."""
-
-
-def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> list[Entry]:
-    """Entries of what was measured of a finger of some length [m], row by row, or instant by instant; both are ``at``.
+def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> Measured:
+    """Table of what was measured of a finger of some length [m], row by row, or instant by instant; both are ``at``.
 
     Readings without a known deviation share that of a kind.
     """
-    entries, moves = list[Entry](), isinstance(data, TipPath)
-    for row, (when, used) in enumerate(zip(at.tolist(), fitted.tolist(), strict=True)):
-        for reading in data.measured:
-            what = reading.what if moves or reading.of_mode else reading.what.replace(" of ", " at ")
-            group = what if reading.of_mode else f"{reading.kind} {'on paths' if moves else 'of poses'}"
-            if reading.sigma is not None:
-                group = f"{data.name}: {reading.kind if moves else what}"
-            place = None if reading.of_drive or reading.of_mode else length if reading.at is None else reading.at
-            known = UNIT_OF[reading.quantity], float(np.asarray(reading.values)[row]), used, reading.sigma
-            label = what + (f" at {when:g} s" if moves else f", row {row + 1}")
-            offset = float(np.broadcast_to(reading.offset, at.shape)[row])
-            entries.append(Entry(label, group, *known, when, what, reading.quantity, place, offset))
-    return entries
+    columns, moves = list[MeasuredColumn](), isinstance(data, TipPath)
+    for reading in data.measured:
+        what = reading.what if moves or reading.of_mode else reading.what.replace(" of ", " at ")
+        group = what if reading.of_mode else f"{reading.kind} {'on paths' if moves else 'of poses'}"
+        if reading.sigma is not None:
+            group = f"{data.name}: {reading.kind if moves else what}"
+        place = None if reading.of_drive or reading.of_mode else length if reading.at is None else reading.at
+        unit = UNIT_OF[reading.quantity]
+        columns.append(MeasuredColumn(what, group, unit, reading.sigma, reading.quantity, place))
+    values, offsets = (
+        np.stack([np.broadcast_to(getattr(reading, key), at.shape) for reading in data.measured], axis=1).astype(float)
+        for key in ("values", "offset")
+    )
+    ordered = isinstance(data, TipPath) or data.sequence
+    return Measured(data.name, tuple(columns), at, values, fitted, moves, ordered, offsets)
 
 
 class Drawn(NamedTuple):
-    """Backbones (S, points, 2) [m] that are predicted, in rows or at instants ``at`` (S,), those of entries."""
+    """Backbones (S, points, 2) [m] that are predicted, in rows or at instants ``at`` (S,) that were measured."""
 
     at: Array
     backbones: Array
-    over_time: bool = False
 
 
 class Bent(NamedTuple):
-    """Shapes of a model in rows or at instants ``at`` (S,): coordinates, inputs and parameters (S, ...)."""
+    """Shapes of a model in all rows or at all instants: coordinates, inputs and parameters (R, ...)."""
 
     model: FingerModel
-    at: Array
     q: Array
     u: Array
     p: Array
-    over_time: bool
 
 
 _DRAWN, _POINTS = 8, 60
@@ -97,31 +70,28 @@ _DRAWN, _POINTS = 8, 60
 class Block:
     """A set of measurements, and the scene whose model predicts it."""
 
-    name: str
-    entries: list[Entry]
+    measured: Measured
     data: Data
     scene: Scene
-    finger: Finger | None = None
-    """Finger whose laws predict the measurements; None: the scene's."""
     own: Sequence[Unknown] = ()
     """Unknowns of this set alone, behind those that all blocks have."""
     plane: float | None = None
     """Direction in which it bends [rad], where fingers bend in several planes."""
-    moves = False
-    """Whether the entries go along a motion."""
     kinked = False
     """Whether its predictions have kinks, where friction turns along a motion."""
-    ordered = False
-    """Whether the entries follow one another, all readings of an instant or row together."""
     free = False
-    """Whether that motion is free, so that a part from its start is fitted before the whole."""
+    """Whether it is a motion that is free, so that a part from its start is fitted before the whole."""
     followed: Any = None
     """Shapes and steps of the last prediction, from which the next one is followed. Where these are set anew, it goes
     on from there, wherever searches have been meanwhile."""
 
     def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown], by: Sequence[int] | None = None) -> None:
-        self.name, self.data, self.scene, self.finger = data.name, data, scene, scene.finger
-        self.plane = data.plane
+        self.data, self.scene, self.plane = data, scene, data.plane
+
+    @property
+    def name(self) -> str:
+        """Name of the set."""
+        return self.measured.name
 
     def again(
         self,
@@ -138,8 +108,8 @@ class Block:
         return type(self)(scene or self.scene, data or self.data, unknowns, by)
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
-        """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last, or by some of them;
-        of a motion those up to an instant are right.
+        """Predictions (m,) and their derivatives (m, unknowns), those of its own last, or by some of them; of a motion
+        those up to an instant are right.
 
         Raises
         ------
@@ -157,18 +127,18 @@ class Block:
         bent = self.bent(values)
         if bent is None:
             return ()
-        use = bent.model.range_use.map(len(bent.at))(bent.q.T, bent.u.T, bent.p.T)
-        return limit_warnings(bent.model, np.array(use).T, bent.at if bent.over_time else None)
+        use = bent.model.range_use.map(len(bent.q))(bent.q.T, bent.u.T, bent.p.T)
+        return limit_warnings(bent.model, np.array(use).T, self.measured.at if self.measured.moves else None)
 
     def drawn(self, values: Array) -> Drawn:
         """Backbones of some rows or instants, evenly spread; none where no point of the finger is measured."""
         bent = self.bent(values)
-        if bent is None or all(entry.place is None for entry in self.entries):
+        if bent is None or all(column.place is None for column in self.measured.columns):
             return Drawn(np.zeros(0), np.zeros((0, _POINTS, 2)))
-        last, core = len(bent.at) - 1, Core(bent.model, compiled=False)
+        last, core = len(bent.q) - 1, Core(bent.model, compiled=False)
         chosen = np.unique(np.linspace(0, last, min(_DRAWN, last + 1)).round().astype(int))
         lines = [backbones(core, bent.q[[k]], bent.u[[k]], _POINTS, bent.p[k])[0] for k in chosen]
-        return Drawn(bent.at[chosen], np.array(lines), bent.over_time)
+        return Drawn(self.measured.at[chosen], np.array(lines))
 
 
 class PosesBlock(Block):
@@ -176,11 +146,10 @@ class PosesBlock(Block):
 
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown], by: Sequence[int] | None = None) -> None:
         super().__init__(scene, data, unknowns, by)
-        self.ordered, self._by = data.sequence, slice(None) if by is None else list(by)
+        self._by = slice(None) if by is None else list(by)
         rows = data.conditions, data.rows
         self._shapes = Shapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
         self.followed = self._shapes.start
-        self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
         model, still = self._shapes.model, [reading for reading in data.measured if not reading.of_mode]
         check_tensions(model, still, data.name)
         q, u, w, p = symbols(model)
@@ -192,14 +161,13 @@ class PosesBlock(Block):
             return [at_rest()(q, u, p, *past) for at_rest in (model.tensions_at_rest, model.drives_at_rest)]
 
         y = observed(model, still, q, u, p, drives, beside)
-        self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
-        offsets = [np.broadcast_to(reading.offset, data.rows) for reading in still]
-        self._offsets = np.array(offsets).T.reshape(data.rows, -1)
+        self._observe = Chained("observation", y, q, ca.vertcat(u, w, p), history, beside)
         vibrations = [reading for reading in data.measured if reading.of_mode]
         self._vibrations = Vibrations(model, vibrations, len(unknowns), data.name) if vibrations else None
         self._places = np.argsort(np.argsort([reading.of_mode for reading in data.measured], kind="stable"))
-        numbers = np.arange(1.0, data.rows + 1.0)
-        self.entries = entries_of(data, numbers, self._fitted, scene.finger.rod.length)
+        fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
+        self.measured = measured_of(data, np.arange(1.0, data.rows + 1.0), fitted, scene.finger.rod.length)
+        self._offsets = self.measured.offsets[:, [not reading.of_mode for reading in data.measured]]
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         self.followed = self._shapes.all(values, self.followed)
@@ -211,14 +179,14 @@ class PosesBlock(Block):
 
         These are (values, K, readings, unknowns).
         """
-        derivatives: dict[int, list[Array]] = {row: [] for row in range(len(self._fitted))}
+        derivatives: dict[int, list[Array]] = {row: [] for row in range(len(self.measured.at))}
         last = list(self.followed)
         for values in tried:
             for row in list(derivatives):
                 with suppress(SolverError):
                     last[row] = resting = self._shapes.row(row, values, last[row])
                     if self._shapes.use(resting).max() <= 1.0 and self._shapes.stable(resting):
-                        derivatives[row].append(self._row(row, resting)[1])
+                        derivatives[row].append(self._row(row, resting).slope)
                         continue
                 del derivatives[row]
         slopes = np.array(list(derivatives.values()))
@@ -227,14 +195,12 @@ class PosesBlock(Block):
     def bent(self, values: Array) -> Bent:
         self.followed = rows = self._shapes.all(values, self.followed)
         model = self._shapes.model
-        u, _, p = np.split(np.array([row.z for row in rows]), np.cumsum([model.nu, model.nw]), axis=1)
-        return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([row.q for row in rows]), u, p, False)
+        u, _, p = np.split(np.array([row.z.value for row in rows]), np.cumsum([model.nu, model.nw]), axis=1)
+        return Bent(model, np.array([row.q.value for row in rows]), u, p)
 
-    def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
-        arguments = (resting.q, resting.z, resting.history, self._offsets[row])
-        y, by_q, by_z, by_past = (np.array(v) for v in self._observe(*arguments)[:4])
-        y, slope = y.ravel(), by_q @ resting.by_q + by_z @ resting.by_z + by_past @ resting.by_history
+    def _row(self, row: int, resting: Resting) -> Dual:
+        read = self._observe(resting.q, resting.z, resting.history, self._offsets[row])
         if self._vibrations is None:
-            return y, slope
-        more, slopes = self._vibrations.at(resting)
-        return np.append(y, more)[self._places], np.vstack([slope, slopes])[self._places]
+            return read
+        both = zip(read, self._vibrations.at(resting), strict=True)
+        return Dual(*(np.concatenate(parts)[self._places] for parts in both))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.identification.blocks import Drawn, Entry
+from continuum_grasp.identification.blocks import Drawn
+from continuum_grasp.identification.numbers import Measured, MeasuredColumn, Numbers
 from continuum_grasp.labels import SHOWN_IN
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
@@ -64,17 +64,15 @@ HEADINGS = ("channel", "r.m.s.", "at most", "mean", "unit", "of the length", "nu
 
 
 @dataclass(frozen=True)
-class Predicted(Result):
+class Predicted(Numbers, Result):
     """Measured numbers with their predictions, set by set; what comparisons and fits share.
 
     Attributes
     ----------
-    entries : tuple of Entry
-        The m measured numbers: label, group, unit, value, whether fitted.
-    blocks : tuple of (str, int)
-        Name of each set of measurements and how many entries it has.
+    sets : tuple of Measured
+        The m measured numbers, a table for each set of measurements.
     drawn : tuple of Drawn
-        Predicted backbones of each set in some rows or at some instants.
+        Predicted backbones of each set in some rows or at some instants, where there are any.
     scene : Scene
     """
 
@@ -96,9 +94,8 @@ class Predicted(Result):
     predicted: ClassVar[str] = "simulated"
     """Word of pictures for predictions."""
 
-    entries: tuple[Entry, ...]
+    sets: tuple[Measured, ...]
     predictions: Array
-    blocks: tuple[tuple[str, int], ...]
     drawn: tuple[Drawn, ...]
     scene: Scene
 
@@ -110,27 +107,17 @@ class Predicted(Result):
     @property
     def measurement_names(self) -> tuple[str, ...]:
         """Name and unit of each measured number."""
-        return tuple(f"{entry.label} [{entry.unit}]" for entry in self.entries)
+        return tuple(f"{label} [{of.unit}]" for label, of in zip(self.labels, self.described, strict=True))
 
-    @cached_property
-    def measured(self) -> Array:
-        """Measured values (m,)."""
-        return np.array([entry.value for entry in self.entries])
-
-    @cached_property
-    def fitted(self) -> NDArray[np.bool_]:
-        """Mask of the entries that were fitted (m,)."""
-        return np.array([entry.fitted for entry in self.entries], dtype=bool)
+    @property
+    def blocks(self) -> tuple[tuple[str, int], ...]:
+        """Name of each set of measurements and how many numbers it has."""
+        return tuple((of.name, of.values.size) for of in self.sets)
 
     @property
     def residuals(self) -> Array:
-        """Predictions less measurements (m,), in the units of the entries."""
+        """Predictions less measurements (m,), in their units."""
         return self.predictions - self.measured
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Name of each entry."""
-        return tuple(entry.label for entry in self.entries)
 
     @property
     def errors(self) -> tuple[Channel, ...]:
@@ -143,61 +130,60 @@ class Predicted(Result):
         return self._errors(fitted=False)
 
     def _errors(self, *, fitted: bool) -> tuple[Channel, ...]:
-        groups = np.array([entry.group for entry in self.entries])
-        units = {entry.group: entry.unit for entry in self.entries}
-        missed = {group: self.residuals[(groups == group) & (self.fitted == fitted)] for group in units}
-        return tuple(Channel.of(group, units[group], fitted, errors) for group, errors in missed.items() if errors.size)
-
-    @property
-    def series(self) -> dict[tuple[str, str], NDArray[np.intp]]:
-        """Entries (R,) of each set's name and quantity at a place, in their order."""
-        series: dict[tuple[str, str], list[int]] = {}
-        for row, (name, entry) in enumerate(zip(self.set_of, self.entries, strict=True)):
-            series.setdefault((name, entry.series), []).append(row)
-        return {key: np.array(rows) for key, rows in series.items()}
+        members = {name: numbers & (self.fitted == fitted) for name, numbers in self.groups.items()}
+        return tuple(
+            Channel.of(name, self.described[int(chosen.argmax())].unit, fitted, self.residuals[chosen])
+            for name, chosen in members.items()
+            if chosen.any()
+        )
 
     @property
     def points(self) -> dict[tuple[str, float, float, float], tuple[int, int]]:
-        """Entries of x and y of each measured point, by set, row or instant, position along the finger and offset
+        """Numbers of x and y of each measured point, by set, row or instant, position along the finger and offset
         [m].
         """
         points: dict[tuple[str, float, float, float], dict[str, int]] = {}
-        for row, (name, entry) in enumerate(zip(self.set_of, self.entries, strict=True)):
-            if entry.quantity in ("x", "y") and entry.place is not None:
-                points.setdefault((name, entry.at, entry.place, entry.offset), {})[entry.quantity] = row
+        for of, rows in zip(self.sets, self.slices, strict=True):
+            offsets = np.broadcast_to(of.offsets, of.values.shape)
+            for number, (row, j) in enumerate(np.ndindex(of.values.shape), rows.start):
+                column = of.columns[j]
+                if column.quantity in ("x", "y") and column.place is not None:
+                    key = of.name, float(of.at[row]), column.place, float(offsets[row, j])
+                    points.setdefault(key, {})[column.quantity] = number
         return {key: (of["x"], of["y"]) for key, of in points.items() if len(of) == 2}
 
     @property
-    def paths(self) -> set[str]:
-        """Names of the sets whose entries are along a motion."""
-        return {name for (name, _), lines in zip(self.blocks, self.drawn, strict=True) if lines.over_time}
-
-    @property
-    def set_of(self) -> list[str]:
-        """Name of the set of each entry."""
-        return [name for name, count in self.blocks for _ in range(count)]
+    def series(self) -> dict[tuple[str, str], tuple[MeasuredColumn, bool, NDArray[np.intp]]]:
+        """Column, whether along a motion, and numbers (R,) by each set's name and quantity at a place."""
+        series: dict[tuple[str, str], tuple[MeasuredColumn, bool, NDArray[np.intp]]] = {}
+        for k, column, rows in self.by_column:
+            key = self.sets[k].name, column.name
+            before = series[key][-1] if key in series else rows[:0]
+            series[key] = column, self.sets[k].moves, np.append(before, rows)
+        return series
 
     @property
     def channels(self) -> tuple[Channel, ...]:
         """Errors of each quantity at each place of each set, hold-outs apart, and of the distances of points."""
         kinds = [
-            (f"{name}: {what}", self.entries[rows[0]].unit, rows, self.residuals[rows])
-            for (name, what), rows in self.series.items()
+            (f"{name}: {what}", column, rows, self.residuals[rows])
+            for (name, what), (column, _, rows) in self.series.items()
         ]
         places = dict[str, list[tuple[int, int]]]()
-        for (name, _, place, _), (x, y) in self.points.items():
-            beside = "".join(self.entries[x].series.partition(",")[1:])
-            places.setdefault(f"{name}: distance at {place:g} m{beside}", []).append((x, y))
+        for (name, _, place, _), pair in self.points.items():
+            beside = "".join(self.described[pair[0]].name.partition(",")[1:])
+            places.setdefault(f"{name}: distance at {place:g} m{beside}", []).append(pair)
         for what, pairs in places.items():
             rows, across = np.array(pairs).T
-            kinds.append((what, "m", rows, np.hypot(self.residuals[rows], self.residuals[across])))
+            missed = np.hypot(self.residuals[rows], self.residuals[across])
+            kinds.append((what, self.described[rows[0]], rows, missed))
         channels = []
-        for what, unit, rows, missed in kinds:
-            length = self.scene.finger.rod.length if self.entries[rows[0]].quantity in ("x", "y") else None
+        for what, column, rows, missed in kinds:
+            length = self.scene.finger.rod.length if column.quantity in ("x", "y") else None
             for fitted in (True, False):
                 errors = missed[self.fitted[rows] == fitted]
                 if errors.size:
-                    channels.append(Channel.of(what, unit, fitted, errors, length))
+                    channels.append(Channel.of(what, column.unit, fitted, errors, length))
         return tuple(channels)
 
     def details(self) -> dict[str, Any]:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF, Data
-from continuum_grasp.identification.inference import FALSE_ALARMS, infer, surely
+from continuum_grasp.identification.inference import FALSE_ALARMS, surely
+from continuum_grasp.identification.numbers import MeasuredColumn
 from continuum_grasp.identification.path_block import of_one_code
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
@@ -65,8 +66,8 @@ def _outliers(problem: Problem, weighted: Array, freedom: float) -> list[str]:
     far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * scale.clip(1e-300)))
     if not far.size:
         return []
-    first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
-    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
+    worst = problem.labels[int(far[np.argmax(np.abs(weighted[far]))])]
+    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {worst}"]
 
 
 def _sets(problem: Problem, weighted: Array) -> list[str]:
@@ -74,11 +75,11 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
     from scipy.stats import f_oneway
 
     messages = []
-    which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
+    which = np.repeat(np.arange(len(problem.sets)), [of.values.size for of in problem.sets])
     # instants of a path are no repeats; `_series` judges them
-    still = np.array([not block.moves for block in problem.blocks])[which]
-    for group, entries in problem.groups.items():
-        members = problem.fitted & still & entries
+    still = np.array([not of.moves for of in problem.sets])[which]
+    for group, numbers in problem.groups.items():
+        members = problem.fitted & still & numbers
         sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
         sets = [rows for rows in sets if rows.size > 2]
         if len(sets) < 2:
@@ -94,19 +95,19 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
 
 def _series(problem: Problem, weighted: Array) -> list[str]:
     """Paths whose residuals are correlated: then they are the model's error rather than noise."""
-    messages, paths = [], sum(block.moves for block in problem.blocks)
-    for block, part, _ in problem.parts:
-        residuals, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
+    messages, paths = [], sum(of.moves for of in problem.sets)
+    for of, rows in zip(problem.sets, problem.slices, strict=True):
+        residuals = weighted[rows].reshape(of.values.shape)
         # 30: instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long
         # series
-        if not block.moves or residuals.size < 30 * count:
+        if not of.moves or len(residuals) < 30:
             continue
-        before, after = residuals[:-count] - residuals.mean(), residuals[count:] - residuals.mean()
+        before, after = (part.ravel() - residuals.mean() for part in (residuals[:-1], residuals[1:]))
         # of each coordinate with itself one instant later
         share = float(before @ after) / max(float(before @ before), 1e-300)
         if share > surely(residuals.size, chances=paths) / np.sqrt(residuals.size):
             messages.append(
-                f"residuals of {block.name} are correlated in time (correlation {share:.2f} from one instant to the "
+                f"residuals of {of.name} are correlated in time (correlation {share:.2f} from one instant to the "
                 "next): the model misses something, for which the intervals are wider, as if it were noise; more "
                 "elements show whether it is the family's own error"
             )
@@ -123,7 +124,7 @@ def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
     further += _widths(problem, solution.predictions)
     further += _late(problem, solution.predictions)
     further += _origins(problem)
-    readings = [rows for *_, rows in _readings(problem)]
+    readings = [rows for *_, rows in _shapes(problem)]
     about = [(problem.measured[rows] - problem.measured[rows].mean()) / solution.sigma[rows] for rows in readings]
     # 1e-3: least change of the predictions by a further law, per scatter of the readings about their means: a tenth of
     # what models of real fingers are off, and ten times what two integrators differ by
@@ -155,19 +156,15 @@ def _judged(
     """Judgment of the last parameter: step per what noise makes of it, 0 where it matters less than ``least``; step;
     deviation.
     """
-    tried, slopes = zip(*further, strict=True)
-    jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
-    step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
-    left: Array = np.asarray(residuals + jacobian @ step)
-    inference = infer([*problem.unknowns, *tried], step, jacobian, left, series=problem.series)
-    effect = step[-1] * jacobian[:, -1]
-    beyond = effect - jacobian[:, :-1] @ np.linalg.lstsq(jacobian[:, :-1], effect, rcond=None)[0]
-    sure = surely(inference.freedom, chances) * inference.deviations[-1]
-    if tried[-1].target == _BEFORE and round(float(step[-1])) != 1:  # there is no row between two
+    (*_, unknown), values, jacobian, inference = problem.inferred(solution, *further)
+    step, deviation, others = float(values[-1]), float(inference.deviations[-1]), jacobian[:, :-1]
+    effect = step * jacobian[:, -1]
+    beyond = effect - others @ np.linalg.lstsq(others, effect, rcond=None)[0]
+    if unknown.target == _BEFORE and round(step) != 1:  # there is no row between two
         return 0.0, 0.0, 0.0
+    sure = float(surely(inference.freedom, chances) * deviation)
     matters = math.isfinite(sure) and float(np.linalg.norm(beyond)) > least
-    share = abs(float(step[-1])) / max(float(sure), 1e-300) if matters else 0.0
-    return share, float(step[-1]), float(inference.deviations[-1])
+    return abs(step) / max(sure, 1e-300) if matters else 0.0, step, deviation
 
 
 _LAWS = {
@@ -195,7 +192,7 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
             cause = "their origin is not that of the scene, or finger.base.position is elsewhere"
         return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}: {cause}"
     estimated = {unknown.target for unknown in problem.unknowns}
-    fingers = [block.finger for block in problem.blocks if block.finger is not None]
+    fingers = [block.scene.finger for block in problem.blocks]
     there = {
         "softening": any(finger.softening is not None for finger in fingers),
         "stops": any(finger.stops is not None for finger in fingers),
@@ -215,27 +212,23 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
     return f"{law} does not fit: {less if step < 0.0 else greater} ({off})"
 
 
-def _readings(problem: Problem) -> list[tuple[int, str, NDArray[np.intp]]]:
-    """Number of the set, name, and fitted entries (R,) of each reading of the shape."""
-    readings: dict[tuple[int, str], list[int]] = {}
-    for k, (block, part, _) in enumerate(problem.parts):
-        for row, entry in enumerate(block.entries, part.start):
-            if entry.fitted and entry.quantity in KIND_OF:
-                readings.setdefault((k, entry.series), []).append(row)
-    return [(k, name, np.array(rows)) for (k, name), rows in readings.items()]
+def _shapes(problem: Problem) -> list[tuple[int, MeasuredColumn, NDArray[np.intp]]]:
+    """Number of the set, and fitted numbers (R,), of each reading of the shape."""
+    columns = [(k, of, rows[problem.fitted[rows]]) for k, of, rows in problem.by_column if of.quantity in KIND_OF]
+    return [(k, of, rows) for k, of, rows in columns if rows.size]
 
 
 def _widths(problem: Problem, predictions: Array) -> list[Further]:
     """Half the width of a loop of each reading that was loaded and unloaded at rest."""
     widths = []
-    for k, name, rows in _readings(problem):
-        if problem.blocks[k].moves or len(rows) < 2 * _LEAST:
+    for k, column, rows in _shapes(problem):
+        if problem.sets[k].moves or len(rows) < 2 * _LEAST:
             continue
         way, slope = np.sign(np.gradient(predictions[rows])), np.zeros(len(predictions))
         if min(np.sum(way > 0), np.sum(way < 0)) >= _LEAST:
             slope[rows] = way
-            size, unit = float(np.ptp(predictions[rows])), problem.entries[rows[0]].unit
-            widths.append((Unknown(name, unit, _WIDTH, typical=size), slope))
+            size = float(np.ptp(predictions[rows]))
+            widths.append((Unknown(column.name, column.unit, _WIDTH, typical=size), slope))
     return widths
 
 
@@ -243,11 +236,11 @@ def _late(problem: Problem, predictions: Array) -> list[Further]:
     """By how many samples rows of motions are late, and whether readings are those of the row before or behind."""
     motions, before, behind = np.zeros((3, len(predictions)))
     for block, part, _ in problem.parts:
-        t = np.array(list(dict.fromkeys(entry.at for entry in block.entries)))
-        rows = predictions[part].reshape(t.size, -1)
-        if block.moves and not (block.free and block.own):  # which begins at its first row, wherever that is in time
+        t, rows = block.measured.at, predictions[part].reshape(block.measured.values.shape)
+        moves = block.measured.moves
+        if moves and not (block.free and block.own):  # which begins at its first row, wherever that is in time
             motions[part] = -(np.gradient(rows, t, axis=0) * np.gradient(t)[:, None]).ravel()
-        elif not block.moves:
+        elif not moves:
             before[part] = (np.vstack([rows[:1], rows[:-1]]) - rows).ravel()
             behind[part] = (np.vstack([rows[1:], rows[-1:]]) - rows).ravel()
     return [
@@ -261,7 +254,7 @@ def _origins(problem: Problem) -> list[Further]:
     """Offset of the positions of all sets along an axis."""
     origins = []
     for axis in "xy":
-        slope = np.array([float(entry.quantity == axis) for entry in problem.entries])
+        slope = np.array([float(column.quantity == axis) for column in problem.described])
         origins += _directions(f"positions are off along {axis}", "m", _ORIGIN, slope)
     return origins
 
@@ -274,9 +267,9 @@ def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:
     """A parameter of a law, and the derivative (m,) of shapes by it, where the law has no effect yet."""
     slope, count, unknown = np.zeros(len(problem.measured)), len(problem.sought), list[Unknown]()
     ranges = dict[int, list[float]]()
-    for k, _, rows in _readings(problem):
-        if problem.blocks[k].moves or name == "softening_ratio":
-            per = problem.blocks[k].scene.finger.rod.length if problem.entries[rows[0]].unit == "m" else 1.0
+    for k, column, rows in _shapes(problem):
+        if problem.sets[k].moves or name == "softening_ratio":
+            per = problem.blocks[k].scene.finger.rod.length if column.unit == "m" else 1.0
             ranges.setdefault(k, []).append(float(np.ptp(problem.measured[rows])) / per)
     pairs, starts = list[tuple[Scene, Data]](), list[float]()
     for k, sizes in ranges.items():

@@ -19,7 +19,7 @@ from continuum_grasp.identification.fit import applied, estimate_texts, table_of
 from continuum_grasp.identification.fitting import Measurements, posed, resolved, sources_of
 from continuum_grasp.identification.inference import allotted, infer, information
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Progress, shared_of, with_sets
+from continuum_grasp.identification.problem import Part, Problem, Progress, Solution
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
 from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
 from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
@@ -194,87 +194,161 @@ def design_experiments(
     """
     resolved_scene, _ = resolved(scene)
     scene = cast(IdentifyScene, resolved_scene)
-    proposed = [
-        (k, data_set) for k, data_set in enumerate(scene.data) if isinstance(data_set, StaticPoses) and data_set.propose
-    ]
-    moving = [(k, data_set) for k, data_set in enumerate(scene.data) if isinstance(data_set, TipTrajectory)]
-    logged = moving[:1] if "excitation" in scene.model_fields_set else []
-    designed: list[tuple[int, StaticPoses | TipTrajectory]] = [*proposed, *logged]
-    if not designed:
-        raise InputError(
-            "nothing is to be designed: give propose of a static set, with choices of its conditions, or excitation "
-            "and a set of kind: trajectory",
-            key="data",
-        )
-    for k, data_set in designed:
-        if any(isinstance(place, Column) for reading in data_set.measured for place in (reading.at, reading.offset)):
-            raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
-    plain, names = plain_scene(scene), [data_set.name or f"data[{k}]" for k, data_set in designed]
-    named = [(name, data_set.plane) for name, (_, data_set) in zip(names, designed, strict=True)]
-    known, offered = _Known(scene, data, named, progress or (lambda share: None)), list[dict[str, str]]()
+    proposed, logged = _designed(scene)
+    plain, sought = plain_scene(scene), read_unknowns(scene, scene.estimate)
+    measured, sets = _measured(scene, data, progress or (lambda share: None))
+    tables = [choices_of(data_set, plain, f"data[{k}]") for k, data_set in proposed]
+    blocks: list[Block] = [PosesBlock(poses.scene or scene, poses, sought) for *_, poses in tables]
+    motion, along = None, dict[str, Array]()
+    if logged:
+        at_known = plain
+        if measured:
+            problem, values = measured[0], measured[1].values[: measured[0].shared]
+            at_known = applied(
+                plain, [(of.target, of.factor, of.added) for of in problem.unknowns[: values.size]], values
+            )
+        motion = Design(at_known, patterns_of(plain), scene.excitation).excited()
+        blocks.append(_logged(motion.rehearsal, *logged[0], sought))
+    known, offered = _Known(measured, blocks, sought), list[dict[str, str]]()
     each, cautious, budgets = list[Array](), list[Array](), list[tuple[NDArray[np.intp], int]]()
-    for number, (k, data_set) in enumerate(proposed):
-        cells, jacobians = _possible(number, data_set, plain, known, f"data[{k}]")
-        budgets.append((len(each) + np.arange(len(cells)), data_set.propose or 1))
-        offered += [{SET: names[number], **row} for row in cells]
+    for (k, data_set), (headings, cells, poses), part in zip(proposed, tables, known.parts, strict=False):
+        rows, jacobians = known.possible(part, f"data[{k}]")
+        budgets.append((len(each) + np.arange(len(rows)), data_set.propose or 1))
+        blank = {column: "" for of in data_set.measured for column in (of.column, of.minus) if column is not None}
+        offered += [{SET: poses.name, **dict(zip(headings, cells[row], strict=True)), **blank} for row in rows]
         each += list(jacobians[0])
         # by the values at which it shows least: a shape that is about to buckle is most sensitive, to what is assumed
         # as well
         least = np.argmin(np.linalg.norm(jacobians * known.sizes, axis=(2, 3)), axis=0)
         cautious += list(jacobians[least, np.arange(least.size)])
-    motion = None
-    if logged:
-        targets = [(unknown.target, unknown.factor, unknown.added) for unknown in known.unknowns[: known.shared]]
-        at_known = applied(plain, targets, known.values[: known.shared]) if known.scales else plain
-        design = Design(at_known, patterns_of(plain), scene.excitation)
-        motion = design.excited(lambda of: _read_along(of, *logged[0], known))
-    there = information(np.vstack([known.rows, *(motion.by_segment.values() if motion else ())]), known.sizes)
-    counts = allotted(np.array([information(rows, known.sizes) for rows in cautious]), there, known.shared, budgets)
+    if motion:
+        along = motion.by_segment(known.logged(motion.rehearsal.t.size - 1, f"data[{logged[0][0]}]"))
+    there = information(np.vstack([known.rows, *along.values()]), known.sizes)
+    shared = known.problem.shared
+    counts = allotted(np.array([information(rows, known.sizes) for rows in cautious]), there, shared, budgets)
     made = np.repeat(np.arange(counts.size), counts).tolist()
-    rows = [offered[k] for k in made]
-    headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
-    filled = [_read_back(data_set, name) for name, (_, data_set) in zip(names, proposed, strict=False)]
-    reading = (*known.sets, *filled, *(data_set for _, data_set in logged))
+    columns = tuple(dict.fromkeys(heading for k in made for heading in offered[k]))
+    filled = [_read_back(of, poses.name) for (_, of), (*_, poses) in zip(proposed, tables, strict=True)]
+    pairs = zip(known.problem.unknowns, known.values.tolist(), strict=True)
     return plan_of(
-        known.unknowns,
+        [unknown._replace(start=value) for unknown, value in pairs],
         motion,
+        along,
         plain,
-        known.shared,
         known.rows,
         each,
         made,
-        pose_headings=headings,
-        pose_rows=tuple(tuple(row.get(heading, "") for heading in headings) for row in rows),
-        configuration=scene.model_copy(update={"data": reading}),
+        pose_headings=columns,
+        pose_rows=tuple(tuple(offered[k].get(heading, "") for heading in columns) for k in made),
+        configuration=scene.model_copy(update={"data": (*sets, *filled, *(data_set for _, data_set in logged))}),
     )
 
 
-def _possible(
-    number: int, data_set: StaticPoses, scene: Scene, known: _Known, key: str
-) -> tuple[list[dict[str, str]], Array]:
-    """Poses of a set that are possible: cells by heading, empty for what is to be measured, and derivatives of it.
+def _designed(scene: IdentifyScene) -> tuple[list[tuple[int, StaticPoses]], list[tuple[int, TipTrajectory]]]:
+    """Sets of which rows are proposed, and that which is logged, with their numbers."""
+    sets = list(enumerate(scene.data))
+    proposed = [(k, of) for k, of in sets if isinstance(of, StaticPoses) and of.propose]
+    moving = [(k, of) for k, of in sets if isinstance(of, TipTrajectory)]
+    logged = moving[:1] if "excitation" in scene.model_fields_set else []
+    if not (proposed or logged):
+        raise InputError(
+            "nothing is to be designed: give propose of a static set, with choices of its conditions, or excitation "
+            "and a set of kind: trajectory",
+            key="data",
+        )
+    both: list[tuple[int, StaticPoses | TipTrajectory]] = [*proposed, *logged]
+    for k, of in both:
+        if any(isinstance(place, Column) for reading in of.measured for place in (reading.at, reading.offset)):
+            raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
+    return proposed, logged
 
-    These are (values, K, readings, n), at the values that are known and some about them.
+
+def _measured(
+    scene: IdentifyScene, data: Measurements, report: Progress
+) -> tuple[tuple[Problem, Solution] | None, tuple[DataSet, ...]]:
+    """The fit to what is measured already, None where nothing is; and the sets that files of it have."""
+    paths, arrays = sources_of(data)
+    if not (paths or arrays):
+        return None, ()
+    sets = sets_of(scene, paths) if paths else ()
+    problem = posed(scene.model_copy(update={"data": sets}) if paths else scene, data, scene.estimate).problem
+    return (problem, problem.solve(report)), sets
+
+
+def _logged(motion: Trajectory, k: int, data_set: TipTrajectory, sought: Sequence[Unknown]) -> PathBlock:
+    """The set that will be logged along a motion."""
+    none = np.zeros(motion.t.size - 1)
+    readings = [
+        Reading(m.quantity, none, m.place, m.sigma, m.since, m.of, cast(float, m.offset)) for m in data_set.measured
+    ]
+    path = TipPath(motion.t[1:], readings, name=data_set.name or f"data[{k}]", plane=data_set.plane)
+    return PathBlock(motion.scene, path, sought)
+
+
+class _Known:
+    """Knowledge before the design of sets, of which ``parts`` are those of a problem that has what is measured too.
+
+    ``values`` (n,) are those of all unknowns, ``sizes`` typical ones, ``rows`` (rows, n) the derivatives of what is
+    known already, per standard deviation.
     """
-    headings, cells, poses = choices_of(data_set, scene, key)
-    block, unknowns = PosesBlock(poses.scene or scene, poses, known.sought), known.sought
-    at = known.mixes[number] @ known.values
-    about = _ABOUT * np.array([min(unknown.sigma, unknown.typical) for unknown in unknowns])
-    free = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
-    turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
-    rows, slopes = block.possible([at, *(np.clip(at + about * turn, *free) for turn in turns)])
-    if not rows.size:
-        raise InputError("no choice of the conditions has an equilibrium within the bending range", key=key)
-    blank = {column: "" for of in data_set.measured for column in (of.column, of.minus) if column is not None}
-    proposals = [dict(zip(headings, cells[row], strict=True)) | blank for row in rows]
-    return proposals, known.whitened(number, slopes, block, key)
+
+    def __init__(
+        self, measured: tuple[Problem, Solution] | None, blocks: Sequence[Block], sought: Sequence[Unknown]
+    ) -> None:
+        self.problem = Problem([*(measured[0].blocks if measured else ()), *blocks], sought)
+        self.parts, self._scales = self.problem.parts[-len(blocks) :], dict[str, float]()
+        self.values, self.sizes = (
+            np.array([getattr(of, key) for of in self.problem.unknowns]) for key in ("start", "typical")
+        )
+        rows: Array = np.zeros((0, self.sizes.size))
+        if measured:
+            problem, solution = measured
+            self.values[: solution.values.size] = solution.values
+            rows = (solution.jacobian / solution.sigma[:, None])[problem.fitted]
+            rows = np.pad(rows, ((0, 0), (0, self.sizes.size - solution.values.size)))
+            pairs = zip(problem.described, solution.sigma.tolist(), strict=True)
+            self._scales = {column.group: sigma for column, sigma in pairs}
+        self.rows = np.vstack([rows, prior(self.problem.unknowns, self.values)[1]])
+
+    def possible(self, part: Part, key: str) -> tuple[NDArray[np.intp], Array]:
+        """Rows (K,) of a set that are possible, and derivatives (values, K, readings, n) of what is measured there.
+
+        These are at the values that are known and some about them.
+        """
+        unknowns, at = self.problem.sought, part.mix @ self.values
+        about = _ABOUT * np.array([min(unknown.sigma, unknown.typical) for unknown in unknowns])
+        free = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
+        turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
+        tried = [at, *(np.clip(at + about * turn, *free) for turn in turns)]
+        rows, slopes = cast(PosesBlock, part.block).possible(tried)
+        if not rows.size:
+            raise InputError("no choice of the conditions has an equilibrium within the bending range", key=key)
+        return rows, self._whitened(part, slopes, key)
+
+    def logged(self, samples: int, key: str) -> Array:
+        """Derivatives (T, readings, n) of what will be logged, which is the last set."""
+        block, _, mix = part = self.parts[-1]
+        slopes = block.predict(mix @ self.values)[1]
+        return self._whitened(part, slopes.reshape(samples, -1, slopes.shape[1]), key)
+
+    def _whitened(self, part: Part, slopes: Array, key: str) -> Array:
+        """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
+        sigma = []
+        for k, column in enumerate(part.block.measured.columns):
+            deviation = self._scales.get(column.group) if column.sigma is None else column.sigma
+            if deviation is None:
+                why = "deviations cannot be predicted without that of every reading: state it"
+                hint = "" if self._scales else ", or give data whose scatter shows it (--data)"
+                raise InputError(f"{why}{hint}", key=f"{key}.measured[{k}].sigma")
+            sigma.append(deviation)
+        return np.asarray(slopes / np.array(sigma)[:, None] @ part.mix)
 
 
 def plan_of(
     unknowns: Sequence[Unknown],
     motion: Excited | None,
+    along: dict[str, Array],
     scene: Scene,
-    shared: int | None = None,
     known: Array | None = None,
     offered: Sequence[Array] = (),
     made: Iterable[int] = (),
@@ -282,17 +356,17 @@ def plan_of(
 ) -> ExperimentPlan:
     """Plan of a motion, and of the experiments that are ``made`` of those that are ``offered``.
 
-    What is offered, and ``known`` already, are derivatives (readings, n) by all unknowns, per standard deviation; the
-    first ``shared`` unknowns, or all, count. ``further`` fields are added, or replace the same.
+    What is read ``along`` its segments, offered, and ``known`` already, are derivatives (readings, n) by all unknowns,
+    per standard deviation; unknowns of single sets do not count. ``further`` fields are added, or replace the same.
     """
-    along = motion.by_segment if motion else {}
     chosen = {f"pose {k}": offered[index] for k, index in enumerate(made, 1)} | along
     free = [unknown._replace(lower=-np.inf, upper=np.inf) for unknown in unknowns]
     values, known = np.array([unknown.start for unknown in free]), np.zeros((0, len(free))) if known is None else known
     before, after, every = (
-        infer(free, values, np.vstack([known, *rows]), None, shared=shared)
+        infer(free, values, np.vstack([known, *rows]), None)
         for rows in ([], chosen.values(), [*offered, *along.values()])
     )
+    shared = sum(unknown.per != "set" for unknown in free)
     warnings = [warning.replace("the data", "these experiments") for warning in after.warnings]
     unseen = [
         unknown.name for unknown, deviation in zip(free[:shared], every.deviations, strict=False) if np.isinf(deviation)
@@ -324,73 +398,6 @@ def plan_of(
         statistics=statistics,
         **fields | further,
     )
-
-
-class _Known:
-    """Knowledge before the design of sets, by their names and the directions of their planes.
-
-    ``values`` (n,) are those of all unknowns, ``sizes`` typical ones, ``rows`` (rows, n) the derivatives of what is
-    known already, per standard deviation. ``sought`` are the unknowns of each set, which follow from all by ``mixes``
-    of each that is designed; all sets have the first ``shared``; ``sets`` are the data that are measured already,
-    ``scales`` the standard deviations of their readings, by group.
-    """
-
-    def __init__(
-        self,
-        scene: IdentifyScene,
-        data: Measurements,
-        sets: Sequence[tuple[str, float | None]],
-        report: Progress,
-    ) -> None:
-        sought = read_unknowns(scene, scene.estimate)
-        unknowns, self.scales = shared_of(sought), dict[str, float]()
-        rows: Array = np.zeros((0, len(unknowns)))
-        paths, arrays = sources_of(data)
-        if paths:
-            scene = scene.model_copy(update={"data": sets_of(scene, paths)})
-        if paths or arrays:
-            problem = posed(scene, data, scene.estimate).problem
-            solution = problem.solve(report)
-            pairs = zip(problem.unknowns, solution.values, strict=True)
-            unknowns = [unknown._replace(start=value) for unknown, value in pairs]
-            rows = problem.weighted(solution)[0][: problem.fitted.sum()]
-            groups = (entry.group for entry in problem.entries)
-            self.scales = dict(zip(groups, solution.sigma.tolist(), strict=True))
-        self.shared = sum(unknown.per != "set" for unknown in unknowns)
-        fresh = iter(unknowns[: self.shared])
-        self.sought = [unknown if unknown.per == "set" else next(fresh) for unknown in sought]
-        self.unknowns, self.mixes = with_sets(unknowns, self.sought, [(*named, ()) for named in sets])
-        self.values = np.array([unknown.start for unknown in self.unknowns])
-        self.sizes = np.array([unknown.typical for unknown in self.unknowns])
-        self.sets: tuple[DataSet, ...] = scene.data if paths else ()
-        whole = np.pad(rows, ((0, 0), (0, self.values.size - rows.shape[1])))
-        self.rows = np.vstack([whole, prior(self.unknowns, self.values)[1]])
-
-    def whitened(self, number: int, slopes: Array, block: Block, key: str) -> Array:
-        """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
-        sigma = []
-        for k, entry in enumerate(block.entries[: slopes.shape[-2]]):
-            deviation = self.scales.get(entry.group) if entry.sigma is None else entry.sigma
-            if deviation is None:
-                where = f"{key}.measured[{k}].sigma"
-                why = "deviations cannot be predicted without that of every reading: state it"
-                raise InputError(
-                    why if self.scales else f"{why}, or give data whose scatter shows it (--data)", key=where
-                )
-            sigma.append(deviation)
-        return np.asarray(slopes / np.array(sigma)[:, None] @ self.mixes[number])
-
-
-def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Known) -> Array:
-    """Derivatives (T, readings, n) of what will be logged along a motion, per standard deviation."""
-    t = motion.t[1:]
-    none = np.zeros(t.size)
-    readings = [
-        Reading(m.quantity, none, m.place, m.sigma, m.since, m.of, cast(float, m.offset)) for m in data_set.measured
-    ]
-    block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
-    _, slopes = block.predict(known.mixes[-1] @ known.values)
-    return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, f"data[{k}]")
 
 
 def _read_back(data_set: StaticPoses, name: str) -> StaticPoses:

@@ -32,7 +32,7 @@ class Fit(Predicted):
         Of the n parameters.
     freedom : int
         Degrees of freedom of the residuals' scatter; fewer where residuals are correlated in time.
-    entries, predictions, blocks, drawn, scene
+    sets, predictions, drawn, scene
         As of `Comparison`.
     targets : tuple of (str, float, bool)
         Per parameter, what of the model it sets, the factor to that, and whether it is added to the scene's value.

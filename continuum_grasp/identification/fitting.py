@@ -22,7 +22,7 @@ from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit, estimates
-from continuum_grasp.identification.inference import infer, model_error_warnings
+from continuum_grasp.identification.inference import model_error_warnings
 from continuum_grasp.identification.path_block import block_of, of_one_code
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, questionable, too_far
 from continuum_grasp.identification.problem import Problem, Solution
@@ -193,7 +193,7 @@ def compare(
     task = posed(scene_of(scene), data, None, folder_of(scene), progress)
     problem = task.problem
     start = np.array([unknown.start for unknown in problem.unknowns])
-    beyond = too_far(problem, start, np.array([entry.sigma or 0.0 for entry in problem.entries]))
+    beyond = too_far(problem, start, np.array([column.sigma or 0.0 for column in problem.described]))
     return Comparison(
         **problem.predicted(start, problem.predict(start)[0]),
         scene=task.scene,
@@ -270,9 +270,7 @@ def _credible(problem: Problem, solution: Solution) -> tuple[Solution, list[str]
     starts: a local minimum says nothing about the data.
     """
     for restarts in (True, False):
-        rows = problem.weighted(solution)
-        freedom = infer(problem.unknowns, solution.values, *rows, problem.shared, problem.series).freedom
-        evidence = doubts(problem, solution, freedom)
+        evidence = doubts(problem, solution, problem.inferred(solution).inference.freedom)
         accused = questionable(problem, solution) or (evidence and may_be_local(problem, solution))
         if not restarts or not accused:
             break
@@ -288,13 +286,12 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     problem = task.problem
     unknowns, shared = problem.unknowns, problem.shared
     solution, evidence = _credible(problem, solution)
-    sigma, rows = solution.sigma, problem.weighted(solution)
-    inference = infer(unknowns, solution.values, *rows, shared, problem.series)
+    sigma, (*_, jacobian, inference) = solution.sigma, problem.inferred(solution)
     doubted: tuple[str, ...] = ()
     finer = _finer(problem, solution.values)
     if finer is not None:
         coarse, fine = ((part / sigma)[problem.fitted] for part in (solution.predictions, finer))
-        doubted = model_error_warnings(unknowns, inference.deviations, rows[0][: len(coarse)], coarse, fine)
+        doubted = model_error_warnings(unknowns, inference.deviations, jacobian[: len(coarse)], coarse, fine)
     followed = problem.followed
     verdict = judge(problem, solution)
     problem.followed = followed  # slips are tried elsewhere

@@ -57,15 +57,13 @@ def infer(
     values: Array,
     jacobian: Array,
     residuals: Array | None,
-    shared: int | None = None,
     series: Sequence[NDArray[np.intp]] = (),
 ) -> Inference:
     """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
-    The mean square of the residuals scales the covariance. The first ``shared`` unknowns, all where not given, are
-    warned of; the others are those of one set each. Each of ``series`` has the rows (T, readings) that follow one
-    another in time, whose residuals may be correlated: they count as fewer numbers then. Without residuals, before
-    anything is measured, they scatter as stated.
+    The mean square of the residuals scales the covariance. Those of single sets, which are the last, are not warned of.
+    Each of ``series`` has the rows (T, readings) that follow one another in time, whose residuals may be correlated:
+    they count as fewer numbers then. Without residuals, before anything is measured, they scatter as stated.
     """
     from scipy.special import stdtrit
 
@@ -97,7 +95,7 @@ def infer(
     deviations = spread * sizes
     reach = quantile * deviations
     intervals = np.stack([values - reach, values + reach], axis=1)
-    reported = unknowns[:shared]
+    reported = [unknown for unknown in unknowns if unknown.per != "set"]
     warnings = _blindness(unknowns, unseen, jacobian * sizes, len(reported))
     warnings += _weakness(reported, values, deviations, correlation, lost)
     warnings += [

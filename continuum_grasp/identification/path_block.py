@@ -8,9 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import cast
 
+import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
@@ -18,16 +20,21 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, entries_of
+from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, measured_of
 from continuum_grasp.identification.data import Data, Poses, TipPath, column
-from continuum_grasp.identification.driven import Driven, MeasuredStart
-from continuum_grasp.identification.observation import check_tensions
-from continuum_grasp.identification.rows import Shapes, runtime_names
-from continuum_grasp.identification.unknowns import DELAY, Unknown
+from continuum_grasp.identification.observation import check_tensions, observed
+from continuum_grasp.identification.rows import Chained, Dual, Shapes, runtime_names, set_by, symbols
+from continuum_grasp.identification.starts import MeasuredStart
+from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
+from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.memory import clipped
 from continuum_grasp.model.parameters import nominal_values
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
+from continuum_grasp.simulation.static_shape import friction_history
+from continuum_grasp.simulation.statics import friction_of
 from continuum_grasp.simulation.trajectory import acting_input
 
 
@@ -60,77 +67,115 @@ def of_one_code(pairs: Sequence[tuple[Scene, Data]], unknowns: Sequence[Unknown]
 
 _MOST_STEPS = 200_000
 """Steps of a path: seconds per evaluation, of which a search takes dozens."""
+_INSTANT = 1e-6
+"""Half the distance of the instants between which a late command is differentiated by its delay [s]."""
 _SHAPES = 6
 """Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
 
 
 class PathBlock(Block):
-    """Readings along one motion of the finger; ``own`` are the coordinates and rates of a start that is estimated."""
+    """Readings along one motion of the finger; ``own`` are the coordinates and rates of a start that is estimated.
 
-    moves = ordered = True
+    Unknowns are run-time arguments of the model, whose state is x. Inputs are the commands, and behind them their
+    derivatives by a delay where that is unknown. Derivatives by some of the unknowns alone take less code.
+    """
 
     def __init__(
         self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown], by: Sequence[int] | None = None
     ) -> None:
         super().__init__(scene, data, unknowns, by)
-        readings = data.measured
-        self._t = t = column(f"{data.name}.t", data.t)
-        driven = Driven(scene, unknowns, readings, by=by)
-        check_tensions(driven.model, readings, data.name)
-        self._count, self._shape, self._initial, self._begins = len(unknowns), None, scene.initial, float(t[0])
-        if data.start == "estimated":
-            p = driven.parameters(np.array([unknown.start for unknown in unknowns]))
-            acting = np.concatenate([driven.signals.u(t[:1])[0], driven.signals.w(t[:1])[0], p])
-            measured = MeasuredStart(driven.model, readings, t, acting, data.name)
-            self.own = measured.unknowns(data.start_sigma)
-            passed = measured.before(data.before) if driven.model.friction_names else []
-            driven = Driven(scene, [*unknowns, *self.own], readings, passed, by)
-        else:
-            self._begins, self._shape = 0.0, _start_rows(driven.scene, unknowns, data.name)
-        if driven.signals.constant and any(unknown.target == DELAY for unknown in unknowns):
+        readings, self._t, targets = data.measured, column(f"{data.name}.t", data.t), [of.target for of in unknowns]
+        if LAG in targets and not scene.finger.winches:
+            constant = unknowns[targets.index(LAG)].start
+            scene = scene.model_copy(update={"finger": scene.finger.with_lags(constant)})
+        self._late = targets.index(DELAY) if DELAY in targets else None
+        self.model = model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
+        self._signals, self._initial = Signals(scene, model), scene.initial
+        self.kinked, self.free = bool(model.friction_names), self._signals.constant
+        if self.free and self._late is not None:
             raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=data.name)
-        self._driven, self._model = driven, driven.model
-        self.kinked, self.free = bool(driven.model.friction_names), driven.signals.constant
-        self._core = Core(driven.model, compiled=False)
-        self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=driven.variational), "rk4"))
+        check_tensions(model, readings, data.name)
+        names, self._passed = [split_unit(label)[0] for label in model.p_names], list[Array]()
+        if data.start == "estimated":
+            at, (shares, slopes) = self._t[:1], set_by(unknowns, names)
+            p = shares * model.p_nominal + slopes @ np.array([unknown.start for unknown in unknowns])
+            acting = np.concatenate([self._signals.u(at)[0], self._signals.w(at)[0], p])
+            measured = MeasuredStart(model, readings, self._t, acting, data.name)
+            self.own = measured.unknowns(data.start_sigma)
+            self._passed = measured.before(data.before) if self.kinked else []
+        self._count, self._begins = len(unknowns), float(self._t[0]) if self.own else 0.0
+        self._shape = None if self.own else _start_rows(scene, unknowns, data.name)
+        self._by = list(range(len(unknowns) + len(self.own))) if by is None else list(by)
+        self._share, self._turned = set_by([*unknowns, *self.own], names)
+        self._start = _start_function(model, self._passed)
+        x, u, w, p = symbols(model, "x")
+
+        def drives() -> list[ca.SX]:
+            return [model.tensions()(x, u, p)[0], x[2 * model.n : model.nx - len(model.friction_names)]]
+
+        y = observed(model, readings, x[: model.n], acting_input(model, x, u, p), p, drives)
+        self._read = self._with_slopes("readings", y, x, u, w, p).map(self._t.size)
+        rate = self._with_slopes("variational", model.forward_dynamics(x, u, w, p), x, u, w, p)
+        self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=rate), "rk4"))
+        self._core = Core(model, compiled=False)
         # shapes at the start; and parameters, steps per second, and these steps
         self.followed = None if self._shape is None else self._shape.start, None
-        self._read = driven.readings.map(t.size)
-        self.entries = entries_of(data, t, np.full(t.size, data.fitted), scene.finger.rod.length)
+        self.measured = measured_of(data, self._t, np.full(self._t.size, data.fitted), scene.finger.rod.length)
+
+    def _with_slopes(self, name: str, y: ca.SX, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> ca.Function:
+        """[y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by unknowns."""
+        moved, turned = (ca.SX.sym(name, size.numel(), len(self._by)) for name, size in (("X", x), ("B", p)))
+        commands, by_delay = u, ca.SX(u.numel(), len(self._by))
+        if self._late is not None:
+            late = ca.SX.sym("late", u.numel())
+            commands = ca.vertcat(u, late)
+            if self._late in self._by:
+                by_delay[:, self._by.index(self._late)] = late
+        slope = ca.jtimes(y, ca.vertcat(x, u, p), ca.vertcat(moved, by_delay, turned)) if self._by else ca.SX()
+        outputs = ca.cse([ca.densify(ca.vertcat(y, ca.vec(slope)))])
+        inputs = [ca.vertcat(x, ca.vec(moved)), commands, w, ca.vertcat(p, ca.vec(turned))]
+        return ca.Function(name, inputs, outputs, ["x", "u", "w", "p"], ["xd"])
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         states, p, delay = self._moved(values, until)
-        count = len(self._driven.by)
-        size = self._driven.readings.size1_out(0) // (1 + count)
-        inputs = self._driven.commands(self._t, delay), self._driven.signals.w(self._t), np.tile(p, (self._t.size, 1))
-        both = np.array(self._read(states.T, *(rows.T for rows in inputs)))
-        slopes = both[size:].reshape(count, size, self._t.size)
-        return both[:size].T.ravel(), slopes.transpose(2, 1, 0).reshape(size * self._t.size, count)
+        count, instants = len(self._by), self._t.size
+        inputs = self._commands(self._t, delay), self._signals.w(self._t), np.tile(p, (instants, 1))
+        both = np.array(self._read(states.T, *(rows.T for rows in inputs))).reshape(1 + count, -1, instants)
+        return both[0].T.ravel(), both[1:].transpose(2, 1, 0).reshape(both[0].size, count)
 
     def bent(self, values: Array) -> Bent:
         states, p, delay = self._moved(values)
-        model, t, p = self._model, self._t, p[: self._model.np]
-        commands = self._driven.commands(t, delay)[:, : model.nu]
-        u = acting_input(model, states[:, : self._driven.size].T, commands.T, p)
+        model, t, p = self.model, self._t, p[: self.model.np]
+        commands = self._commands(t, delay)[:, : model.nu]
+        u = acting_input(model, states[:, : model.nx].T, commands.T, p)
         rows = np.broadcast_to(np.array(u).T, (t.size, model.nu)), np.tile(p, (t.size, 1))
-        return Bent(model, t, states[:, : model.n], *rows, True)
+        return Bent(model, states[:, : model.n], *rows)
+
+    def _commands(self, t: Array, delay: float) -> Array:
+        """Commands (T, nu) that reach the drive, and behind them their derivatives by an unknown delay."""
+        at = self._signals.u(t - delay)
+        if self._late is None:
+            return at
+        after, before = (self._signals.u(t - delay - side * _INSTANT) for side in (1.0, -1.0))
+        return np.hstack([at, (after - before) / (2.0 * _INSTANT)])
 
     def _moved(self, values: Array, until: float = math.inf) -> tuple[Array, Array, float]:
         """States with their derivatives (T, ...) up to an instant, the parameters with theirs, and the delay.
 
         By the classical Runge-Kutta method. NumericalError if the motion does not stay finite, or is too stiff.
         """
-        driven = self._driven
-        p, delay = driven.parameters(values), driven.delay(values)
+        p = np.asarray(self._share * self.model.p_nominal + self._turned @ values)
+        # time before a command reaches the drive [s]
+        delay = 0.0 if self._late is None else float(values[self._late])
         start, slope = self._begin(values, delay, p)
-        grid, acting = self._settle(start, p), np.concatenate([p, driven.turned[:, driven.by].ravel(order="F")])
-        steps = grid.steps_to(until - self._begins)
-        whole = np.concatenate([start, slope[:, driven.by].ravel(order="F")])[None]
+        grid, acting = self._settle(start, p), np.concatenate([p, self._turned[:, self._by].ravel(order="F")])
+        steps, constant = grid.steps_to(until - self._begins), self._signals.constant
+        whole = np.concatenate([start, slope[:, self._by].ravel(order="F")])[None]
         # a Runge-Kutta step takes inputs and forces at its start, middle and end
         halves: Array = np.linspace(0.0, steps * grid.spacing, 2 * steps * grid.substeps + 1) + self._begins
-        at = halves[:1] if driven.signals.constant else halves
-        u, w = driven.commands(at, delay), driven.signals.w(at)
-        u, w = (values[0] if driven.signals.constant else values for values in (u, w))
+        at = halves[:1] if constant else halves
+        u, w = self._commands(at, delay), self._signals.w(at)
+        u, w = (values[0] if constant else values for values in (u, w))
         inputs = signal("u", u, u.shape[-1], len(halves), None), signal("w", w, w.shape[-1], len(halves), None)
         states, finished = self._run(whole, steps, grid.substeps, grid.spacing / grid.substeps, *inputs, acting)
         if finished[0] < steps:
@@ -138,24 +183,30 @@ class PathBlock(Block):
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
         return grid.pick(states[0]), acting, delay
 
-    def _begin(self, values: Array, delay: float, p: Array) -> tuple[Array, Array]:
-        """State where the motion starts, and its derivative by all values."""
-        model, n, count = self._model, self._model.n, self._count
-        x, slope = np.zeros(self._driven.size), np.zeros((self._driven.size, len(values)))
+    def _begin(self, values: Array, delay: float, p: Array) -> Dual:
+        """State where the motion starts: drives have reached their commands, and friction is that of the shape."""
+        model, n, count = self.model, self.model.n, self._count
+        x, slope = np.zeros(model.nx), np.zeros((model.nx, len(values)))
         if self.own:
             x[: 2 * n], slope[: 2 * n, count:] = values[count:], np.eye(2 * n)
         elif self._shape is not None:
             last, settled = self.followed
             (resting,) = shapes = self._shape.all(values, last)
             self.followed = shapes, settled
-            x[:n], slope[:n] = resting.q, resting.by_q
+            x[:n], slope[:n] = resting.q
         elif self._initial.q is not None:
             model.structure.check_initial(self._initial)
             x[:n] = self._initial.q
         if not self.own and self._initial.qd is not None:
             x[n : 2 * n] = self._initial.qd
-        x[2 * n :], slope[2 * n :] = self._driven.begin(self._begins, delay, x[:n], slope[:n], p)
-        return x, slope
+        row, late = self._commands(np.array([self._begins]), delay)[0], np.zeros((model.nu, len(values)))
+        if self._late is not None:
+            late[:, self._late] = row[model.nu :]
+        u, how = row[: model.nu], friction_of(self._initial, model, needed=False)
+        # friction is that of the first shape, and goes on from there
+        history = friction_history(model, (*self._passed, x[:n])[0], u, p, **how)
+        x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), history)
+        return Dual(x, slope)
 
     def _settle(self, start: Array, p: Array) -> _Grid:
         """Steps that are short enough for parameters p; they stay while these change little.
@@ -166,7 +217,7 @@ class PathBlock(Block):
         shapes, settled = self.followed
         if settled is not None and np.allclose(p, settled[0], rtol=0.1, atol=0.0):
             return cast(_Grid, settled[2])
-        signals, model = self._driven.signals, self._model
+        signals, model = self._signals, self.model
         sampled = sample_shapes(model, start[: model.n])[:_SHAPES]
         radius = spectral_radius(self._core, sampled, signals.u(0.0)[0], signals.w(0.0)[0], p)
         # 2.0: steps per step of a simulation: a sixteenth of its error, so that the steps do not pass for parameters
@@ -196,6 +247,27 @@ def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes 
     if pose == "rest":
         scene = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None, "loads": ()})
     return Shapes(scene, unknowns, name) if pose in ("equilibrium", "rest") else None
+
+
+def _start_function(model: FingerModel, passed: Sequence[Array]) -> Chained:
+    """(q, u, p, history) -> states of drives and friction in a shape at rest.
+
+    Friction remembers the shapes ``passed`` (K, n) that it goes through before that, from the first on.
+    """
+    q, u, _, p = symbols(model)
+    history = ca.SX.sym("history", model.structure.friction_states + bool(model.friction_names))
+    parts = [ca.SX(model.drives_at_rest()(q, u, p, *((history,) if model.friction_names else ())))]
+    if model.friction_names:
+        # From shape to shape friction stays where it is, or slides.
+        slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
+        # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse.
+        count = model.structure.tendon_friction_states
+        of_tendons = 2.0 * ca.sin(ca.asin(history[:count]) / 3.0)
+        states = ca.SX(clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
+        for before, now in pairwise(slid):
+            states = ca.SX(clipped(states + now - before))
+        parts.append(states)
+    return Chained("start", ca.vertcat(*parts), q, u, p, history)
 
 
 class _Grid:

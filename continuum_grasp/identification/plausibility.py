@@ -20,7 +20,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, OF_MODES, Data, TipPath
-from continuum_grasp.identification.problem import Problem, Solution, spread
+from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.slips import Slip, slips_of, undone
 from continuum_grasp.identification.unknowns import ADDED, Unknown, read_unknowns
 from continuum_grasp.scene.simulate import Scene
@@ -125,22 +125,21 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
 
 
 def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
-    """Misfits of the fitted entries, by set and kind."""
+    """Misfits of what was fitted, by set and kind."""
     all_misfits = []
-    for block, part, _ in problem.parts:
-        missed = zip(block.entries, (predictions - problem.measured)[part], strict=True)
-        rows = [(KIND_OF.get(entry.quantity, entry.quantity), entry, off) for entry, off in missed if entry.fitted]
-        for kind in dict.fromkeys(kind for kind, _, _ in rows):
-            entries = [entry for other, entry, _ in rows if other == kind]
-            values, series = (np.array([getattr(entry, key) for entry in entries]) for key in ("value", "series"))
-            about = [values[series == member] - values[series == member].mean() for member in dict.fromkeys(series)]
-            scatter = float(np.std(np.concatenate(about))) if values.size > 2 * len(about) else math.inf
-            limit = _limit(kind, values, block.finger.rod.length if block.finger else math.inf)
-            stated = max(entry.sigma or 0.0 for entry in entries)
+    for (block, part, _), of in zip(problem.parts, problem.sets, strict=True):
+        missed = (predictions - problem.measured)[part].reshape(of.values.shape)[of.fitted]
+        kinds = [KIND_OF.get(column.quantity, column.quantity) for column in of.columns]
+        for kind in dict.fromkeys(kinds) if len(missed) else ():
+            members = [j for j, other in enumerate(kinds) if other == kind]
+            values, columns = of.values[of.fitted][:, members], [of.columns[j] for j in members]
+            scatter = float(np.std(values - values.mean(axis=0))) if len(values) > 2 else math.inf
+            limit = _limit(kind, values, block.scene.finger.rod.length)
+            stated = max(column.sigma or 0.0 for column in columns)
             if stated and math.isfinite(limit):
                 limit = max(_BEYOND * stated, _STATED * limit)
-            rms = spread(np.array([off for other, _, off in rows if other == kind]), float(values.size))
-            all_misfits.append(Misfit(block.name, kind, entries[0].unit, rms, limit, scatter, stated))
+            rms = float(np.sqrt(np.mean(missed[:, members] ** 2)))
+            all_misfits.append(Misfit(of.name, kind, columns[0].unit, rms, limit, scatter, stated))
     return all_misfits
 
 
@@ -161,26 +160,25 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     message, farthest = "", 0.0
-    for block, part, mix in problem.parts:
-        readings, finger = block.data.measured, block.scene.finger
+    for (block, part, mix), of in zip(problem.parts, problem.sets, strict=True):
+        finger, noise = block.scene.finger, sigma[part].reshape(of.values.shape)
         sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, mix @ values, strict=False)}
         base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
-        length = finger.rod.length
+        offsets = np.broadcast_to(of.offsets, of.values.shape)
         markers: dict[Any, list[int]] = {}
-        for k, reading in enumerate(readings):
-            if reading.quantity in ("x", "y"):
-                markers.setdefault((reading.at, *np.ravel(reading.offset)), []).append(k)
+        for j, column in enumerate(of.columns):
+            if column.quantity in ("x", "y"):
+                markers.setdefault((column.place, *offsets[:, j]), []).append(j)
         for (place, *_), here in markers.items():
-            away = [np.asarray(readings[k].values) - base["xy".index(readings[k].quantity)] for k in here]
-            noise = sigma[part].reshape(-1, len(readings))[:, here].max(axis=1)
-            distance, reach = np.linalg.norm(away, axis=0), length if place is None else place
-            reach = reach + float(max(np.abs(readings[k].offset).max() for k in here))
-            beyond = distance - reach - np.maximum(_PART * length, _BEYOND * noise)
+            away = of.values[:, here] - [base["xy".index(of.columns[j].quantity)] for j in here]
+            distance, reach = np.linalg.norm(away, axis=1), place + float(np.abs(offsets[:, here]).max())
+            beyond = distance - reach
+            beyond -= np.maximum(_PART * finger.rod.length, _BEYOND * noise[:, here].max(axis=1))
             if beyond.max() > farthest:
                 row, farthest = int(np.argmax(beyond)), float(beyond.max())
+                label = problem.labels[part.start + row * len(of.columns) + here[0]]
                 message = (
-                    f"{block.name}: {block.entries[row * len(readings) + here[0]].label} is {distance[row]:.3g} m from "
-                    f"the base, where the finger is {reach:g} m long"
+                    f"{of.name}: {label} is {distance[row]:.3g} m from the base, where the finger is {reach:g} m long"
                 )
     return message
 
@@ -218,7 +216,7 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     for words, (total, trial) in ranked:
         if total <= max(_BETTER * ranked[0][1][0], _NOTHING):
             explained += _refitted(words, trial, before)
-    if not explained and any(entry.quantity in ("x", "y") for entry in problem.entries):
+    if not explained and any(column.quantity in ("x", "y") for column in problem.described):
         known = {unknown.name for unknown in problem.sought}
         with suppress(ContinuumGraspError):
             more = read_unknowns(problem.blocks[0].scene, [name for name in ADDED if name not in known])
@@ -252,8 +250,8 @@ def _undone(block: Block, slip: Slip, data: Data, scene: Scene, sought: Sequence
     factors = {name: factor for name, (to, factor) in slip.columns.items() if name == to}
     if not factors or factors.keys() - _MEASURED or (isinstance(data, TipPath) and data.start != "scene"):
         return block.again(sought, data=data, scene=scene)
-    changed = copy(block)
-    changed.entries = [replace(entry, value=factors.get(entry.quantity, 1.0) * entry.value) for entry in block.entries]
+    changed, of = copy(block), block.measured
+    changed.measured = replace(of, values=of.values * [factors.get(column.quantity, 1.0) for column in of.columns])
     return changed
 
 

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block
+from continuum_grasp.identification.inference import Inference, infer
 from continuum_grasp.identification.least_squares import Minimum, least_squares
+from continuum_grasp.identification.numbers import Numbers
 from continuum_grasp.identification.unknowns import ALONG, DIRECTIONS, Unknown, prior
 
 Progress = Callable[[float], None]
@@ -35,59 +37,50 @@ class Solution(NamedTuple):
 
     values: Array
     predictions: Array
-    """(m,), of every entry, fitted or not."""
+    """(m,), of every number, fitted or not."""
     jacobian: Array
     sigma: Array
-    """Standard deviation (m,) of every entry, as known or found."""
+    """Standard deviation (m,) of every number, as known or found."""
     iterations: int
     evaluations: int
 
 
-def shared_of(sought: Sequence[Unknown]) -> list[Unknown]:
-    """Unknowns of all sets: those that have one value, then the parts of their vectors across the finger."""
-    parts = [
-        unknown._replace(
-            name=f"{unknown.name} at {at} deg", target=ALONG, start=0.0, lower=-math.inf, upper=math.inf, per="all"
-        )
-        for unknown in sought
-        if unknown.per == "plane"
-        for at in DIRECTIONS
-    ]
-    return [unknown for unknown in sought if unknown.per != "set"] + parts
-
-
-def with_sets(
-    shared: Sequence[Unknown], sought: Sequence[Unknown], sets: Sequence[tuple[str, float | None, Sequence[Unknown]]]
-) -> tuple[list[Unknown], list[Array]]:
+def with_sets(sought: Sequence[Unknown], blocks: Sequence[Block]) -> tuple[list[Unknown], list[Array]]:
     """Unknowns (n) of all sets, behind them those of single ones, and by which matrix (k, n) each set has its own.
 
-    ``sought`` are in every set, in the order of ``shared`` (`shared_of`), or as one of its own; ``sets`` are their
-    names with the directions of their planes and further unknowns.
+    First are those that have one value, then the parts of their vectors across the finger.
     """
-    unknowns, mixed = list(shared), list[list[dict[int, float]]]()
-    for name, plane, further in sets:
-        rows = list[dict[int, float]]()
-        common, parts = iter(range(len(shared))), iter(range(sum(u.per != "set" for u in sought), len(shared)))
-        for unknown in (*sought, *further):
-            if unknown.per == "set":
-                rows.append({len(unknowns): 1.0})
-                unknowns.append(unknown._replace(name=f"{unknown.name} of {name}"))
-                continue
-            rows.append({next(common): 1.0})
-            if unknown.per == "plane":
-                if plane is None:
-                    raise InputError(f"{unknown.name} is estimated per plane: state the plane of {name}", key="data")
-                rows[-1] |= {next(parts): math.cos(plane - math.radians(at)) for at in DIRECTIONS}
-        mixed.append(rows)
-    mixes = [np.zeros((len(rows), len(unknowns))) for rows in mixed]
-    for mix, rows in zip(mixes, mixed, strict=True):
-        for k, row in enumerate(rows):
-            mix[k, list(row)] = list(row.values())
-    return unknowns, mixes
+    common, vectors = ([of for of in sought if of.per in which] for which in (("all", "plane"), ("plane",)))
+    free: dict[str, Any] = {"target": ALONG, "start": 0.0, "lower": -math.inf, "upper": math.inf, "per": "all"}
+    parts = [of._replace(name=f"{of.name} at {at} deg", **free) for of in vectors for at in DIRECTIONS]
+    unknowns, mixes = [*common, *parts], list[Array]()
+    for block in blocks:
+        mine, first = (*sought, *block.own), len(unknowns)
+        if vectors and block.plane is None:
+            raise InputError(f"{vectors[0].name} is estimated per plane: state the plane of {block.name}", key="data")
+        unknowns += [of._replace(name=f"{of.name} of {block.name}") for of in mine if of.per == "set"]
+        alone, across = (np.array([of.per == per for of in mine], dtype=bool) for per in ("set", "plane"))
+        mix, shares = np.zeros((len(mine), len(unknowns))), np.cos((block.plane or 0.0) - np.radians(DIRECTIONS))
+        mix[~alone, : len(common)] = np.eye(len(common))
+        mix[alone, first:] = np.eye(len(unknowns) - first)
+        mix[across, len(common) : len(common) + len(parts)] = np.kron(np.eye(len(vectors)), shares)
+        mixes.append(mix)
+    return unknowns, [np.pad(mix, ((0, 0), (0, len(unknowns) - mix.shape[1]))) for mix in mixes]
+
+
+class Inferred(NamedTuple):
+    """Unknowns, their values (n,), the Jacobian (rows, n) of what was fitted and is known beforehand, per standard
+    deviation, and what follows.
+    """
+
+    unknowns: list[Unknown]
+    values: Array
+    jacobian: Array
+    inference: Inference
 
 
 class Part(NamedTuple):
-    """A set of measurements, where its entries are among those of all sets, and the matrix by which its unknowns follow
+    """A set of measurements, where its numbers are among those of all sets, and the matrix by which its unknowns follow
     from theirs.
     """
 
@@ -96,7 +89,7 @@ class Part(NamedTuple):
     mix: Array
 
 
-class Problem:
+class Problem(Numbers):
     """Measurements of all sets and the model's predictions of them.
 
     The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given.
@@ -104,34 +97,26 @@ class Problem:
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> None:
         self.blocks, self.sought = list(blocks), tuple(unknowns)
-        shared, sets = shared_of(unknowns), [(block.name, block.plane, block.own) for block in blocks]
-        self.unknowns, mixes = with_sets(shared, unknowns, sets)
-        self.shared, ends = len(shared), np.cumsum([len(block.entries) for block in blocks]).tolist()
-        rows = [slice(end - len(block.entries), end) for block, end in zip(blocks, ends, strict=True)]
-        self.parts = [Part(*part) for part in zip(blocks, rows, mixes, strict=True)]
-        self.entries = [entry for block in blocks for entry in block.entries]
-        self.measured = np.array([entry.value for entry in self.entries])
-        self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
-        self._at = np.array([entry.at for entry in self.entries])
-        names = [entry.group for entry in self.entries]
+        self.unknowns, mixes = with_sets(unknowns, blocks)
+        self.shared = sum(unknown.per != "set" for unknown in self.unknowns)
+        self.sets = tuple(block.measured for block in blocks)
+        self.parts = [Part(*part) for part in zip(blocks, self.slices, mixes, strict=True)]
         self._sought = np.ones(len(self.unknowns), dtype=bool)
         for part in self.parts:
             # what only a set that is not fitted has would drift in a search that does not see it
             self._sought[self._own(part)] = self.fitted[part.rows].any()
-        self.groups = {name: np.array([other == name for other in names]) for name in dict.fromkeys(names)}
-        self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
+        self._known = np.array([np.nan if of.sigma is None else of.sigma for of in self.described])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
         self._iterations = self._evaluations = 0
 
     @property
     def series(self) -> list[NDArray[np.intp]]:
-        """Numbers (T, readings) among the fitted entries of each set whose entries follow one another."""
+        """Numbers (T, readings) among the fitted ones of each set whose rows follow one another."""
         numbers = np.cumsum(self.fitted) - 1
-        fitted_rows = [(block, numbers[rows][self.fitted[rows]]) for block, rows, _ in self.parts]
         return [
-            indices.reshape(-1, len({entry.series for entry in block.entries}))
-            for block, indices in fitted_rows
-            if block.ordered and indices.size
+            numbers[rows][self.fitted[rows]].reshape(-1, len(of.columns))
+            for of, rows in zip(self.sets, self.slices, strict=True)
+            if of.ordered and self.fitted[rows].any()
         ]
 
     @property
@@ -152,9 +137,8 @@ class Problem:
     def predicted(self, values: Array, predictions: Array) -> dict[str, Any]:
         """Fields of `Predicted`, from a model at some values."""
         return {
-            "entries": tuple(self.entries),
+            "sets": self.sets,
             "predictions": predictions,
-            "blocks": tuple((block.name, len(block.entries)) for block in self.blocks),
             "drawn": tuple(block.drawn(mix @ values) for block, _, mix in self.parts),
         }
 
@@ -163,26 +147,31 @@ class Problem:
         return [f"{block.name}: {text}" for block, _, mix in self.parts for text in block.warnings(mix @ values)]
 
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-        """Predictions (m,) and their Jacobian (m, n) of all entries, or of those that are chosen alone."""
-        y, jacobian = np.zeros(len(self.entries)), np.zeros((len(self.entries), len(values)))
+        """Predictions (m,) and their Jacobian (m, n) of all numbers, or of those that are chosen alone."""
+        y, jacobian = np.zeros(len(self.at)), np.zeros((len(self.at), len(values)))
         for block, rows, mix in self.parts:
-            wanted = self._at[rows] if chosen is None else self._at[rows][chosen[rows]]
+            wanted = self.at[rows] if chosen is None else self.at[rows][chosen[rows]]
             if wanted.size:
                 y[rows], slopes = block.predict(mix @ values, wanted.max())
                 jacobian[rows] = slopes @ mix
         return y, jacobian
 
-    def weighted(self, solution: Solution, further: Array | None = None) -> tuple[Array, Array]:
-        """Jacobian and residuals (rows, n) of what was fitted, per standard deviation, and of what is known beforehand.
+    def inferred(self, solution: Solution, *further: tuple[Unknown, Array]) -> Inferred:
+        """Inference about the parameters of a solution.
 
-        ``further`` (m, k) are derivatives by more parameters, of which nothing is known.
+        ``further`` parameters, each with the derivatives (m,) of all predictions by it, are none in the solution; a
+        Gauss-Newton step finds them beside the others.
         """
-        fitted, (missed, slopes) = self.fitted, self.prior(solution.values)
-        further = np.zeros((len(self.measured), 0)) if further is None else further
-        jacobian = (np.hstack([solution.jacobian, further]) / solution.sigma[:, None])[fitted]
-        residuals = ((solution.predictions - self.measured) / solution.sigma)[fitted]
-        slopes = np.pad(slopes, ((0, 0), (0, further.shape[1])))
-        return np.vstack([jacobian, slopes]), np.append(residuals, missed)
+        unknowns, more = [*self.unknowns, *(of for of, _ in further)], [slope[:, None] for _, slope in further]
+        missed, slopes = self.prior(solution.values)
+        jacobian = (np.hstack([solution.jacobian, *more]) / solution.sigma[:, None])[self.fitted]
+        jacobian = np.vstack([jacobian, np.pad(slopes, ((0, 0), (0, len(more))))])
+        residuals = np.append(((solution.predictions - self.measured) / solution.sigma)[self.fitted], missed)
+        values = np.pad(solution.values, (0, len(more)))
+        if further:
+            step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
+            values, residuals = values + step, residuals + jacobian @ step
+        return Inferred(unknowns, values, jacobian, infer(unknowns, values, jacobian, residuals, self.series))
 
     def misfit(self, values: Array, *, early: bool = False) -> float:
         """Sum of squares of what is fitted and known beforehand, by deviations that do not depend on a fit; infinite
@@ -293,10 +282,10 @@ class Problem:
         return minimum._replace(values=values)
 
     def _early(self, share: float) -> NDArray[np.bool_]:
-        """Entries in the first part of each path that is free; all of them elsewhere."""
+        """Numbers in the first part of each path that is free; all of them elsewhere."""
         parts = []
         for block, rows, _ in self.parts:
-            early = self._at[rows] <= self._at[rows].min() + share * np.ptp(self._at[rows])
+            early = self.at[rows] <= self.at[rows].min() + share * np.ptp(self.at[rows])
             parts.append(early if block.free else np.ones(early.size, dtype=bool))
         return np.concatenate(parts)
 
@@ -325,10 +314,7 @@ class Problem:
             freedom = float(np.sum(1.0 - leverage[used]))
             if freedom > 0.5:
                 # exact data must not weigh infinitely
-                deviations[members] = np.maximum(spread(residuals[used], freedom), 1e-6 * first[members])
+                deviations[members] = np.maximum(
+                    np.linalg.norm(residuals[used]) / math.sqrt(freedom), 1e-6 * first[members]
+                )
         return deviations
-
-
-def spread(residuals: Array, freedom: float) -> float:
-    """Standard deviation of residuals with so many degrees of freedom."""
-    return float(np.sqrt(residuals @ residuals / freedom))

@@ -14,8 +14,8 @@ import numpy as np
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.log import ControlLog
-from continuum_grasp.identification.blocks import Drawn, Entry
 from continuum_grasp.identification.comparison import Predicted
+from continuum_grasp.identification.numbers import Measured, MeasuredColumn
 from continuum_grasp.identification.periods import LATER, SWAPPED, Periods, Retuned, disagreement, innovations
 from continuum_grasp.labels import split_unit, unit_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
@@ -201,20 +201,16 @@ def replay(
     if frozen or (status == "mismatch" and explained):
         status = "sensor"
     seen = np.nan_to_num(y) @ estimation.mixing.T
-    entries, believed = list[Entry](), list[float]()
-    for j, label in enumerate(estimation.y_names):
-        name, unit = split_unit(label)
-        for k in np.flatnonzero(np.isfinite(std[:, j])).tolist():
-            at = float(periods.t[k])
-            entries.append(Entry(f"{name} at {at:g} s", name, unit, seen[k, j], True, None, at, name))
-            believed.append(seen[k, j] - innovation[k, j])
-    name = log.name if isinstance(log, ControlLog) else Path(log).stem
-    lines = Drawn(np.zeros(0), np.zeros((0, 2, 2)), over_time=True)
+    name, sets, believed = log.name if isinstance(log, ControlLog) else Path(log).stem, list[Measured](), list[Array]()
+    for j, (what, unit) in enumerate(map(split_unit, estimation.y_names)):
+        there = np.isfinite(std[:, j])
+        numbers, fitted = seen[there, j, None], np.ones(there.sum(), dtype=bool)
+        sets.append(Measured(name, (MeasuredColumn(what, what, unit),), periods.t[there], numbers, fitted, moves=True))
+        believed.append(seen[there, j] - innovation[there, j])
     return Replay(
-        entries=tuple(entries),
-        predictions=np.array(believed),
-        blocks=((name, len(entries)),),
-        drawn=(lines,),
+        sets=tuple(sets),
+        predictions=np.concatenate(believed),
+        drawn=(),
         scene=known,
         t=periods.t,
         innovation=innovation,

@@ -45,15 +45,19 @@ _ITERATIONS = 25
 """Iterations of Newton's method, which takes a handful where it converges quadratically."""
 
 
-class Resting(NamedTuple):
-    """A row at rest: z (nz,), q (n,), friction history (states + 1,), and their derivatives by the unknowns."""
+class Dual(NamedTuple):
+    """Numbers (size,), and their derivatives (size, unknowns) by the unknowns."""
 
-    z: Array
-    q: Array
-    history: Array
-    by_z: Array
-    by_q: Array
-    by_history: Array
+    value: Array
+    slope: Array
+
+
+class Resting(NamedTuple):
+    """A row at rest: z = [u, w, p], coordinates q, friction history (states + 1)."""
+
+    z: Dual
+    q: Dual
+    history: Dual
 
 
 class Shapes:
@@ -103,21 +107,20 @@ class Shapes:
         self._own, self._derivative = set_by(unknowns, names)
         # Measured shapes were pulled, unless the scene says otherwise.
         start = equilibrium_under(model, *acting, **friction_of(scene.initial, model, needed=False))
-        flat = [np.zeros((size, len(unknowns))) for size in (nominal.size, model.n, start.history.size)]
-        self.start = [Resting(nominal, start.q, start.history, *flat)] * rows
+        fixed = [Dual(v, np.zeros((v.size, len(unknowns)))) for v in (nominal, start.q, start.history)]
+        self.start = [Resting(*fixed)] * rows
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         q, u, w, p = symbols(model)
         z, history = ca.vertcat(u, w, p), ca.SX.sym("history", start.history.size)
         still, past = ca.SX(model.n, 1), (history,) if start.history.size else ()
-        # (q, z, history) -> missing force and its derivatives
         missing = model.inverse_dynamics(q, still, still, u, w, p, *past)
-        self._balance = with_slopes("balance", missing, q, z, history)
+        self._missing = Chained("missing", missing, q, z, history)
         # What the next row finds: where friction has come to, less the sliding since the finger was straight.
         carried = ca.SX(start.history.size, 1)
         if start.history.size:
             slid = model.sliding()(q, u, p)
             carried = ca.vertcat(clipped(history[:-1] + history[-1] * slid) - slid, 1.0)
-        self._carried = with_slopes("carried", carried, q, z, history)
+        self._carried = Chained("carried", carried, q, z, history)
 
     def all(self, values: Array, last: Sequence[Resting]) -> list[Resting]:
         """The rows, followed from where they were ``last``; SolverError if one cannot be followed there."""
@@ -129,22 +132,17 @@ class Shapes:
         return rows
 
     def row(self, row: int, values: Array, before: Resting, *, carried: bool = False) -> Resting:
-        """One row from another equilibrium, by itself or with its friction ``carried`` on; errors as of ``all``."""
-        z = self._own * self._table[row] + self._derivative @ values
-        return self._follow(before, z, self._derivative, carried)
-
-    def _follow(self, before: Resting, z: Array, by_values: Array, carried: bool) -> Resting:
-        """The equilibrium at z from another one, in steps; under its history, or with its friction carried on."""
+        """One row, in steps from another equilibrium, or with its friction ``carried`` on; errors as of ``all``."""
+        z = Dual(self._own * self._table[row] + self._derivative @ values, self._derivative)
         done, step, state = 0.0, 1.0, before
         while done < 1.0:
             step = min(step, 1.0 - done)
             # the last step ends at z itself, not at a rounding of it
-            target, slope = z, by_values
+            target = z
             if step < 1.0 - done:
-                share = done + step
-                target, slope = before.z + share * (z - before.z), before.by_z + share * (by_values - before.by_z)
-            history, by_history = self._carry(state) if carried else (state.history, state.by_history)
-            q = self._newton(state.q, target, history)
+                target = Dual(*(a + (done + step) * (b - a) for a, b in zip(before.z, z, strict=True)))
+            history = self._carried(state.q, state.z, state.history) if carried else state.history
+            q = self._newton(state.q.value, target, history)
             if q is None:
                 step *= 0.5
                 # 1.0 / 1024.0: step along the path to new parameters below which it is lost: at a fold no step is short
@@ -157,33 +155,27 @@ class Shapes:
                         "single shape",
                     )
                 continue
-            state, done, step = self._resting(q, target, slope, history, by_history), done + step, 2.0 * step
+            # implicit function theorem: Q(q, z, history) = 0
+            _, stiffness, *others = self._missing.parts(q, target, history)
+            slope = -np.linalg.solve(stiffness, chained(others, (target, history)))
+            state, done, step = Resting(target, Dual(q, np.asarray(slope)), history), done + step, 2.0 * step
         return state
-
-    def _carry(self, state: Resting) -> tuple[Array, Array]:
-        history, by_q, by_z, by_history = (np.array(v) for v in self._carried(state.q, state.z, state.history))
-        return history.ravel(), by_q @ state.by_q + by_z @ state.by_z + by_history @ state.by_history
-
-    def _resting(self, q: Array, z: Array, by_values: Array, history: Array, by_history: Array) -> Resting:
-        # implicit function theorem: Q(q, z, history) = 0
-        _, stiffness, by_z, by_past = self._evaluate(q, z, history)
-        slope = -np.linalg.solve(stiffness, by_z @ by_values + by_past @ by_history)
-        return Resting(z, q, history, by_values, np.asarray(slope), by_history)
 
     def stable(self, resting: Resting) -> bool:
         """Whether every small displacement is driven back."""
-        return bool(np.linalg.eigvals(self._evaluate(resting.q, resting.z, resting.history)[1]).real.min() > 0.0)
+        stiffness = self._missing.parts(resting.q, resting.z, resting.history)[1]
+        return bool(np.linalg.eigvals(stiffness).real.min() > 0.0)
 
     def use(self, resting: Resting) -> Array:
         """Share of its bending range that each element uses (elements,)."""
-        u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))
-        return np.array(self.model.range_use(resting.q, u, p)).ravel()
+        u, _, p = np.split(resting.z.value, np.cumsum([self.model.nu, self.model.nw]))
+        return np.array(self.model.range_use(resting.q.value, u, p)).ravel()
 
-    def _newton(self, q: Array, z: Array, history: Array) -> Array | None:
+    def _newton(self, q: Array, z: Dual, history: Dual) -> Array | None:
         for _ in range(_ITERATIONS):
-            missing, stiffness, *_ = self._evaluate(q, z, history)
+            missing, stiffness, *_ = self._missing.parts(q, z, history)
             try:
-                change = np.linalg.solve(stiffness, -missing)
+                change = np.linalg.solve(stiffness, -missing.ravel())
             except np.linalg.LinAlgError:
                 return None
             size = float(np.abs(change).max()) / self._reach
@@ -197,16 +189,29 @@ class Shapes:
                 return q
         return None
 
-    def _evaluate(self, q: Array, z: Array, history: Array) -> tuple[Array, Array, Array, Array]:
-        missing, *slopes = self._balance(q, z, history)
-        by_q, by_z, by_history = (np.array(slope) for slope in slopes)
-        return np.array(missing).ravel(), by_q, by_z, by_history
+
+class Chained:
+    """Function y of some columns, with its derivatives by each of them, as one of numbers with derivatives."""
+
+    def __init__(self, name: str, y: ca.SX, *given: ca.SX) -> None:
+        outputs = [ca.densify(v) for v in (y, *(ca.jacobian(y, argument) for argument in given))]
+        self._function = ca.Function(name, list(given), ca.cse(outputs))
+
+    def parts(self, *given: Dual | Array) -> list[Array]:
+        """The column y (size, 1), and its derivative by each argument."""
+        plain = [argument.value if isinstance(argument, Dual) else argument for argument in given]
+        return [np.array(part) for part in self._function(*plain)]
+
+    def __call__(self, *given: Dual | Array) -> Dual:
+        """Value with derivatives by the unknowns; plain arrays do not depend on them."""
+        y, *slopes = self.parts(*given)
+        return Dual(y.ravel(), chained(slopes, given))
 
 
-def with_slopes(name: str, y: ca.SX, *given: ca.SX) -> ca.Function:
-    """Function of some columns -> y, and its derivative by each of them."""
-    outputs = [ca.densify(v) for v in (y, *(ca.jacobian(y, argument) for argument in given))]
-    return ca.Function(name, list(given), ca.cse(outputs))
+def chained(slopes: Sequence[Array], given: Sequence[Dual | Array]) -> Array:
+    """Derivatives by the unknowns, from those by some columns."""
+    first, *others = (by @ of.slope for by, of in zip(slopes, given, strict=True) if isinstance(of, Dual))
+    return np.asarray(sum(others, first))
 
 
 def symbols(model: FingerModel, first: str = "q") -> list[ca.SX]:

@@ -163,11 +163,9 @@ def _differ(problem: Problem, more: Array) -> bool:
     from scipy.special import stdtrit
 
     total, variance, freedom = 0.0, 0.0, 0.0
-    for block, part, _ in problem.parts:
-        differences, at = more[part], np.array([entry.at for entry in block.entries])
-        there = ~problem.fitted[part]
+    for of, part in zip(problem.sets, problem.slices, strict=True):
         # readings of one row or instant depend on one another
-        rows = np.array([differences[there & (at == instant)].sum() for instant in np.unique(at[there])])
+        rows = more[part].reshape(of.values.shape)[~of.fitted].sum(axis=1)
         if rows.size:
             total += float(rows.sum())
             about = (rows - rows.mean())[:, None]

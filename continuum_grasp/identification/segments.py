@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -53,18 +53,16 @@ class Pattern(NamedTuple):
 
 
 class Excited(NamedTuple):
-    """Commands as they are designed: segments, the motion, derivatives (T, readings, n) of what is read, scale [1]."""
+    """Commands as they are designed: segments, the motion, scale [1]."""
 
     segments: tuple[Segment, ...]
     rehearsal: Trajectory
-    rows: Array
     scale: float
 
-    @property
-    def by_segment(self) -> dict[str, Array]:
-        """Derivatives (readings, n) of what is read in each segment, by its name."""
-        t, width = self.rehearsal.t[1:], self.rows.shape[-1]
-        return {of.name: self.rows[(t > of.start) & (t <= of.end)].reshape(-1, width) for of in self.segments}
+    def by_segment(self, slopes: Array) -> dict[str, Array]:
+        """Derivatives (readings, n) of what is read in each segment, by its name, of those (T, readings, n) in all."""
+        t, width = self.rehearsal.t[1:], slopes.shape[-1]
+        return {of.name: slopes[(t > of.start) & (t <= of.end)].reshape(-1, width) for of in self.segments}
 
 
 _SHOWS = {
@@ -90,51 +88,38 @@ def base_of(scene: Scene) -> Array:
 
 
 def patterns_of(scene: Scene) -> list[Pattern]:
-    """To one side, to the other, and both tendons together; chambers beside tendons stay as they are."""
-    beside = len(scene.finger.chambers) if scene.finger.tendons else 0
-    still = np.zeros(beside)
-    return [of._replace(commands=np.append(of.commands, still)) for of in _patterns_of_drives(scene)]
-
-
-def _patterns_of_drives(scene: Scene) -> list[Pattern]:
+    """To one side, to the other, and both sides together; chambers beside tendons stay as they are."""
     finger = scene.finger
-    tendons, chambers, key = finger.tendon_list, finger.chambers, finger.input_keys[0]
-    model = FingerModel(scene, input_rates=False)
-    bend = float(sum(model.ranges))
-    directions = {"to the left": 1.0, "to the right": -1.0}
+    tendons, rod, key = finger.tendon_list, finger.rod, finger.input_keys[0]
+    arms = [tendon.arm(rod.length) for tendon in tendons] or [chamber.arm for chamber in finger.chambers]
+    model, both_ways, paid = FingerModel(scene, input_rates=False), key == "tip_moment", 0.0
+    bend, strong = float(sum(model.ranges)), max((tendon.max_tension for tendon in tendons), default=0.0)
     if key == "pressures":
-        sides = np.sign([chamber.arm for chamber in chambers])
-        return _of_sides(sides, directions, 0.0, max(chamber.max_pressure for chamber in chambers))
-    if key == "tip_moment":
-        greatest = bend * finger.rod.stiffness / finger.rod.length
-        return [Pattern(name, np.array([way]), greatest) for name, way in directions.items()]
-    sides = np.array([np.sign(tendon.arm(finger.rod.length)) for tendon in tendons])
-    strong = max(tendon.max_tension for tendon in tendons)
-    if key == "tensions":
-        return _of_sides(sides, directions, 0.0, strong)
-    winches = model.structure.winches
-    # Cable for the whole bending range, and for the elongation by the greatest tension.
-    offset = max(tendon.greatest_offset for tendon in tendons)
-    cable = bend * offset + strong / float(winches[0].stiffness)
-    drive = finger.winches[0]
-    if isinstance(drive, MotorDrive):
-        cable = cable / drive.winch_radius if key == "angles" else drive.limit
-    if drive.arrangement == "one_pulley":
-        return [Pattern(name, np.array([way]), cable) for name, way in directions.items()]
-    # Those on the other side pay out what their path takes: they stay in the tension that they have.
-    bent = finger.rod.stiffness / (finger.rod.length * offset)
-    paid = 0.0 if key == "torques" else offset / (offset + bent / float(winches[0].stiffness))
-    return _of_sides(sides, directions, paid, cable)
-
-
-def _of_sides(sides: Array, directions: Mapping[str, float], paid: float, greatest: float) -> list[Pattern]:
-    """Patterns of single tendons: those of a side pull while the others pay out a share of it, and all together."""
-    patterns = [
-        Pattern(name, np.where(sides == side, 1.0, -paid), greatest)
-        for name, side in directions.items()
-        if np.any(sides == side)
-    ]
-    return patterns + [Pattern("together", np.ones(sides.size), greatest)] * (len(patterns) > 1)
+        greatest = max(chamber.max_pressure for chamber in finger.chambers)
+    elif key == "tip_moment":
+        greatest = bend * rod.stiffness / rod.length
+    elif key == "tensions":
+        greatest = strong
+    else:
+        drive, stiffness = finger.winches[0], float(model.structure.winches[0].stiffness)
+        # Cable for the whole bending range, and for the elongation by the greatest tension.
+        offset = max(tendon.greatest_offset for tendon in tendons)
+        greatest = bend * offset + strong / stiffness
+        if isinstance(drive, MotorDrive):
+            greatest = greatest / drive.winch_radius if key == "angles" else drive.limit
+        both_ways = drive.arrangement == "one_pulley"
+        # Those on the other side pay out what their path takes: they stay in the tension that they have.
+        bent = rod.stiffness / (rod.length * offset)
+        paid = 0.0 if key == "torques" else offset / (offset + bent / stiffness)
+    patterns = list[Pattern]()
+    for name, side in (("to the left", 1.0), ("to the right", -1.0)):
+        sides = np.array([side]) if both_ways else np.where(np.sign(arms) == side, 1.0, -paid)
+        if both_ways or side in np.sign(arms):
+            patterns.append(Pattern(name, sides, greatest))
+    if len(patterns) > 1 and not both_ways:
+        patterns.append(Pattern("together", np.ones(len(arms)), greatest))
+    still = np.zeros(len(finger.chambers) if finger.tendons else 0)
+    return [of._replace(commands=np.append(of.commands, still)) for of in patterns]
 
 
 class Design:
@@ -188,18 +173,13 @@ class Design:
         greatest = np.array([tendon.max_tension for tendon in tendons])
         return bool(use <= reach and np.all(tensions <= reach * greatest))
 
-    def excited(
-        self, rows: Callable[[Trajectory], Array], allowed: Callable[[Trajectory], bool] | None = None
-    ) -> Excited:
-        """Commands as large as the motion that they cause is allowed to be.
-
-        ``rows`` gives derivatives (T, readings, n) of what is read after each sample, per standard deviation.
-        """
+    def excited(self, allowed: Callable[[Trajectory], bool] | None = None) -> Excited:
+        """Commands as large as the motion that they cause is allowed to be."""
         scale, tries, rehearsal = 1.0, _TRIES, simulate(self.scene(1.0))
         while tries and not (allowed or self.within)(rehearsal):
             scale, tries = _LESS * scale, tries - 1
             rehearsal = simulate(self.scene(scale))
-        return Excited(self.segments, rehearsal, rows(rehearsal), scale)
+        return Excited(self.segments, rehearsal, scale)
 
     def within(self, motion: Trajectory) -> bool:
         """Whether a motion stays within the bending range and the greatest tensions."""

@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import Reading, column
-from continuum_grasp.identification.rows import Resting, symbols
+from continuum_grasp.identification.rows import Dual, Resting, symbols
 from continuum_grasp.model import FingerModel
 from continuum_grasp.simulation.spectrum import poles
 
@@ -140,11 +140,11 @@ class Vibrations:
         self._slopes = self._pencil.forward(unknowns)
         self._readings = [(reading.of or 1, reading.quantity == "frequency") for reading in readings]
 
-    def at(self, resting: Resting) -> tuple[Array, Array]:
-        """Predictions (readings,) about a row at rest, and their derivatives (readings, unknowns)."""
-        state = resting.q, resting.z
+    def at(self, resting: Resting) -> Dual:
+        """Predictions (readings,) about a row at rest."""
+        state = resting.q.value, resting.z.value
         three = mass, damping, stiffness = [np.array(matrix) for matrix in self._pencil(*state)]
-        moved = [np.array(slope) for slope in self._slopes(*state, *three, resting.by_q, resting.by_z)]
+        moved = [np.array(slope) for slope in self._slopes(*state, *three, resting.q.slope, resting.z.slope)]
         predictions = {}
         for mode in dict.fromkeys(mode for mode, _ in self._readings):
             pole, left, right = _mode(mass, damping, stiffness, mode)
@@ -155,7 +155,7 @@ class Vibrations:
             predictions[mode, True] = pole.imag / (2.0 * np.pi), change.imag / (2.0 * np.pi)
             predictions[mode, False] = -pole.real, -change.real
         chosen = [predictions[key] for key in self._readings]
-        return np.array([value for value, _ in chosen]), np.array([slope for _, slope in chosen])
+        return Dual(np.array([value for value, _ in chosen]), np.array([slope for _, slope in chosen]))
 
 
 def _pencil(model: FingerModel) -> ca.Function:

@@ -68,17 +68,16 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
     from continuum_grasp.plotting.drawing import bodies
 
     finger, sets = result.scene.finger, dict[str, list[tuple[float, int, int, int]]]()
-    markers = list(dict.fromkeys(result.entries[x].series for x, _ in result.points.values()))
+    markers = list(dict.fromkeys(result.described[x].name for x, _ in result.points.values()))
     for (name, at, *_), (x, y) in result.points.items():
-        sets.setdefault(name, []).append((at, markers.index(result.entries[x].series), x, y))
-    drawn = dict(zip((name for name, _ in result.blocks), result.drawn, strict=True))
-    names = [name for name in sets if len(drawn[name].at)][:_PANELS]
+        sets.setdefault(name, []).append((at, markers.index(result.described[x].name), x, y))
+    drawn = {of.name: (lines, of.moves) for of, lines in zip(result.sets, result.drawn, strict=True)}
+    names = [name for name in sets if len(drawn[name][0].at)][:_PANELS]
     panels = _panels(len(names), ax, 5.6, 4.4)
     for panel, name in zip(panels, names, strict=False):
-        rows, lines = np.array(sets[name]), drawn[name]
+        rows, (lines, over_time) = np.array(sets[name]), drawn[name]
         index = rows[:, 2:].astype(int)
         measured, predicted = result.measured[index], result.predictions[index]
-        over_time = lines.over_time
         shown = np.isin(rows[:, 0], lines.at)
         box = bend_box([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
         unit = show_box(panel, box)
@@ -111,35 +110,34 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
     of their unit.
     """
     ranges = dict[str, float]()
-    for rows in result.series.values():
-        unit, span = result.entries[rows[0]].unit, max(float(np.ptp(result.measured[rows])), 1e-12)
-        ranges[unit] = max(ranges.get(unit, 0.0), span)
+    for column, _, rows in result.series.values():
+        span = max(float(np.ptp(result.measured[rows])), 1e-12)
+        ranges[column.unit] = max(ranges.get(column.unit, 0.0), span)
 
-    def missed(rows: NDArray[np.intp]) -> float:
-        return float(np.sqrt(np.mean(result.residuals[rows] ** 2))) / ranges[result.entries[rows[0]].unit]
+    def missed(unit: str, rows: NDArray[np.intp]) -> float:
+        return float(np.sqrt(np.mean(result.residuals[rows] ** 2))) / ranges[unit]
 
-    series = sorted(result.series.items(), key=lambda pair: -missed(pair[1]))[:_PANELS]
+    series = sorted(result.series.items(), key=lambda pair: -missed(pair[1][0].unit, pair[1][-1]))[:_PANELS]
     panels = _panels(len(series), ax, 4.6, 4.4, ratios=(2.0, 1.0))
-    for ((name, what), rows), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
-        entry = result.entries[rows[0]]
-        factor, unit = SHOWN_IN.get(entry.unit, (1.0, entry.unit))
-        at, inside = np.array([result.entries[row].at for row in rows]), result.fitted[rows]
+    for ((name, what), (column, moves, rows)), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
+        factor, unit = SHOWN_IN.get(column.unit, (1.0, column.unit))
+        at, inside = result.at[rows], result.fitted[rows]
         measured, predicted = factor * result.measured[rows], factor * result.predictions[rows]
         dense = len(rows) > _DENSE
-        marker = None if name in result.paths else "_"
+        marker = None if moves else "_"
         above.plot(at, predicted, color=BLUE, linewidth=1.2, marker=marker, label=result.predicted, zorder=2)
         for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
             if chosen.any():
                 above.scatter(at[chosen], measured[chosen], s=4 if dense else 18, color=color, linewidth=0, label=text)
                 below.vlines(at[chosen], 0.0, (predicted - measured)[chosen], color=color, linewidth=1.0)
         below.axhline(0.0, color=GRAY, linewidth=0.8)
-        if name not in result.paths:
+        if not moves:
             below.set_xlim(at.min() - 0.5, at.max() + 0.5)
             above.set_xlim(below.get_xlim())
             for panel in (above, below):
                 panel.locator_params(axis="x", integer=True)
         label(above, "", f"{what} [{unit}]")
-        label(below, "time [s]" if name in result.paths else "row", f"error [{unit}]")
+        label(below, "time [s]" if moves else "row", f"error [{unit}]")
         head(above, name, 3)
     return panels
 

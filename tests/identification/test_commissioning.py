@@ -45,7 +45,7 @@ def test_a_camera_is_found_from_points(mirrored):
     away = points - [0.3, -0.2]
     seen = 1.3 * np.column_stack([away @ [c, s], (-1 if mirrored else 1) * (away @ [-s, c])])
     found, left = camera_through(points, seen, mirrored)
-    assert found == pytest.approx([0.3, -0.2, 0.7, 1.3])
+    assert [*found.position, found.angle, found.scale] == pytest.approx([0.3, -0.2, 0.7, 1.3])
     assert left < 1e-12
     assert camera_through(points, seen, not mirrored)[1] > 0.5
     wired = wiring_of(Mounting(camera=camera), TIP, (), "mounting").readings

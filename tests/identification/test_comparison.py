@@ -74,7 +74,7 @@ def test_a_table_with_units_semicolons_and_commas_needs_no_configuration(tmp_pat
 
     text = "pose;tip_moment [N mm];at [mm];x [mm];y [mm]\n" + long_table(tmp_path, write)
     found = cg.compare(cg.Scene(**ROD), table(tmp_path, text))
-    assert len(found.entries) == 18
+    assert found.measured.size == 18
     assert np.abs(found.residuals).max() < 1e-7
     assert {one.count for one in found.channels} == {3}
     assert sorted(one.name.split(": ")[1] for one in found.channels if "distance" in one.name) == [
@@ -202,8 +202,8 @@ def test_a_track_with_gaps_is_that_of_one_arc_with_a_mass(tmp_path):
         initial={"q": [start]},
     )
     found = cg.compare(scene, table(tmp_path, "t,x,y\n" + "\n".join(lines)))
-    assert len(found.entries) == 2 * 29
-    assert found.paths == {"points"}
+    assert found.measured.size == 2 * 29
+    assert [of.moves for of in found.sets if of.name == "points"] == [True]
     assert np.abs(found.residuals).max() < 1e-5
 
 
@@ -245,7 +245,7 @@ PLAIN = "tip_moment [N m],x [mm],y [mm]\n0,1,-2\n0.001,,-3.5\n"
 def test_tables_as_people_have_them_are_those_with_units_in_brackets(tmp_path, text):
     expected, read = (cg.compare(cg.Scene(**ROD), table(tmp_path, each)) for each in (PLAIN, text))
     assert read.measured.tolist() == expected.measured.tolist()
-    assert [entry.series for entry in read.entries] == [entry.series for entry in expected.entries]
+    assert [of.name for of in read.described] == [of.name for of in expected.described]
 
 
 HEAD = "pose,M,s,x,y\np0,0.01,0.1,0.1,0\n"
@@ -288,7 +288,7 @@ def test_a_place_that_is_rounded_beyond_the_tip_is_the_tip(tmp_path):
 
 
 def test_remarks_are_not_measured_and_axes_along_one_line_are_refused(tmp_path):
-    assert len(cg.compare(cg.Scene(**ROD), table(tmp_path, "x,y,remark,trial\n0.2,0,good,1\n")).entries) == 2
+    assert cg.compare(cg.Scene(**ROD), table(tmp_path, "x,y,remark,trial\n0.2,0,good,1\n")).measured.size == 2
     with pytest.raises(InputError, match="both are along x"):
         described({**LONG, "axes": ["x", "-x"]})
 
@@ -360,4 +360,4 @@ def test_the_log_of_a_controller_is_replayed_by_its_commands(tmp_path):
     head = "t [s],commanded_tension_1 [N],commanded_tension_2 [N],tip_x [m],tip_y [m],tension_1 [N],tension_2 [N]\n"
     found = cg.compare(scene, table(tmp_path, head + "".join(f"{0.01 * k:.2f},1,1,0.2,0.0,7,8\n" for k in range(4))))
     assert np.abs(found.residuals).max() < 1e-12
-    assert len(found.entries) == 8
+    assert found.measured.size == 8

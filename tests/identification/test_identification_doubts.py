@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,12 +14,13 @@ from scipy.optimize import brentq
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification import problem as module
-from continuum_grasp.identification.blocks import Block, Entry
+from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.doubts import _outliers, _series, _sets
 from continuum_grasp.identification.inference import infer, model_error_warnings
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.unknowns import Unknown
+from tests.identification_cases import level_set
 
 ONE = Unknown("level", "m", "level", 1.0, False, 0.0, -np.inf, np.inf, 1.0)
 
@@ -27,13 +29,10 @@ class Level(Block):
     """Numbers that are predicted by one unknown, their mean."""
 
     def __init__(self, values: np.ndarray, name: str = "level", sigma: float | None = 1.0) -> None:
-        self.name = name
-        self.entries = [
-            Entry(f"{name} {k}", "levels", "m", float(v), True, sigma, float(k)) for k, v in enumerate(values)
-        ]
+        self.measured = level_set(name, values, sigma)
 
     def predict(self, values, until=np.inf):
-        count = len(self.entries)
+        count = len(self.measured.values)
         return np.full(count, values[0]), np.ones((count, 1))
 
 
@@ -89,7 +88,7 @@ def test_outliers_are_found_among_many_and_not_in_normal_noise():
     noise[70] = 0.1
     (found,) = _outliers(Problem([Level(noise)], [ONE]), noise, noise.size)
     assert int(found.split()[0]) >= 38
-    assert found.endswith("worst: level 70")
+    assert found.endswith("worst: level, row 70")
 
 
 @pytest.mark.parametrize(("share", "warned"), [(0.999, False), (1.001, True)])
@@ -116,5 +115,5 @@ def test_parameters_are_hardly_distinguished_from_a_correlation_of_99_percent_on
 def test_correlation_along_a_path_is_judged_from_thirty_instants_on(instants, judged):
     drift = np.linspace(-1.0, 1.0, instants)
     block = Level(drift)
-    block.moves = True
+    block.measured = replace(block.measured, moves=True)
     assert bool(_series(Problem([block], [ONE]), drift)) == judged

@@ -12,7 +12,6 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath, design_experiments
 from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.experiments import commands_text, scene_text
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.segments import base_of, patterns_of
@@ -84,11 +83,9 @@ def test_derivatives_of_motions_with_friction_states(scene, names, readings):
 )
 def test_friction_at_a_start_is_that_of_a_simulation(bend, history):
     scene = driven(WINCHES, "lengths", [], initial={"q": [bend, 0.5 * bend], **history})
-    own = Driven(scene, (), ())
-    q, p = np.array(scene.initial.q), np.array(own.model.p_nominal)
-    found, _ = own.begin(0.0, 0.0, q, np.zeros((2, 0)), p)
-    expected = initial_state(scene, own.model)[own.model.nx - found.size :]
-    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    own = PathBlock(scene, TipPath([0.01, 0.02], at_tip([0.0, 0.0], [0.0, 0.0])), ())
+    found, _ = own._begin(np.zeros(0), 0.0, np.array(own.model.p_nominal))
+    assert found == pytest.approx(initial_state(scene, own.model), rel=1e-9, abs=1e-9)
     if history.get("reached_by") == "releasing":
         assert found[-4:] == pytest.approx(-np.ones(4))
 

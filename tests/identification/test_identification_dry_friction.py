@@ -83,6 +83,6 @@ def test_without_the_shapes_before_the_friction_of_the_start_is_wrong(path):
         unknowns = read_unknowns(scene, NAMES)
         block = PathBlock(scene, replace(path, before=before), unknowns)
         values = np.array([one.start for one in [*unknowns, *block.own]])
-        missed = block.predict(values)[0] - np.array([one.value for one in block.entries])
+        missed = block.predict(values)[0] - block.measured.values.ravel()
         found[name] = float(np.sqrt(np.mean(missed**2)))
     assert found["with"] < 0.2 * found["without"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +11,8 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification import Poses, Reading, plausibility
-from continuum_grasp.identification.blocks import Block, Entry, PosesBlock
+from continuum_grasp.identification.blocks import Block, PosesBlock
+from continuum_grasp.identification.numbers import Measured, MeasuredColumn
 from continuum_grasp.identification.plausibility import Misfit, _refitted, judge, misfits
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.slips import slips_of, undone
@@ -34,19 +34,19 @@ def tips() -> np.ndarray:
 class Missed(Block):
     """A set whose predictions are given, of readings of the scene."""
 
-    def __init__(self, poses: Poses, sigma: float | None = None, finger: Any = SCENE.finger) -> None:
-        self.name, self.finger, self.data, self.scene = poses.name, finger, poses, SCENE
+    def __init__(self, poses: Poses, sigma: float | None = None) -> None:
+        self.data, self.scene = poses, SCENE
         rows = np.stack([np.asarray(one.values) for one in poses.measured], axis=1)
-        self.entries = [
-            Entry(
-                f"{one.what}, row {k + 1}", one.kind, "m", float(value), True, sigma, float(k), one.what, one.quantity
-            )
-            for k, row in enumerate(rows)
-            for one, value in zip(poses.measured, row, strict=True)
-        ]
+        columns = (
+            MeasuredColumn(one.what, one.kind, "m", sigma, one.quantity, LENGTH if one.at is None else one.at)
+            for one in poses.measured
+        )
+        self.measured = Measured(
+            poses.name, tuple(columns), np.arange(1, len(rows) + 1), rows, np.ones(len(rows), bool)
+        )
 
     def predict(self, values, until=np.inf):
-        return np.full(len(self.entries), np.nan), np.ones((len(self.entries), 1))
+        return np.full(self.measured.values.size, np.nan), np.ones((self.measured.values.size, 1))
 
     def again(self, unknowns, **other):
         raise SolverError("no search here", status="none")
@@ -95,7 +95,8 @@ def test_points_beyond_the_reach_are_refused(at, way):
 )
 def test_other_quantities_are_refused_from_a_share_of_their_range_or_size_on(quantity, values, limit):
     block = Missed(Poses([Reading("x", values)]))
-    block.entries = [replace(one, quantity=quantity) for one in block.entries]
+    columns = tuple(one._replace(quantity=quantity) for one in block.measured.columns)
+    block.measured = replace(block.measured, columns=columns)
     (found,) = misfits(Problem([block], [ONE]), np.zeros(len(values)))
     assert found.limit == pytest.approx(limit)
 
@@ -104,8 +105,8 @@ class Fixed(Missed):
     """A set that is missed by a millimeter to either side of a level."""
 
     def predict(self, values, until=np.inf):
-        off = 1e-3 * (-1.0) ** np.arange(len(self.entries))
-        return np.array([one.value for one in self.entries]) + off + values[0], np.ones((len(self.entries), 1))
+        known = self.measured.values.ravel()
+        return known + 1e-3 * (-1.0) ** np.arange(known.size) + values[0], np.ones((known.size, 1))
 
     def again(self, unknowns, *, data=None, scene=None):
         return Fixed(data or self.data)
@@ -213,7 +214,7 @@ def test_good_data_are_not_refused(seeds):
         data = weighed(noisy, LOADS)
         block = copy(model)
         block.data, block.again = data, Missed(data).again
-        block.entries = [replace(one, value=value) for one, value in zip(model.entries, noisy.ravel(), strict=True)]
+        block.measured = replace(model.measured, values=noisy)
         problem = Problem([block], unknowns)
         assert not judge(problem, problem.solve(lambda share: None)).reason
 

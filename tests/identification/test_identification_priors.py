@@ -10,13 +10,13 @@ from scipy.special import stdtrit
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath
-from continuum_grasp.identification.blocks import Block, Entry
+from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.inference import infer, middle
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.read import read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
-from tests.identification_cases import ROD, at_tip
+from tests.identification_cases import ROD, at_tip, level_set
 from tests.rods import HANGING, rod_scene
 
 
@@ -24,9 +24,8 @@ class Linear(Block):
     """Predictions A x, of which entries of known deviation are measured; the last ``held`` unknowns are its own."""
 
     def __init__(self, matrix: np.ndarray, values: np.ndarray, sigma: float, own: tuple[Unknown, ...] = (), fit=True):
-        self.name, self.own, self._matrix = "linear" if fit else "held out", own, matrix
-        self.entries = [Entry("", "rows", "m", float(v), fit, sigma, float(k)) for k, v in enumerate(values)]
-
+        self.own, self._matrix, fitted = own, matrix, np.full(len(values), fit)
+        self.measured = level_set("linear" if fit else "held out", values, sigma, "rows", fitted=fitted)
         self.asked: list[np.ndarray] = []
 
     def predict(self, values, until=np.inf):

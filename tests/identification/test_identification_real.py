@@ -110,7 +110,7 @@ def test_ring_downs_have_the_frequencies_of_an_independent_fit(ring_downs):
         decays = [float(r["decay_rate_1_per_s"]) for r in own]
         assert ring_downs.measured[at + 1 : at + count : 2] == pytest.approx(decays, abs=2e-3)
         at += count
-    assert len(ring_downs.entries) == 2 * 54
+    assert ring_downs.measured.size == 2 * 54
 
 
 @pytest.mark.deep

@@ -8,7 +8,6 @@ differences.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -19,14 +18,16 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.integration import Integration
 from continuum_grasp.closed_loop.plant import choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.wiring import TIP, camera_axes
+from continuum_grasp.closed_loop.wiring import TIP, wiring_of
 from continuum_grasp.core.rollouts import Signal
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.identification.blocks import Block, Entry
+from continuum_grasp.identification.blocks import Block
+from continuum_grasp.identification.numbers import Measured, MeasuredColumn
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
 from continuum_grasp.labels import name_of, split_unit, unit_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Plant
+from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS
 
 CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
@@ -40,17 +41,6 @@ FRICTION = "tendon_friction"
 """Unknown that is found in the end: friction of the tendons."""
 _FRICTION = 0.01
 """Friction of the tendons whose motion is compared with that without any [1]."""
-
-
-class Connected(NamedTuple):
-    """Connections of commands and readings to tendons: the number of each one's tendon from 0, and its sign; and where
-    the search for the camera starts, as `CAMERA` has it.
-    """
-
-    order: tuple[int, ...]
-    signs: tuple[int, ...]
-    mirrored: bool = False
-    camera: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
 
 
 class Log(NamedTuple):
@@ -126,12 +116,9 @@ class Bench:
         names = [*self.model.parameters, LAG][: self.nominal.size]
         return np.array([numbers.get(name, friction) for name in names])
 
-    def commanded(self, u: Array, connected: Connected, shifts: Array) -> Array:
-        """Commands (K, nu) of the tendons from those of the bench; ``shifts`` are the values of the zeros."""
-        commands = np.empty_like(u)
-        for channel, (tendon, sign) in enumerate(zip(connected.order, connected.signs, strict=True)):
-            commands[:, tendon] = sign * u[:, channel]
-        commands += np.sum([value * zero for value, zero in zip(shifts, self.zeros, strict=True)], axis=0)
+    def commanded(self, u: Array, mounting: Mounting) -> Array:
+        """Commands (K, nu) of the tendons from those of the bench."""
+        commands = wiring_of(mounting, self.names, self.model.u_names, "mounting").commands.back(u)
         return np.maximum(commands, 0.0) if self.scene.finger.tendons else commands
 
     def moved(self, t: Array, u: Array, p: Array, end: float) -> tuple[Array, Array, Array]:
@@ -168,10 +155,9 @@ class Bench:
         self._last = solution.x
         return self._last
 
-    def shown(self, log: Log, connected: Connected, values: Array, friction: float = 0.0) -> tuple[Array, Array]:
+    def shown(self, log: Log, mounting: Mounting, values: Array, friction: float = 0.0) -> tuple[Array, Array]:
         """Instants (N,), and tip and exerted inputs (N, 2 + nu) without delay, by the values of ``unknowns``."""
-        p, zeros = self.parameters(values, friction), values[len(self.unknowns) - len(self.zeros) :]
-        u = self.commanded(log.u, connected, zeros)
+        p, u = self.parameters(values, friction), self.commanded(log.u, mounting)
         # what the camera and load cells count, and a delay, does not change the motion
         end = max(float(log.at[-1]), float(log.t[-1]))
         key = b"".join(array.tobytes() for array in (log.t, u, p, np.array(end)))
@@ -186,31 +172,45 @@ class Bench:
 
 
 class BenchBlock(Block):
-    """The log of a bench that is connected in some way, predicted for the unknowns of bench, camera and load cells.
+    """The log of a bench that is connected as a mounting says, predicted for the unknowns of bench, camera and cells.
 
-    ``paired`` has the tendon and the sign of each measured tension, by its name.
+    The search for the camera starts at that of the mounting, and zeros of its lines at 0.
     """
 
-    ordered = True
     kinked = True  # where a tendon comes to be slack
 
-    def __init__(self, bench: Bench, log: Log, connected: Connected, paired: Mapping[str, tuple[int, int]]) -> None:
-        self.name, self.finger, self.entries = "bench", bench.scene.finger, []
-        self.bench, self._log, self.connected = bench, log, connected
-        self._cells = [(k, *paired[name]) for k, name in enumerate(log.names) if name not in TIP]
+    def __init__(self, bench: Bench, log: Log, way: Mounting) -> None:
+        lines = tuple(Connection(of=k + 1) for k in range(bench.model.nu))
+        self.way = way.replaced(drives=way.drives or lines, tensions=way.tensions or lines)
+        self.bench, self._log, self.scene = bench, log, bench.model.scene
         self._delay = [unknown.name for unknown in bench.unknowns].index(DELAY)
         greatest, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
-        rows = zip(CAMERA, ("m", "m", "rad", "1"), connected.camera, (0.05 * length,) * 2 + (0.1,) * 2, strict=True)
+        starts, sizes = (*way.camera.position, way.camera.angle, way.camera.scale), (0.05 * length,) * 2 + (0.1,) * 2
+        rows = zip(CAMERA, ("m", "m", "rad", "1"), starts, sizes, strict=True)
         camera = [Unknown(name, unit, name, start=start, typical=size) for name, unit, start, size in rows]
         camera[-1] = camera[-1]._replace(lower=1e-6)
-        cells = [log.names[k] for k, _, _ in self._cells]
+        # of the load cells those that are in the log
+        cells = [name for name in log.names if name not in TIP]
+        self._cells = [bench.model.u_names.index(name) for name in cells]
         biases = [Unknown(bias_of(name), unit_of(name), BIAS, typical=0.05 * greatest) for name in cells]
         self.unknowns = [*bench.unknowns, *camera, *biases]
-        words = [(*split_unit(name), "tip" if name in TIP else "tension") for name in log.names]
-        for at, row in zip(log.at.tolist(), log.readings.tolist(), strict=True):
-            for (what, unit, group), value in zip(words, row, strict=True):
-                known = group, unit, value, True, None, at, what, what.removeprefix("tip_")
-                self.entries.append(Entry(f"{what} at {at:g} s", *known, length if group == "tip" else None))
+        columns = []
+        for name, unit in map(split_unit, log.names):
+            group, place = ("tip", length) if f"{name} [{unit}]" in TIP else ("tension", None)
+            columns.append(MeasuredColumn(name, group, unit, None, name.removeprefix("tip_"), place))
+        fitted = np.ones(log.at.size, dtype=bool)
+        self.measured = Measured("bench", tuple(columns), log.at, log.readings, fitted, moves=True, ordered=True)
+
+    def mounting(self, values: Array) -> Mounting:
+        """The mounting by the values of the unknowns."""
+        count, of_bench = len(self.bench.unknowns), self.bench.zeros
+        x, y, angle, scale, *biases = values[count:].tolist()
+        shifts = values[count - len(of_bench) : count] @ np.array(of_bench)
+        zeros = dict(zip(self._cells, biases, strict=True))
+        cells = [of.model_copy(update={"zero": zeros.get(k, 0.0)}) for k, of in enumerate(self.way.tensions)]
+        drives = [of.model_copy(update={"zero": -of.sign * float(shifts[of.of - 1])}) for of in self.way.drives]
+        camera = self.way.camera.model_copy(update={"position": (x, y), "angle": angle, "scale": scale})
+        return self.way.model_copy(update={"camera": camera, "drives": tuple(drives), "tensions": tuple(cells)})
 
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         seen = self._seen(values)
@@ -219,24 +219,19 @@ class BenchBlock(Block):
         return seen, np.column_stack([(self._seen(values + step) - seen) / step.max() for step in steps])
 
     def by_friction(self, values: Array) -> Array:
-        """Derivative (entries,) of what is read by friction of the tendons, where there is none yet."""
+        """Derivative (m,) of what is read by friction of the tendons, where there is none yet."""
         bench = Bench(self.bench.scene, friction=True)
         seen, without = (self._seen(values, bench, friction) for friction in (_FRICTION, 0.0))
         return (seen - without) / _FRICTION
 
     def _seen(self, values: Array, bench: Bench | None = None, friction: float = 0.0) -> Array:
-        """Readings (entries,) on a bench, its own where not given."""
-        bench, log, count = bench or self.bench, self._log, len(self.bench.unknowns)
-        x, y, angle, scale, *biases = values[count:]
-        t, base = bench.shown(log, self.connected, values[:count], friction)
+        """Readings (m,) on a bench, its own where not given."""
+        bench, log, mounting = bench or self.bench, self._log, self.mounting(values)
+        t, base = bench.shown(log, mounting, values[: len(bench.unknowns)], friction)
         then = log.at - values[self._delay]
         moved = np.column_stack([np.interp(then, t, column) for column in base.T])
-        readings = np.empty((len(then), len(log.names)))
-        tip = [log.names.index(name) for name in TIP]
-        readings[:, tip] = scale * (moved[:, :2] - (x, y)) @ camera_axes(angle, self.connected.mirrored).T
-        for (column, tendon, sign), bias in zip(self._cells, biases, strict=True):
-            readings[:, column] = sign * moved[:, 2 + tendon] + bias
-        return readings.ravel()
+        readings = wiring_of(mounting, bench.names, bench.model.u_names, "mounting").readings(moved)
+        return np.asarray(readings[:, [bench.names.index(name) for name in log.names]]).ravel()
 
 
 def bias_of(name: str) -> str:
@@ -245,8 +240,8 @@ def bias_of(name: str) -> str:
     return f"{BIAS}_{number}" if number.isdigit() else BIAS
 
 
-def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Array, float]:
-    """Camera (x, y, angle, scale) that sees points (T, 2) [m] nearest to where they are seen, and what is left.
+def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Camera, float]:
+    """Camera that sees points (T, 2) [m] nearest to where they are seen, and what is left.
 
     The similarity of least squares (S. Umeyama, 1991, doi:10.1109/34.88573), in complex numbers; what is left is the
     root mean square distance [m].
@@ -257,4 +252,5 @@ def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Array, f
     factor = np.vdot(a, b) / np.vdot(a, a).real  # image = factor * (world - origin)
     origin = world.mean() - image.mean() / factor
     left = float(np.sqrt(np.mean(np.abs(b - factor * a) ** 2)))
-    return np.array([origin.real, origin.imag, -np.angle(factor), abs(factor)]), left
+    numbers = {"position": (origin.real, origin.imag), "angle": -float(np.angle(factor)), "scale": float(abs(factor))}
+    return Camera(mirrored=mirrored).model_copy(update=numbers), left

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import permutations, product
 from os import PathLike
@@ -18,27 +18,17 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.wiring import TIP
 from continuum_grasp.control.log import COMMANDED, ControlLog
 from continuum_grasp.errors import InputError, NumericalError, SolverError
-from continuum_grasp.identification.commissioning.bench import (
-    FRICTION,
-    ZERO,
-    Bench,
-    BenchBlock,
-    Connected,
-    Log,
-    bias_of,
-    camera_through,
-)
+from continuum_grasp.identification.commissioning.bench import FRICTION, Bench, BenchBlock, Log, camera_through
 from continuum_grasp.identification.commissioning.plan import checked, design_commissioning, names_of
 from continuum_grasp.identification.commissioning.result import Alternative, Commissioning
 from continuum_grasp.identification.experiments import ExperimentPlan
 from continuum_grasp.identification.fit import estimates
-from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.periods import columns_of
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.labels import name_of
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Camera, Connection, Mounting
+from continuum_grasp.scene.estimator import Connection, Mounting
 
 Fitted = tuple[float, BenchBlock, Problem, Solution]
 """A fit of one way in which the bench may be connected, and how far it misses the tip (r.m.s.) [m]."""
@@ -164,16 +154,18 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     mute = [name for name in log.names if name not in TIP and name not in cells]
     used = [k for k, name in enumerate(log.names) if name not in mute]
     log = log._replace(readings=log.readings[:, used], names=tuple(log.names[k] for k in used))
-    ways = [Connected(order, signs) for order in permutations(range(nu)) for signs in product((1, -1), repeat=nu)]
+    drives = [
+        tuple(Connection(of=k + 1, sign=sign) for k, sign in zip(order, signs, strict=True))  # type: ignore[arg-type]
+        for order in permutations(range(nu))
+        for signs in product((1, -1), repeat=nu)
+    ]
     stated = scene.mounting is not None and "mirrored" in scene.mounting.camera.model_fields_set
     sides = [scene.mounting.camera.mirrored] if stated and scene.mounting is not None else [False, True]
-    rough = sorted(_rough(bench, log, ways, sides, start), key=lambda trial: trial[0])
+    rough = sorted(_rough(bench, log, drives, sides, start), key=lambda trial: trial[0])
     chosen = [trial for trial in rough if trial[0] <= _NEAR * rough[0][0]]
     fits = list[Fitted]()
     for k, (_, way) in enumerate(chosen):
-        # By the command, whose drive may turn the other way.
-        paired = {name: (way.order[c], sign * way.signs[c]) for name, (c, sign) in cells.items()}
-        block = BenchBlock(bench, log, way, paired)
+        block = BenchBlock(bench, log, way.replaced(tensions=_cells_of(bench, way, cells)))
         problem = Problem([block], block.unknowns)
         try:
             solution = problem.solve(lambda share: None)
@@ -210,67 +202,65 @@ def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]
     }
 
 
+def _cells_of(bench: Bench, way: Mounting, cells: Mapping[str, tuple[int, int]]) -> list[Connection]:
+    """Lines of all load cells, from commands and signs that some follow; a drive may turn the other way."""
+    drives = {name: way.drives[c] for name, (c, _) in cells.items()}
+    free = iter(sorted({*range(1, bench.model.nu + 1)} - {drive.of for drive in drives.values()}))
+    return [
+        drives[name].replaced(sign=cells[name][1] * drives[name].sign) if name in cells else Connection(of=next(free))
+        for name in bench.model.u_names
+    ]
+
+
 def _rough(
-    bench: Bench, log: Log, ways: Sequence[Connected], sides: Sequence[bool], start: Array
-) -> Iterator[tuple[float, Connected]]:
-    """Distance [m] that the nearest camera leaves of the nominal finger, for each connection and handedness, and both
-    with that camera.
+    bench: Bench, log: Log, drives: Sequence[tuple[Connection, ...]], sides: Sequence[bool], start: Array
+) -> Iterator[tuple[float, Mounting]]:
+    """Distance [m] that the nearest camera leaves of the nominal finger, for lines of the drives and each handedness,
+    and the mounting with that camera.
     """
     seen = log.readings[:, [log.names.index(name) for name in TIP]]
     then = log.at - start[[unknown.name for unknown in bench.unknowns].index(DELAY)]
-    for way in ways:
-        t, base = bench.shown(log, way, start)
+    for lines in drives:
+        t, base = bench.shown(log, Mounting(drives=lines), start)
         tip = np.column_stack([np.interp(then, t, base[:, c]) for c in (0, 1)])
         for mirrored in sides if np.ptp(tip, axis=0).max() > 1e-6 else ():
             camera, left = camera_through(tip, seen, mirrored)
-            yield left / camera[3], way._replace(mirrored=mirrored, camera=camera.tolist())
+            yield left / camera.scale, Mounting(camera=camera, drives=lines)
 
 
 def _result(
     scene: ControlScene,
     bench: Bench,
     log: Log,
-    cells: dict[str, tuple[int, int]],
+    cells: Mapping[str, tuple[int, int]],
     alike: Sequence[Fitted],
     missing: Sequence[str],
 ) -> Commissioning:
     missed, block, problem, solution = alike[0]
-    way = block.connected
-    unknowns, values, predictions, weighted = _with_friction(block, problem, solution)
-    numbers = {unknown.name: value for unknown, value in zip(unknowns, values.tolist(), strict=True)}
-    inference = infer(unknowns, values, *weighted, None, problem.series)
-    zeros = [numbers[f"{ZERO}_{k + 1}"] for k in range(len(bench.zeros))]
-    shifts = np.sum([value * zero for value, zero in zip(zeros, bench.zeros, strict=True)], axis=0)
-    drives = tuple(
-        Connection(of=tendon + 1, sign=sign, zero=-sign * float(shifts[tendon]))  # type: ignore[arg-type]
-        for tendon, sign in zip(way.order, way.signs, strict=True)
-    )
-    lines = {
-        name: Connection(of=way.order[c] + 1, sign=s * way.signs[c], zero=numbers[bias_of(name)])  # type: ignore[arg-type]
-        for name, (c, s) in cells.items()
-    }
-    whole = len(lines) == bench.model.nu
-    camera = Camera(
-        position=(numbers["camera_x"], numbers["camera_y"]),
-        angle=numbers["camera_angle"],
-        scale=numbers["camera_scale"],
-        mirrored=way.mirrored,
-    )
-    cells_of = tuple(lines[name] for name in bench.model.u_names) if whole else ()
-    moved = np.ptp(bench.commanded(log.u, way, np.array(zeros)), axis=0)
+    way = block.way
+    # friction that is left out shifts the camera by more than the noise
+    friction = [block.by_friction(solution.values)] if scene.finger.tendons else []
+    found = problem.inferred(solution, *((Unknown(FRICTION, "1", FRICTION, typical=0.01), slope) for slope in friction))
+    step = found.values - np.pad(solution.values, (0, len(friction)))
+    predictions = solution.predictions + np.column_stack([solution.jacobian, *friction]) @ step
+    mounting = block.mounting(found.values[: len(block.unknowns)])
+    if len(cells) < bench.model.nu:
+        mounting = mounting.model_copy(update={"tensions": ()})
+    moved = np.ptp(bench.commanded(log.u, mounting), axis=0)
     # 0.2: share of its command's range in which a tendon is pulled, below which the drive moves nothing
-    idle = [c for c, tendon in enumerate(way.order) if moved[tendon] < 0.2 * np.ptp(log.u[:, c])]
+    idle = [c for c, line in enumerate(way.drives) if moved[line.of - 1] < 0.2 * np.ptp(log.u[:, c])]
     undetermined = [
         f"the log has no {name}, or it follows no command: its line is not known; leave it out of estimator.measured, "
         "or log it while its tendon is pulled"
         for name in missing
     ]
     undetermined += [
-        f"drive {c + 1} moves nothing: it turns the other way (sign: {way.signs[c]:+d} in mounting.drives), or is dead"
+        f"drive {c + 1} moves nothing: it turns the other way (sign: {way.drives[c].sign:+d} in mounting.drives), or "
+        "is dead"
         for c in idle
     ]
     if len(alike) > 1:
-        undetermined.append("; or ".join(_words(of.connected) for _, of, *_ in alike))
+        undetermined.append("; or ".join(_words(of.way) for _, of, *_ in alike))
     if len(bench.zeros) < bench.model.nu and cells:
         undetermined.append(
             "a zero that both drives share cannot be distinguished from one that both load cells share: taken as the "
@@ -280,40 +270,19 @@ def _result(
     # 0.05: root mean square error of the tip per length of the finger from which the log is not of this finger
     status = status if missed <= 0.05 * scene.finger.rod.length else "mismatch"
     return Commissioning(
-        **estimates(unknowns, values, inference),
+        **estimates(found.unknowns, found.values, found.inference),
         sigma=solution.sigma,
         **problem.predicted(solution.values, predictions),
         scene=scene,
         status=status,
-        warnings=inference.warnings,
+        warnings=found.inference.warnings,
         statistics={"ways": len(alike), "evaluations": solution.evaluations},
-        mounting=Mounting(camera=camera, drives=drives, tensions=cells_of),
-        alternatives=tuple(Alternative(_words(of.connected), missed) for missed, of, *_ in alike),
+        mounting=mounting,
+        alternatives=tuple(Alternative(_words(of.way), missed) for missed, of, *_ in alike),
         undetermined=tuple(undetermined),
     )
 
 
-def _with_friction(
-    block: BenchBlock, problem: Problem, solution: Solution
-) -> tuple[list[Unknown], Array, Array, tuple[Array, Array]]:
-    """Unknowns and values with friction of the tendons among them, predictions, whitened Jacobian and residuals.
-
-    A Gauss-Newton step from the fit without it: friction that is left out shifts the camera by more than the noise.
-    """
-    if not block.bench.scene.finger.tendons:
-        return problem.unknowns, solution.values, solution.predictions, problem.weighted(solution)
-    slope = block.by_friction(solution.values)[:, None]
-    jacobian, residuals = problem.weighted(solution, slope)
-    step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
-    friction = Unknown(FRICTION, "1", FRICTION, typical=0.01)
-    predictions = solution.predictions + np.hstack([solution.jacobian, slope]) @ step
-    values = np.append(solution.values + step[:-1], step[-1])
-    return [*problem.unknowns, friction], values, predictions, (jacobian, residuals + jacobian @ step)
-
-
-def _words(way: Connected) -> str:
-    pairs = zip(way.order, way.signs, strict=True)
-    lines = ", ".join(
-        f"drive {c + 1} on {'-' if sign < 0 else ''}{tendon + 1}" for c, (tendon, sign) in enumerate(pairs)
-    )
-    return f"{lines}, camera {'mirrored' if way.mirrored else 'not mirrored'}"
+def _words(way: Mounting) -> str:
+    lines = ", ".join(f"drive {c} on {'-' if of.sign < 0 else ''}{of.of}" for c, of in enumerate(way.drives, 1))
+    return f"{lines}, camera {'mirrored' if way.camera.mirrored else 'not mirrored'}"

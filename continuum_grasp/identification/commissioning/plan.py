@@ -20,11 +20,12 @@ from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.identification.commissioning.bench import Bench, BenchBlock, Connected, Log
+from continuum_grasp.identification.commissioning.bench import Bench, BenchBlock, Log
 from continuum_grasp.identification.experiments import ExperimentPlan, plan_of
 from continuum_grasp.identification.segments import Design, patterns_of
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.identify import Excitation
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.simulation.trajectory import Trajectory
@@ -88,18 +89,12 @@ def design_commissioning(
     names = tuple(name for name in names_of(known) if name in (*TIP, *bench.names))
     sigma = np.array([measurement_std(known, name) for name in names])
     limits, exceeded = _limits(known, bench), ""
-    in_order = Connected(tuple(range(bench.model.nu)), (1,) * bench.model.nu)
-    paired = {name: (k, 1) for k, name in enumerate(bench.model.u_names)}
 
     def block(t: Array, u: Array) -> BenchBlock:
-        return BenchBlock(bench, Log(t, u, t[1:], np.zeros((len(t) - 1, len(names))), names), in_order, paired)
+        return BenchBlock(bench, Log(t, u, t[1:], np.zeros((len(t) - 1, len(names))), names), Mounting())
 
     def commands(motion: Trajectory) -> Array:
         return _limited(known, motion.u[:, : bench.model.nu])
-
-    def rows(motion: Trajectory) -> Array:
-        _, slopes = block(motion.t, commands(motion)).predict(np.array([unknown.start for unknown in unknowns]))
-        return np.asarray(slopes.reshape(len(motion.t) - 1, len(names), -1) / sigma[:, None])
 
     def allowed(motion: Trajectory) -> bool:
         nonlocal exceeded
@@ -107,13 +102,16 @@ def design_commissioning(
         return not exceeded
 
     unknowns = block(np.zeros(1), np.zeros((1, 1))).unknowns
-    motion = design.excited(rows, allowed)
+    motion = design.excited(allowed)
     if exceeded:
         raise InputError(f"no excitation is possible: it goes beyond the limit of {exceeded}", key="controller.bounds")
     to_bench = wiring_of(known.mounting, (), bench.model.u_names, "mounting").commands
     sent = np.array([to_bench(row) for row in commands(motion.rehearsal)])
     sent_names = tuple(COMMANDED + name for name in bench.model.u_names)
-    return plan_of(unknowns, motion, around, commands=sent, command_names=sent_names)
+    at, t = np.array([unknown.start for unknown in unknowns]), motion.rehearsal.t
+    slopes = block(t, commands(motion.rehearsal)).predict(at)[1].reshape(len(t) - 1, len(names), -1)
+    along = motion.by_segment(slopes / sigma[:, None])
+    return plan_of(unknowns, motion, along, around, commands=sent, command_names=sent_names)
 
 
 def checked(scene: ControlScene | str | PathLike[str]) -> ControlScene:
