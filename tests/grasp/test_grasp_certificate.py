@@ -10,7 +10,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.check import overlap
-from continuum_grasp.scene.objects import Circle, Ellipse, Polygon, Superellipse, Union
+from continuum_grasp.scene.objects import Ellipse, Polygon, Superellipse, Union
 from tests import certificate_cases as cases
 from tests.test_imports import PACKAGE, imports, inside
 
@@ -225,19 +225,13 @@ def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
         "left": cases.make_finger((-aside, 0.0), -lean, half),
         "right": cases.make_finger((aside, 0.0), lean, half),
     }
-    scene = cases.make_scene(
-        fingers, Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.0)), {"tip": "auto"}
-    )
-    arrays = cases.stored(
-        scene, {"left": {}, "right": {}}, [("left.tip", (0, 0), cases.UP, (0, 0, 0), cases.LENGTH, 0)]
-    )
     tip = np.array([-aside + cases.LENGTH * np.sin(lean), cases.LENGTH * np.cos(lean)])
     along = np.array([-np.sin(lean), np.cos(lean)])  # of the other
     off = tip - [aside, 0.0]
     apart = float(np.hypot(*(off - np.clip(off @ along, 0.0, cases.LENGTH) * along)))
     crosses = tip[0] > 0.0
     expected = 2 * half + (apart if crosses else -min(apart, 2 * aside))
-    certificate = certify(scene, arrays)
+    certificate = certify(*cases.apart(fingers))
     assert overlap(*certificate.grasp.fingers) == pytest.approx(expected, abs=2e-6)
     assert certificate.overlap == pytest.approx(max(expected, 0.0), abs=2e-6)
 
