@@ -19,7 +19,7 @@ BUILD = ("first_finger", "identified_fingers", "compare", "design_a_finger")
 GRASP = ("grasp_an_object", "grasp_with_errors", "close_the_fingers", "carry_out_a_grasp")
 CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "commission", "controller_in_c", "embedded")
 PATHS = (*BUILD, *GRASP, *CONTROL)
-PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators")
+PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators", "results", "command_line")
 BOARD = ("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
 """Programs that the page on a board runs."""
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -114,9 +114,10 @@ def test_the_keys_on_the_page_of_simulate_are_those_of_the_schema():
 
 @pytest.mark.deep
 @pytest.mark.parametrize("page", PAGES)
-def test_every_command_of_a_page_runs(page, tmp_path):
-    for package in ("pandas", "mujoco", "fmpy", "jax", "gymnasium"):
-        if f"import {package}" in page_text(page):
+def test_every_command_of_a_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    for package in ("pandas", "xarray", "mujoco", "fmpy", "jax", "gymnasium"):
+        if re.search(rf"import {package}|to_{package}\(", page_text(page)):
             pytest.importorskip(package)
     if page == "embedded" and not all(map(shutil.which, BOARD)):
         pytest.skip(f"needs {', '.join(BOARD)}")
