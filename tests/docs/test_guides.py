@@ -14,6 +14,7 @@ import continuum_grasp as cg
 from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
+from tests.scene_keys import keys_below
 
 BUILD = ("first_finger", "identified_fingers", "compare", "design_a_finger")
 GRASP = ("grasp_an_object", "grasp_with_errors", "close_the_fingers", "carry_out_a_grasp")
@@ -83,21 +84,6 @@ def test_pages_of_a_path_are_short_examples_from_an_empty_folder(page):
 
 
 ROWS = re.compile(r"^\| ((?:`[\w.]+`(?:, )?)+) \|", re.MULTILINE)
-
-
-def keys_below(schema, path):
-    """Keys that a configuration may have below a key, by its JSON Schema."""
-    places = [schema]
-    for name in (*path, None):
-        reached, places = places, []
-        while reached:
-            one = reached.pop()
-            if "$ref" in one:
-                reached.append(schema["$defs"][one["$ref"].rpartition("/")[2]])
-            reached += [*one.get("anyOf", []), *one.get("oneOf", []), *filter(None, [one.get("items")])]
-            if "properties" in one:
-                places += [one] if name is None else [one["properties"][name]] if name in one["properties"] else []
-    return {key for one in places for key in one.get("properties", {})}
 
 
 def test_the_keys_on_the_page_of_simulate_are_those_of_the_schema():
