@@ -149,11 +149,7 @@ def ignored(walk: Walk, found: list[Place]) -> str:
     consumer, key = CONSUMERS.get(walk.consumer), found[0].key
     heads = [".".join(key.split(".")[: k + 1]) for k in range(key.count(".") + 1)]
     declared = {**consumer.refused, **consumer.otherwise, **consumer.unneeded} if consumer else {}
-    if (
-        {*heads} & {*walk.but}
-        or key in NOT_ALONE
-        or any(fnmatch.fnmatchcase(head, one) for head in heads for one in declared)
-    ):
+    if {*heads} & {*walk.but} or key in NOT_ALONE or any(fnmatch.filter(heads, one) for one in declared):
         return ""
     taken = tried = False
     given = [place for place in found if place.value not in (None, ())]
