@@ -6,15 +6,13 @@ import os
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from continuum_grasp.results import read_run
-from tests.said import said
+from tests.commands import ROOT, environment, said
 
-ROOT = Path(__file__).resolve().parents[1]
 RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 
@@ -31,8 +29,8 @@ READY = """
 def begun(code: str, *arguments: object, **options: Any) -> subprocess.Popen[str]:
     """Code at work in a new interpreter in which Ctrl-C is alive."""
     command = [sys.executable, "-c", textwrap.dedent(READY) + textwrap.dedent(code), *map(str, arguments)]
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
-    return subprocess.Popen(command, env=env, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+    options |= {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, env=environment(), **options)
 
 
 def python(code: str, *arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:

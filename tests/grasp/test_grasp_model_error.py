@@ -10,11 +10,11 @@ from grasp_scenes import CONFIGS, make_scene
 from scipy.integrate import solve_ivp
 from scipy.optimize import newton
 
-from continuum_grasp.cli import app
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.scene.finger import PointMass, Rod
 from continuum_grasp.scene.grasp_options import GraspSolver
 from tests import certificate_cases as cases
+from tests.commands import run
 from tests.marks import but
 
 ONE = GraspSolver(effort="quick")
@@ -182,9 +182,7 @@ def test_a_lost_equilibrium_is_said_to_be():
 
 
 def test_model_error_is_saved_and_warned_of(tmp_path):
-    from typer.testing import CliRunner
-
-    done = CliRunner().invoke(app, ["grasp", str(CONFIGS / "mug_arcs.yaml"), "--out", str(tmp_path), "--json"])
+    done = run("grasp", CONFIGS / "mug_arcs.yaml", "--out", tmp_path, "--json")
     assert done.exit_code == 0, done.output
     meta = json.loads((tmp_path / "meta.json").read_text(encoding="utf-8"))
     error = meta["certificate"]["model_error"]

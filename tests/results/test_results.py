@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -17,6 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.results import read_run, run_folder, write_run
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.plain import digest, plain
+from tests.commands import python
 
 ARRAYS = {"t": np.linspace(0.0, 1.0, 11), "x": np.arange(44.0).reshape(11, 4), "names": np.array(["a", "bc"])}
 META = {"config": {"b": 1.0, "a": [1, 2]}, "seed": 7, "status": "done", "statistics": {"steps": np.int64(3)}}
@@ -170,12 +169,7 @@ write_run(folder, {"a": np.ones(9)}, {"seed": 1})
 )
 def test_killed_in_the_middle_leaves_one_whole_run(tmp_path: Path, name: str, call: int, seed: int) -> None:
     write_run(tmp_path, {"a": np.zeros(5)}, {"seed": 0})
-    root = Path(__file__).resolve().parents[2]
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, name, str(call), str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": str(root)},
-        check=False,
-    )
+    done = python("-c", KILLED, name, call, tmp_path)
     assert done.returncode == -signal.SIGKILL
     assert check_whole(tmp_path, old=True) == seed
     write_run(tmp_path, {"a": np.zeros(2)}, {"seed": 2})

@@ -10,9 +10,7 @@ import warnings
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import kind_of
 from continuum_grasp.scene.kinds import KINDS
@@ -21,6 +19,7 @@ from continuum_grasp.scene.objects.outline import OutlineFile
 from continuum_grasp.scene.units import QUANTITIES, units_of
 from continuum_grasp.scene.value import Value
 from continuum_grasp.scene.yaml_loader import parse_yaml
+from tests.commands import run
 from tests.errata_page import table
 
 ROOT = Path(__file__).parents[2]
@@ -88,7 +87,7 @@ def test_commands_are_there(monkeypatch):
     for command in commands:
         verb, *rest = shlex.split(command, comments=True)
         # Computing is what other tests do: here, that the change is one.
-        done = CliRunner().invoke(app, [verb if verb == "schema" else "validate", *rest])
+        done = run(verb if verb == "schema" else "validate", *rest)
         assert done.exit_code == 0, done.output
 
 
