@@ -57,25 +57,8 @@ def complaint(text_file: str, **kwargs) -> list[str]:
         *[(t, True) for t in ("true", "True", "TRUE")],
         *[(t, False) for t in ("false", "False", "FALSE")],
         *[(t, None) for t in ("null", "Null", "NULL", "~", "")],
-        *[
-            (t, t)
-            for t in (
-                "on",
-                "off",
-                "yes",
-                "no",
-                "Yes",
-                "y",
-                "n",
-                "tRUE",
-                "nil",
-                "inf",
-                "nan",
-                "1_000",
-                "12:30",
-            )
-        ],
-        *[(t, t) for t in ("2020-01-01", "0b11", "1e", "e5", "=", "1.2.3", "-", "0.6 m") if t != "-"],
+        *[(t, t) for t in ("on", "off", "yes", "no", "Yes", "y", "n", "tRUE", "nil", "inf", "nan", "1_000", "12:30")],
+        *[(t, t) for t in ("2020-01-01", "0b11", "1e", "e5", "=", "1.2.3", "0.6 m")],
         *[('"1e6"', "1e6"), ("'true'", "true"), ('""', "")],
     ],
 )
