@@ -134,6 +134,32 @@ def stored(scene, fingers, contacts, pose=None):
 
 
 NONE = float("nan")
+PALMS = {
+    name: Palm(point=(0.4, side * 0.02), normal_angle=-side * math.pi / 2)
+    for name, side in (("below", -1.0), ("above", 1.0))
+}
+BOX = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
+BETWEEN = [
+    (f"{name}.{k}", (x, y), n, (1.0, 0, 0), NONE, 0)
+    for name, y, n in (("below", -0.02, DOWN), ("above", 0.02, UP))
+    for k, x in ((1, 0.38), (2, 0.42))
+]
+"""A box without weight that two palms hold, and its contacts."""
+
+
+def apart(fingers=None, values=None, body=None, contacts=None, **more):
+    """Fingers that touch nothing; the object is a small disc far away unless something else is given."""
+    body = Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.1)) if body is None else body
+    fingers = {"finger": make_finger()} if fingers is None else fingers
+    scene, values = make_scene(fingers, body, {"tip": "auto"}, **more), values or {}
+    first = scene.setups[0]
+    contacts = [(first.tip_name, (0, 0), UP, (0, 0, 0), first.finger.rod.length, 0)] if contacts is None else contacts
+    return scene, stored(scene, {setup.name: values.get(setup.name, {}) for setup in scene.setups}, contacts)
+
+
+def beside_box(finger, tensions=(0.0, 0.0), **more):
+    """A straight finger that touches nothing beside the box between two palms."""
+    return apart(finger, {"finger": {"tensions": tensions}}, BOX, BETWEEN, supports=PALMS, **more)
 
 
 def squeezed_disc(radius=0.04, mass=0.2, press=4.0, family="matched_clothoid", friction=0.5, half=HALF):

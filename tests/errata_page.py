@@ -11,11 +11,11 @@ PAGE = Path(__file__).parent.parent / "docs" / "errata.md"
 _TOKEN = re.compile(r"θ[12]'?|[A-Za-z]\w*|\d+|[-+*/()^]")
 
 
-def table(heading: str) -> list[list[str]]:
+def table(heading: str, page: Path = PAGE) -> list[list[str]]:
     """Cells of the rows of the first table under a heading."""
-    section = PAGE.read_text().split(f"\n## {heading}\n")[1].split("\n## ")[0]
+    section = page.read_text(encoding="utf-8").split(f"\n## {heading}\n")[1].split("\n## ")[0]
     lines = [line for line in section.splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
 
 
 def spans(cell: str) -> list[str]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import fnmatch
 import inspect
 import typing
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -561,6 +562,23 @@ def places(root: type[BaseModel]) -> dict[str, dict[str, list[Place]]]:
             ranks = [(value in (None, (), {}), value in values[:k], k) for k, value in enumerate(values)]
             fields[name] = [own[k] for *_, k in sorted(ranks)][:_MOST_PLACES]
     return found
+
+
+def keys_below(schema: dict[str, Any], path: Iterable[str]) -> set[str]:
+    """Keys that a configuration may have below a key, by its JSON Schema; names of the path may be patterns."""
+    nodes, found = [schema], {}
+    for name in (*path, "*"):
+        found = defaultdict(list)
+        while nodes:
+            node = nodes.pop()
+            if "$ref" in node:
+                nodes.append(schema["$defs"][node["$ref"].rpartition("/")[2]])
+            nodes += [one for word in ("anyOf", "oneOf", "allOf") for one in node.get(word, ())]
+            nodes += [node[word] for word in ("items", "additionalProperties") if isinstance(node.get(word), dict)]
+            for key in fnmatch.filter(node.get("properties", {}), name):
+                found[key].append(node["properties"][key])
+        nodes = [one for own in found.values() for one in own]
+    return set(found)
 
 
 def is_tag(field: FieldInfo) -> bool:

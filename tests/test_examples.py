@@ -6,25 +6,18 @@ import json
 import re
 import shlex
 import shutil
-from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 from continuum_grasp import examples
-from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
+from tests.commands import ROOT, run
 
-ROOT = Path(__file__).parents[1]
 NAMES = list(examples.examples())
 WHOLE = [name for name in NAMES if not examples.example(name).missing]
 VERB_OF = {"mission": "mpc", "fingers": "validate"}
 """Of folders of configurations; the others are named after their verb."""
-
-
-def run(*arguments):
-    return CliRunner().invoke(app, list(arguments))
 
 
 def test_every_configuration_is_an_example():

@@ -6,14 +6,13 @@ import os
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
+from typing import Any
 
 import pytest
 
 from continuum_grasp.results import read_run
-from tests.said import said
+from tests.commands import ROOT, environment, said
 
-ROOT = Path(__file__).resolve().parents[1]
 RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 
@@ -27,11 +26,21 @@ READY = """
 """
 
 
-def python(code: str, *arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Run code in a new interpreter in which Ctrl-C is alive."""
+def begun(code: str, *arguments: object, **options: Any) -> subprocess.Popen[str]:
+    """Code at work in a new interpreter in which Ctrl-C is alive."""
     command = [sys.executable, "-c", textwrap.dedent(READY) + textwrap.dedent(code), *map(str, arguments)]
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
-    return subprocess.run(command, capture_output=True, text=True, check=False, env=env, cwd=cwd, timeout=120)
+    options |= {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen(command, env=environment(), **options)
+
+
+def python(code: str, *arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run such code to its end."""
+    with begun(code, *arguments, **options) as process:
+        try:
+            said = process.communicate(timeout=120)
+        finally:
+            process.kill()  # one that has ended is not concerned
+    return subprocess.CompletedProcess(process.args, process.returncode, *said)
 
 
 TYPE_CHECK = """
@@ -162,10 +171,7 @@ def test_processes_that_are_started_never_see_it():
             except KeyboardInterrupt:
                 print("raised", process.communicate()[0], process.returncode)
     """
-    command = [sys.executable, "-c", textwrap.dedent(READY) + textwrap.dedent(code)]
-    env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
-        assert process.communicate()[0].split() == ["raised", "done", "0"]
+    assert python(code, start_new_session=True).stdout.split() == ["raised", "done", "0"]
 
 
 COMMAND = """

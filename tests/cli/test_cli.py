@@ -11,22 +11,17 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 from typer.main import get_command
-from typer.testing import CliRunner
 
 import continuum_grasp
 from continuum_grasp.cli import app
 from continuum_grasp.errors import NumericalError, SolverError
 from continuum_grasp.simulation.trajectory import Trajectory
+from tests.commands import ROOT, run
 
-ROOT = Path(__file__).parents[2]
 RELEASE = str(ROOT / "configs/simulate/nitinol_release_020g.yaml")
 STEADY = str(ROOT / "configs/mpc/steady_tip.yaml")
 FINGER = str(ROOT / "configs/fingers/nitinol_60cm.yaml")
 HEAVY = ("casadi", "numpy", "matplotlib", "pydantic", "scipy", "yaml", "rich")
-
-
-def run(*arguments):
-    return CliRunner().invoke(app, list(arguments))
 
 
 def fresh(code):

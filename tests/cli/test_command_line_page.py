@@ -1,52 +1,18 @@
-"""The commands of docs/command_line.md, as they are written there and in that order."""
+"""Commands on pages are those of the command line; ``tests/docs/test_guides.py`` runs docs/command_line.md."""
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from pathlib import Path
 
 import pytest
 from typer.main import get_command
-from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/command_line.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL)
-LINES = [line.removeprefix("continuum-grasp ") for block in BLOCKS for line in block.splitlines()]
-
-
-QUICK = ("new", "validate", "schema", "modes")
-"""Verbs that take a second or two."""
-
-
-def check(lines):
-    """Run commands, and compare their exit status with the one that is written beside them."""
-    for line in lines:
-        done = CliRunner().invoke(app, shlex.split(line, comments=True))
-        stated = re.search(r"# status (\d)$", line)
-        assert done.exit_code == (int(stated[1]) if stated else 0), f"{line}\n{done.output}"
-        if "--json" in line and not stated:
-            json.loads(done.stdout)
-        if "objct" in line:
-            assert done.stderr in PAGE
-
-
-@pytest.mark.deep
-def test_quick_commands_run(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    check(line for line in LINES if line.split()[0] in QUICK)
-
-
-@pytest.mark.deep
-def test_every_command_runs(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    check(LINES)
-    verbs = {line.split()[0] for line in LINES}
-    assert {path.parent.name for path in tmp_path.glob("runs/*/*")} == verbs - {*QUICK, "doctor"}
 
 
 def test_the_table_has_every_verb():

@@ -8,13 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from typer.testing import CliRunner
 
-from continuum_grasp.cli import app
 from continuum_grasp.results import read_run
-
-ROOT = Path(__file__).parents[2]
-
+from tests.commands import ROOT, run
 
 STEADY = str(ROOT / "configs/mpc/steady_tip.yaml")
 SMALL = {
@@ -41,10 +37,6 @@ SMALL = {
 PICTURES = {"path", "inputs", "tracking", "error", "bounds", "times", "disturbances"}
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["mpc", *map(str, arguments)])
-
-
 COSTLY_FIXTURES = ("done",)
 
 
@@ -58,7 +50,7 @@ def config(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(config):
     folder = config.parent / "run"
-    result = run(config, "--out", folder, "--json", "--animate", "gif")
+    result = run("mpc", config, "--out", folder, "--json", "--animate", "gif")
     assert result.exit_code == 0, result.output
     return folder, json.loads(result.stdout)
 
@@ -90,7 +82,7 @@ def test_numbers_are_those_of_the_arrays(done):
 
 
 def test_a_table_is_printed(config, tmp_path):
-    result = run(config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05", "--seed", "3")
+    result = run("mpc", config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05", "--seed", "3")
     assert result.exit_code == 0, result.output
     for word in ("tracking error", "r.m.s.", "wall", "exceeded", "estimate", "feedback", "closed-loop cost", "solved"):
         assert word in result.output
@@ -99,7 +91,7 @@ def test_a_table_is_printed(config, tmp_path):
 
 
 def test_an_option_that_is_gone_says_what_to_write(config):
-    result = run(config, "--compare")
+    result = run("mpc", config, "--compare")
     assert result.exit_code == 2
     assert "controller.sqp_iterations=20" in result.stderr
 
@@ -109,7 +101,7 @@ def test_a_loop_that_does_not_finish_at_its_setpoint_has_failed(outcome, code, c
     from continuum_grasp.closed_loop.result import ControlRun
 
     monkeypatch.setattr(ControlRun, "outcome", outcome)
-    result = run(config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05")
+    result = run("mpc", config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05")
     assert result.exit_code == code
 
 
@@ -125,7 +117,7 @@ def test_a_plan_that_ends_far_from_a_setpoint_which_stood_is_no_optimum(goal, co
     changes += ["cost={tip: 2e4, effort: 1e-3, input_rate: 5e-4}", *goal]
     config = ROOT / "configs/plan/tip_to_point.yaml"
     sets = [word for change in changes for word in ("--set", change)]
-    result = CliRunner().invoke(app, ["plan", str(config), *sets, "--out", str(tmp_path), "--no-pictures"])
+    result = run("plan", config, *sets, "--out", tmp_path, "--no-pictures")
     assert result.exit_code == code
     assert read_run(tmp_path).meta["status"] == status
     assert ("mm off a setpoint that stood" in result.output) is (code == 1)
@@ -141,7 +133,7 @@ def test_a_plan_that_ends_far_from_a_setpoint_which_stood_is_no_optimum(goal, co
     ],
 )
 def test_bad_input_exits_with_2(arguments, said, tmp_path):
-    result = run(*arguments, "--out", tmp_path)
+    result = run("mpc", *arguments, "--out", tmp_path)
     assert result.exit_code == 2
     assert said in result.output
 
@@ -157,7 +149,7 @@ def test_an_interrupted_run_is_saved(config, tmp_path, monkeypatch):
         return advance(self, u)
 
     monkeypatch.setattr(Plant, "advance", stopped)
-    result = run(config, "--out", tmp_path)
+    result = run("mpc", config, "--out", tmp_path)
     assert result.exit_code == 130
     assert "interrupted after t = 0.05 s" in result.output
     stored = read_run(tmp_path)

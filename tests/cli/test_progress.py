@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
-from pathlib import Path
 from types import SimpleNamespace
 
-from typer.testing import CliRunner
-
-from continuum_grasp.cli import app, progress
+from continuum_grasp.cli import progress
 from continuum_grasp.cli.output import Output
+from tests.commands import ROOT, run
 
-ROOT = Path(__file__).parents[2]
 LOG = "continuum_grasp.core.compiler"
 
 
@@ -67,11 +64,11 @@ def test_long_work_shows_a_line_every_ten_seconds(monkeypatch, capsys):
 
 def test_json_alone_is_on_the_standard_output(monkeypatch, tmp_path):
     monkeypatch.setattr(progress, "_PATIENCE", 0.0)
-    arguments = ["simulate", str(ROOT / "configs/simulate/hanging.yaml"), "--no-pictures", "--out", str(tmp_path)]
-    done = CliRunner().invoke(app, [*arguments, "--json"])
+    arguments = ["simulate", ROOT / "configs/simulate/hanging.yaml", "--no-pictures", "--out", tmp_path]
+    done = run(*arguments, "--json")
     assert json.loads(done.stdout)["status"]
     assert "simulating: " in done.stderr
-    assert CliRunner().invoke(app, [*arguments, "--quiet"]).output == ""
+    assert run(*arguments, "--quiet").output == ""
 
 
 def test_what_the_package_logs_is_shown_unless_quiet(capsys):

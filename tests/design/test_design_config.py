@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 
 import pytest
-from typer.testing import CliRunner
 
 import continuum_grasp as cg
-from continuum_grasp.cli.app import app
 from continuum_grasp.design import DesignResult
 from continuum_grasp.errors import InputError
+from tests.commands import run
 
 WHOLE = """\
 schema_version: 1
@@ -68,10 +67,10 @@ def test_a_design_that_is_none():
 
 
 def test_the_command_writes_a_run_that_is_read_back(file, tmp_path):
-    ran = CliRunner().invoke(app, ["design", str(file), "--out", str(tmp_path / "run"), "--json"])
+    ran = run("design", file, "--out", tmp_path / "run", "--json")
     assert ran.exit_code == 0, ran.output
     said = json.loads(ran.stdout)
-    run = DesignResult.read(tmp_path / "run")
-    assert said["set"]["finger.tendons.offset"] == pytest.approx(float(run.arrays["optimum"][0]))
-    assert run.arrays["tried"].shape == (run.arrays["costs"].size, 1)
+    arrays = DesignResult.read(tmp_path / "run").arrays
+    assert said["set"]["finger.tendons.offset"] == pytest.approx(float(arrays["optimum"][0]))
+    assert arrays["tried"].shape == (arrays["costs"].size, 1)
     assert {one.name for one in (tmp_path / "run").iterdir()} >= {"design.png", "result.yaml", "grasp_scene"}

@@ -220,12 +220,7 @@ def test_the_tension_per_offset_is_known_in_closed_form():
     [
         ("configs/grasp/mug_motor.yaml", {}, 1),
         ("configs/grasp/mug_uncertain.yaml", {"robust.draws": 10}, 2),
-        pytest.param(
-            "configs/grasp/mug_motor.yaml",
-            {"robust": {"position": 0.001, "friction": 0.1, "draws": 10}},
-            1,
-            marks=pytest.mark.deep,
-        ),
+        ("configs/grasp/mug_motor.yaml", {"robust": {"position": 0.001, "friction": 0.1, "draws": 10}}, 1),
     ],
 )
 def test_grasps_that_hold_for_many_postures_are_differentiated(scene, changes, count):

@@ -14,12 +14,13 @@ import continuum_grasp as cg
 from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
+from tests.scene_keys import keys_below
 
 BUILD = ("first_finger", "identified_fingers", "compare", "design_a_finger")
 GRASP = ("grasp_an_object", "grasp_with_errors", "close_the_fingers", "carry_out_a_grasp")
 CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "commission", "controller_in_c", "embedded")
 PATHS = (*BUILD, *GRASP, *CONTROL)
-PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators")
+PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators", "results", "command_line")
 BOARD = ("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
 """Programs that the page on a board runs."""
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -85,21 +86,6 @@ def test_pages_of_a_path_are_short_examples_from_an_empty_folder(page):
 ROWS = re.compile(r"^\| ((?:`[\w.]+`(?:, )?)+) \|", re.MULTILINE)
 
 
-def keys_below(schema, path):
-    """Keys that a configuration may have below a key, by its JSON Schema."""
-    places = [schema]
-    for name in (*path, None):
-        reached, places = places, []
-        while reached:
-            one = reached.pop()
-            if "$ref" in one:
-                reached.append(schema["$defs"][one["$ref"].rpartition("/")[2]])
-            reached += [*one.get("anyOf", []), *one.get("oneOf", []), *filter(None, [one.get("items")])]
-            if "properties" in one:
-                places += [one] if name is None else [one["properties"][name]] if name in one["properties"] else []
-    return {key for one in places for key in one.get("properties", {})}
-
-
 def test_the_keys_on_the_page_of_simulate_are_those_of_the_schema():
     schema, checked = json_schema("simulate"), 0
     for table in re.split(r"\n\n", page_text("simulate")):
@@ -114,9 +100,10 @@ def test_the_keys_on_the_page_of_simulate_are_those_of_the_schema():
 
 @pytest.mark.deep
 @pytest.mark.parametrize("page", PAGES)
-def test_every_command_of_a_page_runs(page, tmp_path):
-    for package in ("pandas", "mujoco", "fmpy", "jax", "gymnasium"):
-        if f"import {package}" in page_text(page):
+def test_every_command_of_a_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    for package in ("pandas", "xarray", "mujoco", "fmpy", "jax", "gymnasium"):
+        if re.search(rf"import {package}|to_{package}\(", page_text(page)):
             pytest.importorskip(package)
     if page == "embedded" and not all(map(shutil.which, BOARD)):
         pytest.skip(f"needs {', '.join(BOARD)}")

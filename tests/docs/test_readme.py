@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.commands import ROOT, python
+
 PAGE = (ROOT / "README.md").read_text(encoding="utf-8")
 COMMANDS = [block.strip().splitlines() for block in re.findall(r"^```sh\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)]
 PYTHON = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
@@ -31,11 +28,6 @@ def checkout(tmp_path):
     return tmp_path
 
 
-def run(place, *arguments):
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
-    return subprocess.run([sys.executable, *arguments], cwd=place, env=environment, capture_output=True, text=True)
-
-
 def test_the_page_has_two_blocks_of_commands():
     assert [len(block) for block in COMMANDS] == [2, 10]
     home = (ROOT / "docs/README.md").read_text(encoding="utf-8")
@@ -46,7 +38,7 @@ def test_the_page_has_two_blocks_of_commands():
 @pytest.mark.parametrize("block", COMMANDS)
 def test_commands_run(block, checkout):
     for line in block:
-        done = run(checkout, "-m", "continuum_grasp", *words(line))
+        done = python("-m", "continuum_grasp", *words(line), cwd=checkout)
         expected = re.search(r"# status (\d)$", line)
         assert done.returncode == (int(expected[1]) if expected else 0), f"{line}\n{done.stdout}{done.stderr}"
     pictures = list(checkout.glob("runs/grasp/*/grasp.png"))
@@ -57,7 +49,7 @@ def test_commands_run(block, checkout):
 @pytest.mark.deep
 def test_the_python_runs(checkout):
     (checkout / "example.py").write_text("\n".join(PYTHON), encoding="utf-8")
-    done = run(checkout, "example.py")
+    done = python("example.py", cwd=checkout)
     assert done.returncode == 0, done.stderr
     assert "('mass', " in done.stdout
     assert "forward_dynamics:(x[4]" in done.stdout

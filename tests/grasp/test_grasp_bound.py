@@ -16,18 +16,6 @@ from continuum_grasp.grasp.bound import _contacts, cannot_balance
 G, LENGTH, HALF, RADIUS = 9.81, 0.2, 0.006, 0.04
 
 
-def tip_at(x, y, towards, **more):
-    """A straight finger whose tip touches with its center at a point, and that points at an angle."""
-    base = (x - LENGTH * math.cos(towards), y - LENGTH * math.sin(towards))
-    return {
-        "rod": {"length": LENGTH, "linear_density": 1e-9, "bending_stiffness": 0.4},
-        "half_thickness": HALF,
-        "tendons": {"offset": 0.005, "max_tension": 200.0},
-        "base": {"position": base, "angle": math.remainder(towards - 0.5 * math.pi, math.tau)},
-        **more,
-    }
-
-
 def star(angles, **more):
     """Fingers that point at the origin and touch a disc around it."""
     reach = RADIUS + HALF
@@ -228,12 +216,12 @@ def test_the_work_of_a_contact_is_bounded_closely_from_above(body, places, seed)
     random = np.random.default_rng(seed)
     com = complex(*random.uniform(-0.01, 0.01, 2))
     away, ahead = random.uniform(0.19, 0.215), random.uniform(-math.pi, math.pi)
-    fingers = {"finger": tip_at(0.0, 0.0, 0.0, base={"position": (away * math.cos(ahead), away * math.sin(ahead))})}
+    base = away * np.exp(1j * ahead)
+    fingers = {"finger": finger_to((0.0, 0.0), 0.0, base={"position": (base.real, base.imag)})}
     friction = random.uniform(0.1, 1.0)
     scene = scene_of(fingers, out(), {**body, "center_of_mass": (com.real, com.imag)}, friction)
     (contact,) = _contacts(scene)
     points, normals = places
-    base = away * np.exp(1j * ahead)
     near = np.abs(points + HALF * np.exp(1j * normals) - base) <= LENGTH
     assert 0.05 < near.mean() < 0.95
     for used in ("110000", "001000", "000011", "000111", "111111"):

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import ast
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import continuum_grasp as cg
-import continuum_grasp.grasp as grasp_package
 from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.grasp.certificate.check import depth_in_object, depth_in_wall, overlap
-from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.scene.objects import Circle, Ellipse, Polygon, Superellipse, Union
-from continuum_grasp.scene.supports import Line
+from continuum_grasp.grasp.certificate.check import overlap
+from continuum_grasp.scene.objects import Ellipse, Polygon, Superellipse, Union
 from tests import certificate_cases as cases
+from tests.test_imports import PACKAGE, imports, inside
 
 
 def held(shape):
@@ -229,19 +225,13 @@ def test_fingers_that_cross_overlap_by_as_much_as_they_reach_beyond(half, lean):
         "left": cases.make_finger((-aside, 0.0), -lean, half),
         "right": cases.make_finger((aside, 0.0), lean, half),
     }
-    scene = cases.make_scene(
-        fingers, Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.0)), {"tip": "auto"}
-    )
-    arrays = cases.stored(
-        scene, {"left": {}, "right": {}}, [("left.tip", (0, 0), cases.UP, (0, 0, 0), cases.LENGTH, 0)]
-    )
     tip = np.array([-aside + cases.LENGTH * np.sin(lean), cases.LENGTH * np.cos(lean)])
     along = np.array([-np.sin(lean), np.cos(lean)])  # of the other
     off = tip - [aside, 0.0]
     apart = float(np.hypot(*(off - np.clip(off @ along, 0.0, cases.LENGTH) * along)))
     crosses = tip[0] > 0.0
     expected = 2 * half + (apart if crosses else -min(apart, 2 * aside))
-    certificate = certify(scene, arrays)
+    certificate = certify(*cases.apart(fingers))
     assert overlap(*certificate.grasp.fingers) == pytest.approx(expected, abs=2e-6)
     assert certificate.overlap == pytest.approx(max(expected, 0.0), abs=2e-6)
 
@@ -258,83 +248,18 @@ def test_certificate_travels_between_processes(wrapped):
 
 def test_certificate_shares_nothing_with_the_optimizer():
     """It reaches itself, the exact rod, the scene and numpy, and nothing else; the exact rod may have scipy."""
-    package = Path(grasp_package.__file__).parents[1]
     pending, seen = ["continuum_grasp.grasp.certificate.certificate"], set()
     while pending:
         module = pending.pop()
         seen.add(module)
-        file = package.joinpath(*module.split(".")[1:]).with_suffix(".py")
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            for name in names:
-                assert not name.startswith("casadi")
-                assert not name.startswith("scipy") or ".rod." in module, module
-                if name.startswith(("continuum_grasp.grasp.", "continuum_grasp.rod.")) and name not in seen:
-                    pending.append(name)
-                elif name.startswith("continuum_grasp."):
-                    assert name.split(".")[1] in {
-                        "grasp",
-                        "rod",
-                        "scene",
-                        "errors",
-                        "arguments",
-                        "arrays",
-                        "labels",
-                    }, f"{module}: {name}"
-    own = {
-        "certificate",
-        "check",
-        "drives",
-        "friction",
-        "held",
-        "model_error",
-        "recomputed",
-        "shape",
-        "stability",
-        "surfaces",
-    }
-    assert {name.rpartition(".")[2] for name in seen if ".grasp." in name} == own
-    assert {name.split(".")[1] for name in seen} == {"grasp", "rod"}
-
-
-# -- clearance -------------------------------------------------------------------------------------------------------
-
-
-def line_of_points(*corners, count=401):
-    path = np.array(corners, dtype=float)
-    s = np.linspace(0, len(path) - 1, count)
-    return np.column_stack([np.interp(s, range(len(path)), column) for column in path.T])
-
-
-def test_a_thin_object_between_two_samples_is_seen():
-    """A needle's end and a wire, thinner than the samples are apart."""
-    wire = Circle(shape="circle", diameter=2e-4, mass=0.1, position=(0.0, 0.0))
-    needle = Ellipse(shape="ellipse", width=0.1, height=0.001, mass=0.1, position=(0.05, 0.0))
-    for body, exact in ((wire, 1e-4), (needle, 3.12e-5)):
-        placed = PlacedObject(body, body.pose)
-        points = line_of_points((1e-4, -0.1003), (1e-4, 0.1))
-        if body is wire:
-            points[:, 0] = 0.0
-        assert depth_in_object(points, placed, 0.0) == pytest.approx(exact, rel=0.4)
-        assert depth_in_object(points - [0.001, 0], placed, 0.0) < 0.0
-
-
-def test_a_finger_that_comes_out_of_a_wall():
-    wall = Line(type="line", start=(0.3, 0.0), end=(-0.3, 0.0)).walls("w")[0]
-    palm = cases.Palm(point=(0.0, 0.0), normal_angle=-np.pi / 2).walls("p")[0]
-    out = line_of_points((0, 0.01), (0, -0.05), (0.05, -0.05))
-    for thickness in (0.004, 0.0):
-        assert depth_in_wall(out, palm, thickness, 100) <= 0.0
-    assert depth_in_wall(line_of_points((0, 0.01), (0.01, 0.02), (0.05, -0.05)), palm, 0.004, 300) == pytest.approx(
-        0.01
-    )
-    back = line_of_points((0, 0.0), (0, -0.05), (0.05, -0.001))
-    assert depth_in_wall(back, palm, 0.004, 100) == pytest.approx(0.003)
-    assert depth_in_wall(back, wall, 0.004, 100) == pytest.approx(0.003)
-    beside = line_of_points((0, -0.05), (0.1, -0.002), (0.2, -0.05))
-    assert depth_in_wall(beside, palm, 0.004, 400) == pytest.approx(0.002)  # its base is free: all of it must be
-    through = line_of_points((0.0, -0.05), (0.1, 0.05), (0.11, 0.05))
-    assert depth_in_wall(through, wall, 0.0, 5) == pytest.approx(0.05)
-    past = line_of_points((0.31, -0.05), (0.31, 0.05))
-    assert depth_in_wall(past, wall, 0.004, 5) == pytest.approx(-0.006, abs=1e-6)
+        for name, *_ in imports(PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")):
+            assert not name.startswith("casadi")
+            assert not name.startswith("scipy") or ".rod." in module, module
+            if name.startswith(("continuum_grasp.grasp.", "continuum_grasp.rod.")):
+                pending += {name} - seen
+            elif name.startswith("continuum_grasp."):
+                known = {"grasp", "rod", "scene", "errors", "arguments", "arrays", "labels"}
+                assert inside(name) in known, f"{module}: {name}"
+    own = "certificate check drives friction held model_error recomputed shape stability surfaces"
+    assert {name.rpartition(".")[2] for name in seen if ".grasp." in name} == {*own.split()}
+    assert {inside(name) for name in seen} == {"grasp", "rod"}

@@ -1,16 +1,14 @@
-"""Dense clearances and the densely integrated rod, against figures worked out by hand."""
+"""Depths of fingers in objects and walls, of these in each other, against figures worked out by hand."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.certificate.check import depth_in_object, depth_of_wall
+from continuum_grasp.grasp.certificate.check import depth_in_object, depth_in_wall, depth_of_wall
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.rod.dense_rod import DenseRod
-from continuum_grasp.scene.objects import Box
-from continuum_grasp.scene.supports import Line
-from tests import certificate_cases as cases
+from continuum_grasp.scene.objects import Box, Circle, Ellipse
+from continuum_grasp.scene.supports import Line, Palm
 
 
 def line_of_points(*corners, count=401):
@@ -45,32 +43,34 @@ def test_an_object_across_a_finite_line():
     assert depth_of_wall(PlacedObject(body, body.pose), wall) == pytest.approx(-0.01, abs=1e-9)
 
 
-def test_dense_rod_against_a_circle():
-    finger = cases.make_finger((0.1, 0.2), 0.0)
-    rod = DenseRod(finger, np.array([0.0, 0.1, 0.3]))
-    bent = np.full(rod.nodes.size, 5.0)
-
-    def circle(s):
-        return np.array([0.1, 0.2]) + np.stack([np.cos(5 * s) - 1, np.sin(5 * s)], axis=1) / 5
-
-    assert np.abs(rod.edge_points(bent) - circle(rod.edges)).max() < 1e-15
-    s = np.array([0.0, 0.0123, 0.1, 0.2777, 0.3])
-    points, angles = rod.at(bent, s)
-    assert np.abs(points - circle(s)).max() < 1e-15
-    assert angles == pytest.approx(5 * s, abs=1e-14)  # rounding of a sum over all panels
-    mean = np.array([0.1 * 0.3 + (np.sin(1.5) / 5 - 0.3) / 5, 0.2 * 0.3 + (1 - np.cos(1.5)) / 25])
-    assert rod.first_moment(np.ones(rod.nodes.size), rod.angle(bent)) == pytest.approx(mean, abs=1e-15)
-    several = rod.edge_points(np.stack([bent, 2 * bent]))
-    assert np.array_equal(several[0], rod.edge_points(bent))
-    assert np.array_equal(several[1], rod.edge_points(2 * bent))
+def test_a_thin_object_between_two_samples_is_seen():
+    """A needle's end and a wire, thinner than the samples are apart."""
+    wire = Circle(shape="circle", diameter=2e-4, mass=0.1, position=(0.0, 0.0))
+    needle = Ellipse(shape="ellipse", width=0.1, height=0.001, mass=0.1, position=(0.05, 0.0))
+    for body, exact in ((wire, 1e-4), (needle, 3.12e-5)):
+        placed = PlacedObject(body, body.pose)
+        points = line_of_points((1e-4, -0.1003), (1e-4, 0.1))
+        if body is wire:
+            points[:, 0] = 0.0
+        assert depth_in_object(points, placed, 0.0) == pytest.approx(exact, rel=0.4)
+        assert depth_in_object(points - [0.001, 0], placed, 0.0) < 0.0
 
 
-def test_dense_rod_against_quadrature_for_clothoids():
-    finger = cases.make_finger((0.1, 0.2), 0.4)
-    lengths, ends = np.array([0.07, 0.13]), np.array([[2.0, 15.0], [15.0, -20.0]])
-    s = np.linspace(0, 0.2, 23)
-    exact = cases.bent((0.1, 0.2, 0.4), ends, lengths, s)
-    rod = DenseRod(finger, np.array([0.0, 0.07, 0.2]))
-    points, angles = rod.at(np.interp(rod.nodes, rod.joints, [2.0, 15.0, -20.0]), s)
-    assert np.abs(points - exact[:, :2]).max() < 1e-14
-    assert angles == pytest.approx(exact[:, 2], abs=1e-14)
+def test_a_finger_that_comes_out_of_a_wall():
+    wall = Line(type="line", start=(0.3, 0.0), end=(-0.3, 0.0)).walls("w")[0]
+    palm = Palm(point=(0.0, 0.0), normal_angle=-np.pi / 2).walls("p")[0]
+    out = line_of_points((0, 0.01), (0, -0.05), (0.05, -0.05))
+    for thickness in (0.004, 0.0):
+        assert depth_in_wall(out, palm, thickness, 100) <= 0.0
+    assert depth_in_wall(line_of_points((0, 0.01), (0.01, 0.02), (0.05, -0.05)), palm, 0.004, 300) == pytest.approx(
+        0.01
+    )
+    back = line_of_points((0, 0.0), (0, -0.05), (0.05, -0.001))
+    assert depth_in_wall(back, palm, 0.004, 100) == pytest.approx(0.003)
+    assert depth_in_wall(back, wall, 0.004, 100) == pytest.approx(0.003)
+    beside = line_of_points((0, -0.05), (0.1, -0.002), (0.2, -0.05))
+    assert depth_in_wall(beside, palm, 0.004, 400) == pytest.approx(0.002)  # its base is free: all of it must be
+    through = line_of_points((0.0, -0.05), (0.1, 0.05), (0.11, 0.05))
+    assert depth_in_wall(through, wall, 0.0, 5) == pytest.approx(0.05)
+    past = line_of_points((0.31, -0.05), (0.31, 0.05))
+    assert depth_in_wall(past, wall, 0.004, 5) == pytest.approx(-0.006, abs=1e-6)

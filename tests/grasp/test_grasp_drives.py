@@ -22,8 +22,6 @@ from continuum_grasp.model.winches import soft
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive
 from continuum_grasp.scene.finger import Rod, Tendons
 from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import Box, Circle
-from continuum_grasp.scene.supports import Palm
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 
@@ -34,17 +32,6 @@ LENGTH_DRIVE = LengthDrive(kind="length", time_constant=0.02)
 MOTOR = MotorDrive(kind="motor", winch_radius=0.008, inertia=2e-6, coulomb_friction=2e-3, torque_max=0.5)
 PULLEY = {"arrangement": "one_pulley", "pretension": 2.0}
 L, EI, OFFSET = 0.18, 6.11e-3, 0.005
-PALMS = {
-    "below": Palm(point=(0.4, -0.02), normal_angle=math.pi / 2),
-    "above": Palm(point=(0.4, 0.02), normal_angle=-math.pi / 2),
-}
-BOX = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
-BETWEEN = [
-    (f"{name}.{k}", (x, y), n, (1.0, 0, 0), cases.NONE, 0)
-    for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))
-    for k, x in ((1, 0.38), (2, 0.42))
-]
-"""A box that two palms hold, beside fingers that touch nothing."""
 
 
 def mug(drive, friction=0.0, **changes):
@@ -63,7 +50,7 @@ def free_rod(tension, friction, way, elements=60, **more):
     tendons = Tendons(offset=OFFSET, max_tension=60.0, friction=friction, drive=LENGTH_DRIVE, **CABLE)
     rod = Rod(length=L, linear_density=0.034, bending_stiffness=EI)
     finger = cases.make_finger(rod=rod, tendons=tendons)
-    scene = cases.make_scene(finger, BOX, {"tip": "auto"}, family="clothoid", elements=elements, **more)
+    scene, _ = cases.apart(finger, body=cases.BOX, family="clothoid", elements=elements, **more)
     nodes = np.linspace(0.0, L, elements + 1)
     pull = 1.0 / (1.0 / tension + way * friction * OFFSET / EI * nodes)
     arrays = cases.finger_arrays(scene, "finger", OFFSET * pull / EI, tensions=(tension, 0.0))
@@ -130,10 +117,8 @@ def wound(drive, tensions, rod=None, bends=(0.5 * BEND, 0.5 * BEND)):
     """The tendons of a finger without friction that is bent to the left."""
     tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
     rod = rod or Rod(length=L, linear_density=0.034, bending_stiffness=EI)
-    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
-    finger = cases.make_finger(rod=rod, tendons=tendons)
-    scene = cases.make_scene(finger, disc, {"tip": "auto"}, family="arc", elements=2)
-    arrays = cases.finger_arrays(scene, "finger", np.array(bends), tensions=tensions)
+    values = {"finger": {"q": np.array(bends), "tensions": tensions}}
+    scene, arrays = cases.apart(cases.make_finger(rod=rod, tendons=tendons), values, family="arc")
     (setup,) = scene.setups
     return WoundTendons(setup, setup.drive, FingerShape(setup, arrays), np.array(tensions), None)
 
@@ -242,9 +227,7 @@ def test_an_upright_finger_with_locked_winches_stands_as_with_a_spring_at_its_ti
         rod = Rod(length=L, linear_density=share * weight / 9.81, bending_stiffness=EI)
         tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
         finger = cases.make_finger(rod=rod, tendons=tendons)
-        scene = cases.make_scene(finger, BOX, {"tip": "auto"}, cases.PLANAR, "clothoid", supports=PALMS)
-        arrays = cases.stored(scene, {"finger": {"tensions": tensions}}, BETWEEN)
-        found = certify(scene, arrays).stability
+        found = certify(*cases.beside_box(finger, tensions, gravity=cases.PLANAR, family="clothoid")).stability
         assert found.stable is stable
         assert found.assumptions.startswith("locked" if spring(compliance) else "constant tensions")
 
@@ -255,8 +238,7 @@ def test_the_eigenvalue_with_locked_winches_is_that_of_the_continuous_rod(preten
     drive = LENGTH_DRIVE.replaced(pretension=pretension)
     tendons = Tendons(offset=OFFSET, max_tension=60.0, drive=drive, **CABLE)
     finger = cases.make_finger(rod=Rod(length=L, linear_density=1e-12, bending_stiffness=EI), tendons=tendons)
-    scene = cases.make_scene(finger, BOX, {"tip": "auto"}, family="clothoid", supports=PALMS)
-    arrays = cases.stored(scene, {"finger": {"tensions": (pretension, pretension)}}, BETWEEN)
+    scene, arrays = cases.beside_box(finger, (pretension, pretension), family="clothoid")
     compliance = 1.0 / SERIES + L / AXIAL
     length, step = brentq(lambda x: float(soft(x)) - compliance * pretension, -1e-4, 1e-2, xtol=1e-15), 1e-8
     stiffness = 2.0 / compliance * (float(soft(length + step)) - float(soft(length - step))) / (2.0 * step)
@@ -271,7 +253,7 @@ def test_locked_winches_hold_as_much_as_friction_passes_on(way):
     """A turn of the tip elongates the tendon, whose tension falls along it as of a free rod; turns are polynomials."""
     count = 8
     tension = 20.0 if way > 0.0 else 5.0
-    scene, arrays, pull, _ = free_rod(tension, 0.3, way, supports=PALMS)
+    scene, arrays, pull, _ = free_rod(tension, 0.3, way, supports=cases.PALMS)
     share = pull / tension
     nodes = np.linspace(0.0, 1.0, share.size)
     compliance = 1.0 / SERIES + L / AXIAL * np.trapezoid(share, nodes)
@@ -281,7 +263,7 @@ def test_locked_winches_hold_as_much_as_friction_passes_on(way):
     work = OFFSET**2 / compliance * np.outer(bends.T @ (weights * np.interp(u, nodes, share)), np.ones(count))
     energy = EI / L * (bends.T * weights) @ bends + 0.5 * (work + work.T)
     least = eigh(energy, (turns.T * weights) @ turns, eigvals_only=True)[0] / (EI / L)
-    arrays |= cases.contact_arrays(BETWEEN) | {"object.pose": np.array([0.4, 0.0, 0.0])}
+    arrays |= cases.contact_arrays(cases.BETWEEN) | {"object.pose": np.array([0.4, 0.0, 0.0])}
     arrays["finger.friction_states"] = way * np.ones(scene.setups[0].friction_states)
     found = contact_stability(RecomputedGrasp(scene, arrays))
     assert found.eigenvalue == pytest.approx(least, rel=5e-4)

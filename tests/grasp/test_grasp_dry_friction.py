@@ -21,7 +21,6 @@ from continuum_grasp.scene import Damping, Finger
 from continuum_grasp.scene.finger import PointMass, Rod, Tendons
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.loads import ForceLoad, MomentLoad
-from continuum_grasp.scene.objects import Circle
 from continuum_grasp.simulation import equilibrium_under
 from continuum_grasp.simulation.statics import Search
 from tests import certificate_cases as cases
@@ -72,7 +71,7 @@ UNTOUCHED = {
     "contact_names": np.array([], dtype=str),
     "contact_stations": np.zeros(0),
     "contact_parts": np.zeros(0, dtype=int),
-    "object.pose": np.array([0.4, 0.0, 0.0]),
+    "object.pose": np.array([9.0, 0.1, 0.0]),
 }
 
 
@@ -84,8 +83,7 @@ def test_a_free_rod_bends_as_its_branches_let_it(family, tension, rest):
     tendons = Tendons(offset=OFFSET, max_tension=60.0)
     rod = Rod(length=L, linear_density=1e-9, bending_stiffness=EI)
     finger = cases.make_finger(rod=rod, tendons=tendons, damping=damping(TWO), rest_curvature=rest)
-    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
-    scene = cases.make_scene(finger, disc, {"tip": "auto"}, family=family, elements=4)
+    scene, _ = cases.apart(finger, family=family, elements=4)
     pulls = (tension, 0.0) if tension > 0.0 else (0.0, -tension)
 
     def at(curvature, states=None):
@@ -124,8 +122,7 @@ def test_virtual_work_is_the_slope_of_the_energy(family, q):
     finger = cases.make_finger(
         rod=rod, masses=masses, damping=damping(TWO), tendons=Tendons(offset=OFFSET, max_tension=60.0)
     )
-    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(0.4, 0.0))
-    scene = cases.make_scene(finger, disc, {"tip": "auto"}, cases.PLANAR, family=family)
+    scene, _ = cases.apart(finger, gravity=cases.PLANAR, family=family)
     lengths, tensions = np.array([0.4 * L, 0.6 * L]), (20.0, 3.0)
     cells = scene.setups[0].bending_cells
     ends = np.append(np.linspace(0.0, 0.4, cells + 1)[:-1], np.linspace(0.4, 1.0, cells + 1)) * L

@@ -94,12 +94,13 @@ def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(
     assert least(scene_of(data, 4)) <= (1.0 + 1e-6) * fixed + NONE * data["finger"]["tendons"]["max_tension"]
 
 
-@pytest.mark.parametrize(("kind", "seed"), [*few([("two", 8), ("wrap", 8), ("three", 0)], 2)])
-def test_starts_of_several_fingers_are_those_of_the_image(kind, seed):
-    """Their doubts, tensions and curvatures, of fingers in another order, too."""
+@pytest.mark.parametrize(("kind", "seed"), few([("one", 5), ("one", 2), ("two", 8), ("wrap", 8), ("three", 0)], 4))
+def test_starts_are_those_of_the_image(kind, seed):
+    """Their doubts and curvatures, of several fingers in another order, too."""
     data = drawn(kind, seed)
     image = image_of(data)
-    image["fingers"] = dict(reversed(image["fingers"].items()))
+    if "fingers" in image:
+        image["fingers"] = dict(reversed(image["fingers"].items()))
     scene, other = scene_of(data, 4), scene_of(image, 4)
     for mode in contact_modes(scene):
         for one, two in zip(make_starts(scene, mode, 8), make_starts(other, mode, 8), strict=True):

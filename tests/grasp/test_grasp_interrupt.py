@@ -1,20 +1,16 @@
-"""Ctrl-C during the search, in processes of their own; and arguments of the wrong type."""
+"""Ctrl-C during the search, in processes of their own."""
 
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
-import textwrap
+from textwrap import dedent
 
 import pytest
-from grasp_scenes import CONFIGS, make_scene
+from grasp_scenes import CONFIGS
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.grasp import optimize_grasp
+from tests import test_interrupt as interrupted
 
 PRESS = """
-    import os, signal, sys
     from continuum_grasp.grasp.problem import solver_run
     from continuum_grasp.nlp import solver
 
@@ -39,11 +35,7 @@ PRESS = """
 
 
 def python(code, *arguments):
-    """Run code in a new interpreter in which Ctrl-C is alive."""
-    script = textwrap.dedent(PRESS) + textwrap.dedent(code)
-    ready = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    command = [sys.executable, "-c", ready + script, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return interrupted.python(dedent(PRESS) + dedent(code), *arguments)
 
 
 CLI = """
@@ -119,24 +111,10 @@ def test_ctrl_c_from_outside():
         result = optimize_grasp(load(sys.argv[1], ["solver.effort=thorough", "solver.max_total_iterations=1000000"]))
         print(result.status.value, result.statistics["interrupted"])
     """
-    ready = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    script = ready + textwrap.dedent(PRESS) + textwrap.dedent(code)
-    command = [sys.executable, "-c", script, str(CONFIGS / "mug.yaml")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with interrupted.begun(dedent(PRESS) + dedent(code), CONFIGS / "mug.yaml") as process:
         for _ in range(3):
             assert process.stdout.readline() == "start\n"
         process.send_signal(signal.SIGINT)
         rest, errors = process.communicate()
     assert process.returncode == 0, errors
     assert rest.splitlines()[-1] == "feasible True"
-
-
-@pytest.mark.parametrize("given", [5, None, 2.5, b"mug.yaml", ["mug.yaml"], {"finger": 1}, object()])
-def test_wrong_types_are_refused_by_name(given):
-    with pytest.raises(InputError, match="scene: expected a GraspScene or a path"):
-        optimize_grasp(given)
-
-
-def test_a_scene_without_an_object_is_refused():
-    with pytest.raises(InputError, match="expected a GraspScene"):
-        optimize_grasp(make_scene().finger)

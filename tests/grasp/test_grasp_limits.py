@@ -31,13 +31,7 @@ def disc(**more):
 
 
 def far(body=None, supports=None, fingers=None, values=None, **more):
-    """Fingers that touch nothing; the object is a small disc far away unless something else is given."""
-    body = Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.1)) if body is None else body
-    fingers = {"finger": cases.make_finger()} if fingers is None else fingers
-    scene = cases.make_scene(fingers, body, {"tip": "auto"}, supports=supports or {}, **more)
-    name = next(iter(fingers))
-    contacts = [(f"{name}.tip", (0, 0), cases.UP, (0, 0, 0), L, 0)]
-    return scene, cases.stored(scene, {one: (values or {}).get(one, {}) for one in fingers}, contacts)
+    return cases.apart(fingers, values, body, supports=supports or {}, **more)
 
 
 def add(name, index, amount):

@@ -10,12 +10,11 @@ from grasp_scenes import CONFIGS, make_scene
 from scipy.integrate import solve_ivp
 from scipy.optimize import newton
 
-from continuum_grasp.cli import app
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.scene.finger import PointMass, Rod
 from continuum_grasp.scene.grasp_options import GraspSolver
-from continuum_grasp.scene.objects import Circle
 from tests import certificate_cases as cases
+from tests.commands import run
 from tests.marks import but
 
 ONE = GraspSolver(effort="quick")
@@ -128,13 +127,10 @@ def test_the_moment_left_out_is_that_of_the_loads_less_that_of_the_shape(share):
     """An arc, bent by a share of what its tendon bends it; of the greatest moment, which is the tendon's."""
     tension, length, half = 3.0, cases.LENGTH, 0.5
     bend = share * cases.OFFSET * tension / cases.STIFFNESS * length
-    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.1))
     longer = Rod(length=1.5 * length, linear_density=1e-12, bending_stiffness=cases.STIFFNESS)
     fingers = {"finger": cases.make_finger(), "longer": cases.make_finger((5.0, 0.0), rod=longer)}
-    scene = cases.make_scene(fingers, disc, {"tip": "auto"}, family="arc")
-    contacts = [("finger.tip", (0, 0), cases.UP, (0, 0, 0), length, 0)]
-    values = {"finger": {"q": np.full(2, half * bend), "tensions": (tension, 0.0)}, "longer": {}}
-    error = certify(scene, cases.stored(scene, values, contacts)).model_error
+    values = {"finger": {"q": np.full(2, half * bend), "tensions": (tension, 0.0)}}
+    error = certify(*cases.apart(fingers, values, family="arc")).model_error
     assert error.moment == pytest.approx(abs(1.0 - share), rel=1e-9, abs=1e-12)
     assert error.length == length
     assert set(error.displacements) == {"finger.tip", "longer.tip"}
@@ -143,11 +139,9 @@ def test_the_moment_left_out_is_that_of_the_loads_less_that_of_the_shape(share):
 def test_the_moment_left_out_is_seen_close_to_the_ends_of_elements():
     """A force across the tip, and an arc bent, hardly at all, by half its moment: half is left out at the base."""
     force, length = 1e-6, cases.LENGTH
-    disc = Circle(shape="circle", diameter=0.01, mass=0.0, position=(9.0, 0.1))
-    scene = cases.make_scene(cases.make_finger(), disc, {"tip": "auto"}, family="arc")
     contacts = [("finger.tip", (0, 0), cases.LEFT, (force, 0, 0), length, 0)]
     q = np.full(2, 0.5 * force * length / cases.STIFFNESS * 0.5 * length)
-    error = certify(scene, cases.stored(scene, {"finger": {"q": q}}, contacts)).model_error
+    error = certify(*cases.apart(values={"finger": {"q": q}}, contacts=contacts, family="arc")).model_error
     assert error.moment == pytest.approx(0.5, abs=2e-3)
 
 
@@ -188,9 +182,7 @@ def test_a_lost_equilibrium_is_said_to_be():
 
 
 def test_model_error_is_saved_and_warned_of(tmp_path):
-    from typer.testing import CliRunner
-
-    done = CliRunner().invoke(app, ["grasp", str(CONFIGS / "mug_arcs.yaml"), "--out", str(tmp_path), "--json"])
+    done = run("grasp", CONFIGS / "mug_arcs.yaml", "--out", tmp_path, "--json")
     assert done.exit_code == 0, done.output
     meta = json.loads((tmp_path / "meta.json").read_text(encoding="utf-8"))
     error = meta["certificate"]["model_error"]

@@ -12,13 +12,12 @@ from grasp_scenes import CONFIGS, UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
-from continuum_grasp import nlp
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem import points, surroundings, values
 from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solve_clear
+from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.quality.resistance import resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
@@ -327,29 +326,6 @@ def test_the_tip_does_not_come_from_within():
 # -- guarded places, cones, unique forces, elements of a taper -------------------------------------------------------
 
 
-NONE = np.zeros(1)
-
-
-def runs(deepest=0.0, moved=0.0, settles_after=math.inf):
-    """How often a problem is solved whose fingers are so deep, per what is allowed, and whose new guarded places change
-    what is sought; from some round on neither.
-    """
-    solved = []
-
-    def solve(start, budget):
-        solved.append(start)
-        forces = nlp.Multipliers(NONE, np.ones(1))
-        return nlp.Attempt(nlp.Status.SOLVED, "", NONE, NONE, 1.0, forces, 1, 0.0, 0.0, 0.0)
-
-    def now(value):
-        return value if len(solved) < settles_after else 0.0
-
-    problem = SimpleNamespace(functions={"jac_g": lambda x, p: (np.array([now(moved)]), None)})
-    start = nlp.Start(NONE, NONE, NONE, NONE, NONE, NONE)
-    solve_clear(solve, problem, start, lambda x, p: (now(deepest), p), 1.0, nlp.Budget(), 9)
-    return len(solved)
-
-
 def places_seen(base):
     """Gap that is needed beside the first element of a finger whose base is so far from a palm, per half thickness."""
     setup = make_scene().setups[0]
@@ -376,14 +352,6 @@ def test_contact_forces_are_unique_and_cost_next_to_nothing():
     value, slope, bend = (np.array(v) for v in function(x, problem.numbers.pack(numbers, 0)))
     assert np.linalg.eigvalsh(bend[np.ix_(forces, forces)]).min() > 0.0
     assert 0.5 * slope[forces, 0] @ x[forces] < 1e-6 * value.item()
-
-
-def test_places_that_settle_late_are_waited_for_and_those_that_never_do_are_not():
-    for sign, again in ((-1.0, False), (1.0, True)):
-        assert (runs(deepest=1.0 + sign * 1e-6) > 1) is again
-        assert (runs(moved=1e-5 * (1.0 + sign * 1e-6)) > 1) is again
-    assert runs(deepest=2.0, settles_after=6) == 6
-    assert runs(deepest=2.0) < 12
 
 
 def test_a_base_that_touches_a_support_to_rounding_is_outside():

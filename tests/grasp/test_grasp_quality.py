@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from grasp_hand_made import LENGTH, arrays_of, make_finger, make_scene, on_disc, straight_finger
 from scipy.optimize import linprog, nnls
 from scipy.spatial import ConvexHull
 
@@ -16,17 +15,21 @@ from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.quality.contact_set import epsilon_l1
 from continuum_grasp.grasp.quality.quality import Quality
 from continuum_grasp.results.plain import plain
-from continuum_grasp.scene.grasp_options import GraspContacts
+from continuum_grasp.scene.objects import Circle
+from tests import certificate_cases as cases
 
 THIRDS = (0.0, 2 * math.pi / 3, 4 * math.pi / 3)
 
 
-def rough(friction, **changes):
-    return make_scene(contacts=GraspContacts(friction=friction, normal_force_max=30.0), **changes)
+DISC = Circle(shape="circle", diameter=0.08, mass=0.3, position=(0.0, 0.0))
 
 
 def space_of(angles, friction):
-    return Quality(rough(friction), arrays_of(on_disc(angles)))
+    """The wrenches of contacts on the disc, seen from its center at these angles [rad]."""
+    scene = cases.make_scene(cases.make_finger((0.5, 0.5)), DISC, {"friction": friction})
+    normals = [(math.cos(angle), math.sin(angle)) for angle in angles]
+    contacts = [(f"finger.middle_{k}", 0.04 * np.array(n), n, (1, 0, 0), cases.NONE, 0) for k, n in enumerate(normals)]
+    return Quality(scene, {"object.pose": np.zeros(3), **cases.contact_arrays(contacts)})
 
 
 # -- linear and conic problems -------------------------------------------------------------------------------------
@@ -186,21 +189,17 @@ def distance_to_hull(points, steps=20000):
 
 def bent_pinch():
     """Two bent fingers that hold a disc from both sides."""
-    curvatures = (4.0, 3.0, 2.0)
-    left, right = (-0.15, -0.1, -0.4), (0.15, -0.1, 0.4)
-    scene = make_scene(
-        fingers={"a": make_finger(left, weight=0.03), "b": make_finger(right, weight=0.03)},
-        contacts=GraspContacts(friction=0.5, normal_force_max=30.0, middle="off"),
-    )
-    fingers = {
-        "a": straight_finger(left, (3.0, 0.0), curvatures),
-        "b": straight_finger(right, (0.0, 6.0), [-c for c in curvatures]),
+    fingers = {"a": cases.make_finger((-0.15, -0.1), -0.4), "b": cases.make_finger((0.15, -0.1), 0.4)}
+    scene = cases.make_scene(fingers, DISC, family="clothoid")
+    values = {
+        "a": {"q": (4.0, 3.0, 2.0), "tensions": (3.0, 0.0)},
+        "b": {"q": (-4.0, -3.0, -2.0), "tensions": (0.0, 6.0)},
     }
     contacts = [
-        ("a.tip", (-0.04, 0.0), (-1.0, 0.0), (2.0, 0.5, 0.0), LENGTH),
-        ("b.tip", (0.04, 0.0), (1.0, 0.0), (3.0, -0.5, 0.0), LENGTH),
+        ("a.tip", (-0.04, 0.0), cases.LEFT, (2.0, 0.5, 0.0), cases.LENGTH, 0),
+        ("b.tip", (0.04, 0.0), cases.RIGHT, (3.0, -0.5, 0.0), cases.LENGTH, 0),
     ]
-    return scene, arrays_of(contacts, fingers=fingers)
+    return scene, cases.stored(scene, values, contacts)
 
 
 def test_quality_gathers_the_indices():

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from grasp_hand_made import arrays_of, make_scene
 
 from continuum_grasp.grasp.quality import conic
 from continuum_grasp.grasp.quality.conic import solve_conic
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.quality.resistance import _Limits
 from continuum_grasp.scene.objects import Box
+from tests import certificate_cases as cases
 
 
 def believed(excess, monkeypatch):
@@ -80,9 +80,9 @@ def is_limited(most):
 def is_no_corner(away):
     """Whether a contact so far from the corner of a box, per size of the box, is on a face."""
     box = Box(shape="box", width=0.06, height=0.08, mass=0.3, position=(0.0, 0.0))  # of size 0.05
-    contact = ("a", (0.03, 0.04 - away * 0.05), (1.0, 0.0), (1.0, 0.0, 0.0), math.nan)
-    scene = make_scene(object=box)
-    return ContactSet(scene, arrays_of([contact])).curvature(0) == 0.0
+    contact = ("a", (0.03, 0.04 - away * 0.05), (1.0, 0.0), (1.0, 0.0, 0.0), math.nan, 0)
+    scene = cases.make_scene(cases.make_finger((0.5, 0.5)), box)
+    return ContactSet(scene, {"object.pose": np.zeros(3), **cases.contact_arrays([contact])}).curvature(0) == 0.0
 
 
 LIMITS = [

@@ -13,11 +13,9 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 import continuum_grasp.grasp
 import continuum_grasp.plotting
-from continuum_grasp.cli import app
 from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.result import GraspResult
@@ -34,6 +32,7 @@ from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run
 from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.scene.grasp import GraspScene
+from tests.commands import run
 from tests.made_up_grasps import REASON, bent, failed, held, made_up, scene_of
 from tests.marks import few
 
@@ -345,8 +344,7 @@ def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
     result = failed()
     result = GraspResult(result.scene, status, "too heavy", result.arrays, None, (), (REASON,), "Use two.")
     monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, **options: result)
-    config = str(ROOT / "configs" / "grasp" / "heavy_bottle.yaml")
-    done = CliRunner().invoke(app, ["grasp", config, "--out", str(tmp_path)])
+    done = run("grasp", ROOT / "configs" / "grasp" / "heavy_bottle.yaml", "--out", tmp_path)
     assert done.exit_code == 1
     assert f"too heavy (status: {status})" in done.output
     assert "0.46 kg" in done.output
@@ -360,13 +358,9 @@ def test_command_begins_with_the_verdict(tmp_path, monkeypatch):
     result = held()
     result = replace(result, statistics={"cut_short": "iterations"}, certificate=certify(result.scene, result.arrays))
     monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, **options: result)
-    config = str(ROOT / "configs" / "grasp" / "mug.yaml")
-    done = CliRunner().invoke(app, ["grasp", config, "--out", str(tmp_path), "--no-pictures"])
+    done = run("grasp", ROOT / "configs" / "grasp" / "mug.yaml", "--out", tmp_path, "--no-pictures")
     assert done.output.startswith("optimal: held\n")
     assert "warning: the search was cut short" in done.output
-
-
-# -- shipped scenes against closed forms -------------------------------------------------------------------------
 
 
 def test_names_that_left_say_what_is_in_their_place():

@@ -8,20 +8,21 @@ from functools import cache
 import numpy as np
 import pytest
 from grasp_elastica import Hand, designed, disturbed, stored
-from grasp_hand_made import LENGTH, STIFFNESS, arrays_of, make_finger, straight_finger
 from scipy.optimize import brentq
 
 from continuum_grasp.grasp.quality.bent_finger import rolled
 from continuum_grasp.grasp.quality.quality import Quality
 from continuum_grasp.grasp.quality.resistance import difference_range, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspContacts, NoGravity, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.finger import Rod, Tendons
+from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects import Box, Circle, Ellipse
 from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.supports import Palm, Point
+from tests import certificate_cases as cases
 
-RADIUS = 0.04
+LENGTH, STIFFNESS, RADIUS = cases.LENGTH, cases.STIFFNESS, 0.04
+DISC = Circle(shape="circle", diameter=2 * RADIUS, mass=0.3, position=(0.0, 0.0))
 WRENCHES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, RADIUS))
 
 
@@ -30,20 +31,19 @@ WRENCHES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, RADIUS))
 
 def axial_pinch(push, friction=0.5, lift=0.0, gravity=None, **tendons):
     """Two thin straight fingers that press on a disc from both sides, along their axes."""
-    left, right = (-RADIUS - LENGTH, 0.0, -math.pi / 2), (RADIUS + LENGTH, 0.0, math.pi / 2)
-    scene = GraspScene(
-        fingers={"a": make_finger(left, 0.0, **tendons), "b": make_finger(right, 0.0, **tendons)},
-        object=Circle(shape="circle", diameter=2 * RADIUS, mass=0.3, position=(0.0, 0.0)),
-        contacts=GraspContacts(friction=friction, normal_force_max=30.0, middle="off"),
-        gravity=gravity or NoGravity(mode="none"),
-    )
-    contacts = [
-        ("a.tip", (-RADIUS, 0.0), (-1.0, 0.0), (push, 0.0, lift), LENGTH),
-        ("b.tip", (RADIUS, 0.0), (1.0, 0.0), (push, 0.0, lift), LENGTH),
+    limits = Tendons(offset=cases.OFFSET, **{"max_tension": 60.0, **tendons})
+    fingers = {
+        name: cases.make_finger((side * (RADIUS + LENGTH), 0.0), side * math.pi / 2, 0.0, tendons=limits)
+        for name, side in (("a", -1.0), ("b", 1.0))
+    }
+    contacts = {"friction": friction, "normal_force_max": 30.0}
+    scene = cases.make_scene(fingers, DISC, contacts, gravity or cases.WEIGHTLESS, family="clothoid")
+    places = [
+        ("a.tip", (-RADIUS, 0.0), cases.LEFT, (push, 0.0, lift), LENGTH, 0),
+        ("b.tip", (RADIUS, 0.0), cases.RIGHT, (push, 0.0, lift), LENGTH, 0),
     ]
-    tensions = tendons.get("min_tension", 0.0)
-    fingers = {"a": straight_finger(left, (tensions, tensions)), "b": straight_finger(right, (tensions, tensions))}
-    return scene, arrays_of(contacts, fingers=fingers)
+    both = {"tensions": (limits.min_tension, limits.min_tension)}
+    return scene, cases.stored(scene, {"a": both, "b": both}, places)
 
 
 def column(push):
@@ -78,8 +78,7 @@ def test_resisted_forces_of_the_axial_pinch(tendons):
 @pytest.mark.parametrize("tendons", ["locked", "retensioned"])
 def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
     push, mu, lift = 0.08, 0.5, 0.03
-    upright = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
-    scene, arrays = axial_pinch(push, mu, lift, upright)
+    scene, arrays = axial_pinch(push, mu, lift, cases.UPRIGHT)
     held = resistance(GraspResponse(scene, arrays), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf)
     assert held.factors[0] == pytest.approx(2 * (push - lift / mu), rel=1e-6)
     assert held.factors[1] == pytest.approx(2 * math.sqrt((mu * push) ** 2 - lift**2), rel=1e-6)
@@ -123,12 +122,14 @@ def held_disc(kind):
 
 
 def stored_scene(hand, state, names, friction=0.6):
-    scene = GraspScene(
-        fingers={n: make_finger(tuple(b), hand.half, hand.density) for n, b in zip(names, state.bases, strict=True)},
-        object=Circle(shape="circle", diameter=2 * hand.radius, mass=-hand.weight[1] / 9.81, position=(0.0, 0.0)),
+    rod = Rod(length=hand.length, linear_density=hand.density, bending_stiffness=hand.stiffness)
+    fingers = {n: cases.make_finger(b[:2], b[2], hand.half, rod=rod) for n, b in zip(names, state.bases, strict=True)}
+    scene = cases.make_scene(
+        fingers,
+        DISC.replaced(mass=-hand.weight[1] / 9.81),
+        {"friction": friction, "normal_force_max": 30.0},
+        PlanarGravity(mode="planar", vector=hand.gravity),
         supports={"floor": Palm(point=(0.0, -hand.radius), normal_angle=math.pi / 2)} if hand.wall else {},
-        contacts=GraspContacts(friction=friction, normal_force_max=30.0, middle="off"),
-        gravity=PlanarGravity(mode="planar", vector=hand.gravity),
     )
     return scene, stored(hand, state, names, 241)
 
@@ -209,20 +210,19 @@ def test_retensioning_can_be_followed():
 
 def test_two_ends_of_a_face_on_a_wall_share_alike():
     """A box on the floor, a finger's tip on top: the floor takes a push down; its two ends share it."""
-    base = (-0.12, 0.056, -math.pi / 2)
-    scene = GraspScene(
-        finger=make_finger((-0.18, 0.056, -math.pi / 2)),
-        object=Box(shape="box", width=0.08, height=0.05, mass=0.3, position=(0.0, 0.025)),
+    scene = cases.make_scene(
+        cases.make_finger((-LENGTH, 0.056), -math.pi / 2),
+        Box(shape="box", width=0.08, height=0.05, mass=0.3, position=(0.0, 0.025)),
+        {"normal_force_max": 30.0},
+        cases.PLANAR,
         supports={"floor": Palm(point=(0.0, 0.0), normal_angle=math.pi / 2)},
-        contacts=GraspContacts(friction=0.5, normal_force_max=30.0, middle="off"),
-        gravity=PlanarGravity(mode="planar", vector=(0.0, -9.81)),
     )
     contacts = [
-        ("finger.tip", (0.0, 0.05), (0.0, 1.0), (1.0, 0.0, 0.0), LENGTH),
-        ("floor.1", (-0.04, 0.0), (0.0, -1.0), (2.0, 0.0, 0.0), math.nan),
-        ("floor.2", (0.04, 0.0), (0.0, -1.0), (2.0, 0.0, 0.0), math.nan),
+        ("finger.tip", (0.0, 0.05), cases.UP, (1.0, 0.0, 0.0), LENGTH, 0),
+        ("floor.1", (-0.04, 0.0), cases.DOWN, (2.0, 0.0, 0.0), cases.NONE, 0),
+        ("floor.2", (0.04, 0.0), cases.DOWN, (2.0, 0.0, 0.0), cases.NONE, 0),
     ]
-    arrays = arrays_of(contacts, (0.0, 0.025, 0.0), {"finger": straight_finger(base)})
+    arrays = cases.stored(scene, {"finger": {}}, contacts)
     change = GraspResponse(scene, arrays).to_wrenches("retensioned")
     np.testing.assert_allclose(change.forces[:, 0, 1], [0.0, -0.5, -0.5], atol=1e-6)
     np.testing.assert_allclose(change.forces[1:, 1, 0], [0.5, 0.5], atol=1e-4)
@@ -260,24 +260,18 @@ def test_rolling_of_two_discs_and_of_surfaces_that_fit():
 
 def test_a_disc_between_pegs_and_a_wrapping_finger_resists_all_disturbances():
     """A finger with a tangent middle contact."""
-    kappa = -1 / 0.06
-    scene = GraspScene(
-        finger=make_finger((-0.10, 0.046, -math.pi / 2)),
-        object=Circle(shape="circle", diameter=0.08, mass=0.1, position=(0.0, 0.0)),
-        supports={"p": Point(type="point", position=(-0.03, -0.05)), "q": Point(type="point", position=(0.03, -0.05))},
-        contacts=GraspContacts(friction=0.5, normal_force_max=30.0, middle="on", tip="off"),
-        gravity=NoGravity(mode="none"),
+    scene = cases.make_scene(
+        cases.make_finger((-0.10, 0.046), -math.pi / 2),
+        DISC.replaced(mass=0.1),
+        {"normal_force_max": 30.0, "middle": "on", "tip": "off"},
+        family="clothoid",
+        supports={name: Point(type="point", position=(x, -0.05)) for name, x in (("p", -0.03), ("q", 0.03))},
     )
-    arrays = arrays_of(
-        [
-            ("finger.middle", (0.0, 0.04), (0.0, 1.0), (1.0, 0.0, 0.0), 0.10),
-            ("p", (-0.024, -0.032), (-0.6, -0.8), (0.625, 0.0, 0.0), math.nan),
-            ("q", (0.024, -0.032), (0.6, -0.8), (0.625, 0.0, 0.0), math.nan),
-        ],
-        fingers={
-            "finger": straight_finger(
-                (-0.10, 0.046, -math.pi / 2), (0.0, 5.0), (0.0, kappa, 0.0), (0.10, LENGTH - 0.10)
-            )
-        },
-    )
+    contacts = [
+        ("finger.middle", (0.0, 0.04), cases.UP, (1.0, 0.0, 0.0), 0.10, 0),
+        ("p", (-0.024, -0.032), (-0.6, -0.8), (0.625, 0.0, 0.0), cases.NONE, 0),
+        ("q", (0.024, -0.032), (0.6, -0.8), (0.625, 0.0, 0.0), cases.NONE, 0),
+    ]
+    bent = {"q": (0.0, -1 / 0.06, 0.0), "lengths": (0.10, LENGTH - 0.10), "tensions": (0.0, 5.0)}
+    arrays = cases.stored(scene, {"finger": bent}, contacts)
     assert Quality(scene, arrays).resistance.least > 0.0

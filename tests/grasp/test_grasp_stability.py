@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.scene.finger import PointMass, Rod
-from continuum_grasp.scene.objects import Box, Circle, Polygon
+from continuum_grasp.scene.objects import Circle, Polygon
 from continuum_grasp.scene.supports import Palm, Point
 from tests import certificate_cases as cases
 
@@ -74,22 +74,39 @@ def assert_critical(case, load):
     assert not stable_at(case, 1.005 * load)
 
 
-def under_disc(radius, half, load, peg=None):
-    """A straight finger that presses a disc without weight against a palm or a peg opposite."""
-    top = L + half + 2 * radius
-    support = Palm(point=(0.0, top), normal_angle=-math.pi / 2)
-    if peg is not None:
-        support = Point(type="point", position=(0.0, top + peg), radius=peg)
-    scene = cases.make_scene(
-        cases.make_finger(half=half),
-        Circle(shape="circle", diameter=2 * radius, mass=0.0, position=(0.0, L + half + radius)),
-        supports={"top": support},
-    )
+def pressing(body, top, half, load, ends=(0.0,), support=None):
+    """A straight finger that presses an object without weight against a palm, or another support, opposite, which
+    bears it at places aside of its line.
+    """
+    support = support or Palm(point=(0.0, top), normal_angle=-math.pi / 2)
+    scene = cases.make_scene(cases.make_finger(half=half), body, supports={"top": support})
+    names = ["top"] if len(ends) == 1 else [f"top.{k}" for k in range(1, len(ends) + 1)]
     contacts = [
         ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
-        ("top", (0, top), cases.UP, (load, 0, 0), cases.NONE, 0),
+        *(
+            (name, (x, top), cases.UP, (load / len(ends), 0, 0), cases.NONE, 0)
+            for name, x in zip(names, ends, strict=True)
+        ),
     ]
     return scene, cases.stored(scene, {"finger": {}}, contacts)
+
+
+def under_disc(radius, half, load, peg=None):
+    """It presses a disc against a palm or a peg opposite."""
+    top = L + half + 2 * radius
+    support = None if peg is None else Point(type="point", position=(0.0, top + peg), radius=peg)
+    body = Circle(shape="circle", diameter=2 * radius, mass=0.0, position=(0.0, L + half + radius))
+    return pressing(body, top, half, load, support=support)
+
+
+TOP = 0.04
+
+
+def under_polygon(corners, half, load, **body):
+    """It presses a polygon with a flat top against a palm opposite."""
+    ends = sorted(x for x, y in corners if y == TOP)
+    body = Polygon(shape="polygon", vertices=corners, mass=0.0, position=(0.0, L + half), **body)
+    return pressing(body, L + half + TOP, half, load, ends)
 
 
 @pytest.mark.parametrize("half", [0.0, 0.006, 0.03])
@@ -103,9 +120,6 @@ def test_a_column_under_a_disc(radius, half, peg):
     and a palm the disc is a spring of stiffness -P / (4 R), and the column buckles where tan z = z (1 + 4 R / L).
     """
 
-    def case(load):
-        return under_disc(radius, half, load, peg)
-
     def energy(load, x):
         u, phi = x
         psi = (u - half * phi) / (2 * radius)
@@ -118,7 +132,7 @@ def test_a_column_under_a_disc(radius, half, peg):
     if half == 0.0 and peg is None:
         z = brentq(lambda z: math.sin(z) - z * (1 + 4 * radius / L) * math.cos(z), 0.1, math.pi / 2)
         assert load == pytest.approx(EI * (z / L) ** 2, rel=1e-6)
-    assert_critical(case, load)
+    assert_critical(lambda load: under_disc(radius, half, load, peg), load)
 
 
 @pytest.mark.parametrize("share", [0.2, 1.5])
@@ -133,7 +147,7 @@ def test_the_eigenvalue_is_that_of_the_continuous_rod(radius, half, share):
 @pytest.mark.parametrize(("part", "stable"), [(0.9, False), (1.1, True)])
 def test_the_end_of_a_face_is_a_corner_up_to_the_tolerance_of_places(part, stable, side):
     """A tip beside the end of a face, by a part of 1e-6 of its length: about a corner it buckles at a lower load."""
-    half, top, end = 0.02, 0.04, part * 1e-6 * L
+    half, end = 0.02, part * 1e-6 * L
     face, corner = (
         brentq(lambda load, c=c: column(load)[0, 0] * half**2 + 2 * column(load)[0, 1] * half + column(load)[1, 1]
                - c * load * half, 0.1 * EI / L**2, 30.0 * EI / L**2)
@@ -142,18 +156,9 @@ def test_the_end_of_a_face_is_a_corner_up_to_the_tolerance_of_places(part, stabl
     assert corner < 0.9 * face
     load = math.sqrt(corner * face)
     low, high = sorted((side * end, -0.05 * side))
-    body = Polygon(
-        shape="polygon", vertices=((low, 0.0), (high, 0.0), (high, top), (low, top)),
-        mass=0.0, position=(0.0, L + half), center_of_mass=(0.5 * (low + high), 0.5 * top),
-    )  # fmt: skip
-    palm = Palm(point=(0.0, L + half + top), normal_angle=-math.pi / 2)
-    scene = cases.make_scene(cases.make_finger(half=half), body, supports={"palm": palm})
-    contacts = [
-        ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
-        *((f"palm.{k}", (x, L + half + top), cases.UP, (0.5 * load, 0, 0), cases.NONE, 0)
-          for k, x in ((1, low), (2, high))),
-    ]  # fmt: skip
-    assert certify(scene, cases.stored(scene, {"finger": {}}, contacts)).stability.stable is stable
+    corners = ((low, 0.0), (high, 0.0), (high, TOP), (low, TOP))
+    scene, arrays = under_polygon(corners, half, load, center_of_mass=(0.5 * (low + high), 0.5 * TOP))
+    assert certify(scene, arrays).stability.stable is stable
 
 
 @pytest.mark.parametrize("half", [0.0, 0.006, 0.02])
@@ -163,23 +168,8 @@ def test_a_column_under_a_fixed_object(shape, half):
 
     Its shift is h phi; on the corner it climbs by h phi^2 / 2. Without thickness: clamped and pinned, z = 4.4934.
     """
-    values = {"mass": 0.0, "position": (0.0, L + half)}
-    top = 0.04
-    body = (
-        Polygon(shape="polygon", vertices=((-0.05, 0.0), (0.05, 0.0), (0.05, top), (-0.05, top)), **values)
-        if shape == "face"
-        else Polygon(shape="polygon", vertices=((0.0, 0.0), (0.05, top), (-0.05, top)), **values)
-    )
-
-    def case(load):
-        palm = Palm(point=(0.0, L + half + top), normal_angle=-math.pi / 2)
-        scene = cases.make_scene(cases.make_finger(half=half), body, supports={"palm": palm})
-        contacts = [
-            ("finger.tip", (0, L + half), cases.DOWN, (load, 0, 0), L, 0),
-            ("palm.1", (-0.05, L + half + top), cases.UP, (0.5 * load, 0, 0), cases.NONE, 0),
-            ("palm.2", (0.05, L + half + top), cases.UP, (0.5 * load, 0, 0), cases.NONE, 0),
-        ]
-        return scene, cases.stored(scene, {"finger": {}}, contacts)
+    face = ((-0.05, 0.0), (0.05, 0.0), (0.05, TOP), (-0.05, TOP))
+    corner = ((0.0, 0.0), (0.05, TOP), (-0.05, TOP))
 
     def energy(load, x):
         place = np.array([half * x[0], x[0]])
@@ -188,7 +178,7 @@ def test_a_column_under_a_fixed_object(shape, half):
     load = critical(energy, 1)
     if half == 0.0:
         assert load == pytest.approx(EI * (4.493409 / L) ** 2, rel=1e-5)
-    assert_critical(case, load)
+    assert_critical(lambda load: under_polygon(face if shape == "face" else corner, half, load), load)
 
 
 @pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])
@@ -248,19 +238,8 @@ def test_an_upright_finger_under_its_own_weight(at, share, stable):
     else:
         masses = (PointMass(at=at, mass=share * math.pi**2 * EI / (4 * at**2) / 9.81),)
     rod = Rod(length=L, linear_density=density, bending_stiffness=EI)
-    supports = {
-        "below": Palm(point=(0.4, -0.02), normal_angle=math.pi / 2),
-        "above": Palm(point=(0.4, 0.02), normal_angle=-math.pi / 2),
-    }
-    body = Box(shape="box", width=0.04, height=0.04, mass=0.0, position=(0.4, 0.0))
     finger = cases.make_finger(rod=rod, masses=masses)
-    scene = cases.make_scene(finger, body, {"tip": "auto"}, cases.PLANAR, supports=supports)
-    contacts = [
-        (f"{name}.{k}", (x, y), n, (1.0, 0, 0), cases.NONE, 0)
-        for name, y, n in (("below", -0.02, cases.DOWN), ("above", 0.02, cases.UP))
-        for k, x in ((1, 0.38), (2, 0.42))
-    ]
-    found = certify(scene, cases.stored(scene, {"finger": {}}, contacts)).stability
+    found = certify(*cases.beside_box(finger, gravity=cases.PLANAR)).stability
     assert found.stable is stable
 
 

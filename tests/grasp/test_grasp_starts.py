@@ -223,33 +223,6 @@ def test_arcs_stay_arcs():
     check_touching(scene, start)
 
 
-@pytest.mark.parametrize("kind", TOUCHES)
-def test_turned_and_shifted_scenes_have_turned_and_shifted_starts(kind):
-    scene = touching(SHAPES["superellipse"], kind)
-    turn, shift = 1.1, complex(0.3, -0.2)
-    base = np.exp(1j * turn) * complex(-0.05, -0.09) + shift
-    moved = touching(
-        {**SHAPES["superellipse"], "position": (shift.real, shift.imag), "angle": turn},
-        kind,
-        base=(base.real, base.imag, 0.1 + turn),
-    )
-    one, two = starts_of(scene)[0], starts_of(moved)[0]
-    assert two.fingers["f"].curvatures == pytest.approx(one.fingers["f"].curvatures, abs=1e-6)
-    assert two.fingers["f"].knots == pytest.approx(one.fingers["f"].knots, abs=1e-9)
-    for name, contact in one.contacts.items():
-        assert two.contacts[name].point == pytest.approx(contact.point, abs=1e-9)
-
-
-@pytest.mark.parametrize("kind", TOUCHES)
-def test_mirrored_scenes_have_mirrored_starts(kind):
-    scene = touching(SHAPES["ellipse"], kind, base=(-0.05, -0.09, 0.1))
-    mirrored = touching(SHAPES["ellipse"], kind, base=(0.05, -0.09, -0.1))
-    one, two = starts_of(scene)[0], starts_of(mirrored)[0]
-    assert two.fingers["f"].curvatures == pytest.approx([-k for k in one.fingers["f"].curvatures], abs=1e-6)
-    for name, contact in one.contacts.items():
-        assert two.contacts[name].point == pytest.approx((-contact.point[0], contact.point[1]), abs=1e-9)
-
-
 def reachable(rng, shape, kind):
     """A scene made round a posture: a random curve, and the object put against it; None where it lies on it."""
     half = float(rng.choice([0.0, 0.02, 0.04]))

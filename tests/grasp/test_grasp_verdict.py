@@ -24,6 +24,7 @@ from continuum_grasp.grasp.stations import _slope
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.finger import Rod
 from tests import certificate_cases as cases
+from tests.grasp.test_grasp_starts import world_curve
 
 EULER = math.pi**2 * cases.STIFFNESS / (4 * cases.LENGTH**2)
 """Load at which a column buckles whose end is free [N]."""
@@ -35,10 +36,14 @@ def solved(scene, **options):
 
 @pytest.mark.parametrize("load", [0.5, 5.0])
 def test_a_disc_on_two_upright_fingers_is_steady_below_their_euler_load(load):
-    """Straight fingers carry it from below: beyond the Euler load no grasp near these is stable."""
-    scene, _ = cases.two_fingers_below(mass=2 * load * EULER / 9.81, half=0.0)
+    """Straight fingers carry it from below without tension: beyond the Euler load no grasp near these is stable."""
+    scene, exact = cases.two_fingers_below(mass=2 * load * EULER / 9.81, half=0.0)
     result = solved(scene)
     assert result.solved
+    assert result.tension == pytest.approx(0.0, abs=1e-6 * cases.STIFFNESS / (cases.LENGTH * cases.OFFSET))
+    if load < 1.0:
+        assert max(np.abs(finger.q).max() for finger in result.fingers.values()) * cases.LENGTH < 1e-3
+        assert result.arrays["contact_forces"] == pytest.approx(exact["contact_forces"], rel=1e-5, abs=1e-7)
     assert result.certificate.stability.stable is (load < 1.0)
     # Of two fingers samples are tried, of which none is the best for sure.
     assert result.status is Status.FEASIBLE
@@ -153,20 +158,10 @@ def test_two_limits_at_once_are_named_with_their_numbers():
 
 
 def gap(scene, start):
-    """Least distance of the bodies of two fingers of a start [m], by the trapezoidal rule."""
-
-    def line(setup):
-        finger = start.fingers[setup.name]
-        s = np.linspace(0.0, setup.finger.rod.length, 400)
-        bent = np.interp(s, finger.knots, finger.curvatures)
-        turn = finger.base[2] + np.append(0.0, np.cumsum(0.5 * (bent[1:] + bent[:-1]) * np.diff(s)))
-        along = np.stack([-np.sin(turn), np.cos(turn)], axis=1)
-        moved = np.cumsum(0.5 * (along[1:] + along[:-1]) * np.diff(s)[:, None], axis=0)
-        return np.array(finger.base[:2]) + np.concatenate([[[0.0, 0.0]], moved])
-
-    one, other = (line(setup) for setup in scene.setups)
+    """Least distance of the bodies of two fingers of a start [m]."""
+    one, other = (world_curve(start.fingers[setup.name])[1] for setup in scene.setups)
     half = sum(setup.finger.thickness_radius for setup in scene.setups)
-    return float(np.hypot(*(one[:, None] - other).transpose(2, 0, 1)).min()) - half
+    return float(np.abs(one[:, None] - other).min()) - half
 
 
 @pytest.mark.parametrize("seed", [7, 44, 51])

@@ -140,25 +140,19 @@ def test_a_corner_keeps_its_distance_from_a_finger_that_slides(side):
         assert abs(abs(place - corner) - true) > 5e-5  # what the place alone would keep
 
 
-def test_a_corner_that_slides_along_the_finger_between_guarded_places_leaves_a_grasp():
-    """The brute force holds it with 45.35 N, and 3 % of every limit to spare."""
-    row = outcome(("outline", "855", "own", drawn("outline", 855), 2, "normal"))
-    assert row["tension"] < 45.35
-    assert row["residual"] < 1.0
+HELD = [
+    # Brute force holds these with 3 % of every limit to spare: a corner slides along the finger between guarded places;
+    # the solver leaves a narrow feasible set, so that limits relaxed by nothing would be reasons.
+    (855, 2, 45.35),
+    (409, 2, 19.16),
+    # The scan's postures lead to 24.76 and 24.70 N, three times as many starts, on other faces, to these tensions.
+    *few([(16, 4, 15.771749), (8, 4, 23.417704)], 1),
+]
 
 
-def test_a_limit_relaxed_by_nothing_is_no_reason():
-    """The solver leaves a narrow feasible set; brute force holds it with 19.16 N, and 3 % of every limit to spare."""
-    row = outcome(("outline", "409", "own", drawn("outline", 409), 2, "normal"))
-    assert row["status"] == "feasible"
-    assert row["tension"] < 19.16
-    assert row["residual"] < 1.0
-
-
-@pytest.mark.parametrize(("seed", "tension"), few([(16, 15.771749), (8, 23.417704)], 1))
-def test_where_a_scanned_posture_leads_nowhere_other_faces_are_tried(seed, tension):
-    """The scan's postures lead to 24.76 and 24.70 N, three times as many starts to these tensions."""
-    row = outcome(("outline", str(seed), "own", drawn("outline", seed), 4, "normal"))
-    assert row["status"] == "feasible"
-    assert row["tension"] == pytest.approx(tension, rel=1e-6)
+@pytest.mark.parametrize(("seed", "elements", "tension"), HELD)
+def test_outlines_that_were_not_held_take_no_more_than_by_other_ways(seed, elements, tension):
+    row = outcome(("outline", str(seed), "own", drawn("outline", seed), elements, "normal"))
+    assert row["status"] in ("feasible", "optimal")
+    assert row["tension"] <= tension * (1.0 + 1e-6)
     assert row["residual"] < 1.0

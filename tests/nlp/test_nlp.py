@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import signal
 from dataclasses import replace
-from pathlib import Path
 from typing import get_args
 
 import casadi as ca
@@ -19,7 +18,6 @@ from grasp_scenes import UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from plan_cases import two_arcs
 
-from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import (
     NLP,
@@ -36,7 +34,6 @@ from continuum_grasp.nlp import (
 from continuum_grasp.nlp.solver import Solver, _Stop, optimality_error
 from continuum_grasp.planning import plan
 from continuum_grasp.scene.grasp_options import GraspSolver
-from continuum_grasp.scene.load import load
 from continuum_grasp.scene.methods import Method
 from continuum_grasp.scene.plan import PlanSolver
 
@@ -336,12 +333,6 @@ def test_violations_are_named_with_their_amounts():
     assert (force.amount, force.scaled, force.index) == (2.0, 1.0, 0)
     g[5] = np.nan
     assert constraints.blocks[1].violation(g[constraints.blocks[1].rows]).scaled == INF
-
-
-def test_an_unknown_solver_is_refused_with_the_names_of_those_there_are():
-    configs = Path(__file__).parents[2] / "configs"
-    with pytest.raises(ContinuumGraspError, match="ipopt"):
-        load(configs / "grasp" / "mug.yaml", ["solver.method=simplex"])
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,6 @@ import os
 import re
 import shutil
 import stat
-import subprocess
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -24,6 +22,7 @@ from continuum_grasp.plotting.drawing.style import Z
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
 from continuum_grasp.simulation import Trajectory
+from tests.commands import python
 
 LENGTH = 0.6
 ROD = Rod(length=LENGTH, linear_density=0.02, bending_stiffness=0.05)
@@ -354,14 +353,7 @@ assert state() == before, "the global style changed"
 
 @pytest.mark.deep
 def test_nothing_global_is_touched(tmp_path: Path) -> None:
-    tests = Path(__file__).resolve().parent
-    done = subprocess.run(
-        [sys.executable, "-c", GLOBAL_STATE, str(tests), str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": str(tests.parents[1])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = python("-c", GLOBAL_STATE, Path(__file__).parent, tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
 

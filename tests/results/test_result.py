@@ -16,45 +16,18 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from continuum_grasp.accuracy.report import AccuracyReport
-from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.design import DesignResult
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Status
-from continuum_grasp.identification.comparison import Comparison
-from continuum_grasp.identification.experiments import ExperimentPlan
-from continuum_grasp.identification.fit import Fit
-from continuum_grasp.identification.replayed import Replay
-from continuum_grasp.mission.outcomes import TrialsResult
-from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.planning import Plan
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored, read_run
 from continuum_grasp.results.declared import maker_of
-from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
-from continuum_grasp.sweeps import SweepTable
+from continuum_grasp.simulation import Modes, Trajectory
 from tests.declared import assert_declared
+from tests.results_page import BEGIN, MADE_BY, PAGE, lists
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-RESULTS = (
-    AccuracyReport,
-    ControlRun,
-    DesignResult,
-    Equilibrium,
-    ExperimentPlan,
-    Comparison,
-    Fit,
-    GraspResult,
-    MissionRun,
-    Modes,
-    Plan,
-    Replay,
-    SweepTable,
-    Trajectory,
-    TrialsResult,
-)
 FILES = [
-    (result, one) for result in RESULTS for one in (*result.texts, *result.pages, *result.pictures, *result.on_request)
+    (result, one) for result in MADE_BY for one in (*result.texts, *result.pages, *result.pictures, *result.on_request)
 ]
 
 
@@ -116,7 +89,7 @@ def test_what_makes_a_file_takes_the_result_and_axes(result: type[Result], one: 
     assert re.fullmatch("[a-z_]+", one.name)
 
 
-@pytest.mark.parametrize("result", RESULTS)
+@pytest.mark.parametrize("result", MADE_BY)
 def test_declared_arrays_have_a_name_dimensions_and_a_meaning(result: type[Result]) -> None:
     names = [one.name for one in result.stored]
     dimensions = [one.name for one in result.dimensions]
@@ -128,6 +101,11 @@ def test_declared_arrays_have_a_name_dimensions_and_a_meaning(result: type[Resul
         assert len(set(one.dimensions)) == len(one.dimensions), one
         assert one.shape == f"({', '.join(one.dimensions)}{',' * (len(one.dimensions) == 1)})"
         assert one.meaning
+
+
+def test_the_lists_in_the_documentation_are_what_results_declare() -> None:
+    """If not: ``python -m tests.results_page``."""
+    assert PAGE.read_text(encoding="utf-8").split(BEGIN)[1] == f"\n{lists()}"
 
 
 @pytest.mark.deep

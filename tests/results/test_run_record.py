@@ -10,24 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from continuum_grasp.cli import app
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.results import read_run, write_run
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.record import begin_run, kind_of_run, note_part
-from tests.said import said
+from tests.commands import ROOT, environment, python, run, said
 
-ROOT = Path(__file__).resolve().parents[2]
 RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"
 SHORT = ("--set", "time.duration=0.02", "--set", "time.step=0.01")
-
-
-def run(*arguments: object):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def draw(folder: Path, name: str, text: str = "drawn") -> None:
@@ -133,8 +126,8 @@ def test_a_folder_of_another_command_is_refused_before_anything_is_computed(comm
 def test_the_second_of_two_runs_in_a_folder_is_refused_while_the_first_is_alive(tmp_path):
     code = "import sys; from pathlib import Path; from continuum_grasp.results.atomic import hold_folder\n"
     code += "hold_folder(Path(sys.argv[1])); print('held', flush=True); input()"
-    line, env = [sys.executable, "-c", code, str(tmp_path / "run")], {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(line, env=env, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+    line, pipe = [sys.executable, "-c", code, str(tmp_path / "run")], subprocess.PIPE
+    with subprocess.Popen(line, env=environment(), text=True, stdin=pipe, stdout=pipe) as other:
         assert other.stdout.readline() == "held\n"
         second = run("modes", RELEASE, "--out", tmp_path / "run")
         assert second.exit_code == 2
@@ -182,9 +175,7 @@ def test_a_pipe_is_refused_and_not_waited_for(arguments, tmp_path):
             os.mkfifo(tmp_path / "holds" / name)
     places = {"PIPE": tmp_path / "pipe"}
     given = [tmp_path / "holds" if str(a).startswith("HOLDS") else places.get(a, a) for a in arguments]
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"}
-    command = [sys.executable, "-m", "continuum_grasp", *map(str, given)]
-    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=60, check=False)
+    done = python("-m", "continuum_grasp", *given, timeout=60)
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
     assert str(tmp_path) in done.stderr
@@ -200,9 +191,8 @@ def test_a_full_disk_is_one_line_and_leaves_whole_files(command, limit, tmp_path
     code = "import sys; from continuum_grasp.__main__ import main; import resource as r\n"
     code += "import casadi, numpy, matplotlib\n"
     code += f"r.setrlimit(r.RLIMIT_FSIZE, ({limit}, {limit})); main()"
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg", "CC": "", "PYTHONDONTWRITEBYTECODE": "1"}
-    line = [sys.executable, "-c", code, *map(str, arguments), "--out", str(tmp_path / "run")]
-    done = subprocess.run(line, env=env, capture_output=True, text=True, timeout=120, check=False)
+    more = {"CC": "", "PYTHONDONTWRITEBYTECODE": "1"}
+    done = python("-c", code, *arguments, "--out", tmp_path / "run", more=more, timeout=120)
     assert done.returncode == 2, done.stderr
     lines = [line for line in said(done.stderr).splitlines() if not line.startswith("warning: ")]
     assert len(lines) == 1, done.stderr
@@ -268,10 +258,9 @@ def test_every_writing_may_fail(tmp_path, monkeypatch, old, error):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 @pytest.mark.parametrize("arguments", [("schema", "finger"), ("modes", RELEASE), ("modes", RELEASE, "--json")])
 def test_standard_output_that_takes_no_more(arguments):
-    env = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "continuum_grasp", *map(str, arguments)]
     with open("/dev/full", "w") as full:
-        done = subprocess.run(command, env=env, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        done = subprocess.run(command, env=environment(), stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, said(done.stderr)) == (2, "error: standard output: No space left on device\n")
 
 

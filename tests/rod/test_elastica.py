@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import subprocess
-import sys
 
 import mpmath
 import numpy as np
@@ -46,8 +44,6 @@ def tip_pose(found):
 
 
 ROD = {"length": 0.6, "linear_density": 0.05, "bending_stiffness": 0.06}
-
-
 BODY = {"mass": 0.02, "rotary_inertia": 1e-5, "center_of_mass": [0.01, 0.02]}
 STOPS = {"curvature": [4.0, 9.0], "stiffness_ratio": 20.0}
 
@@ -443,16 +439,6 @@ def test_wrong_questions_are_refused():
     with pytest.raises(SolverError, match="units") as caught:
         solve_elastica(unit(force(1.0, (0.0, 1e9))))
     assert caught.value.status == "resolution limit"
-
-
-def test_it_shares_no_code_with_the_model():
-    code = (
-        "import sys, continuum_grasp.rod.frequencies\n"
-        "modules = ('model', 'core', 'simulation')\n"
-        "assert not [m for m in sys.modules if m.startswith(tuple(f'continuum_grasp.{r}' for r in modules))]\n"
-        "assert 'casadi' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def worst(scene) -> float:

@@ -10,9 +10,7 @@ import warnings
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import kind_of
 from continuum_grasp.scene.kinds import KINDS
@@ -21,17 +19,13 @@ from continuum_grasp.scene.objects.outline import OutlineFile
 from continuum_grasp.scene.units import QUANTITIES, units_of
 from continuum_grasp.scene.value import Value
 from continuum_grasp.scene.yaml_loader import parse_yaml
+from tests.commands import run
+from tests.errata_page import table
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "configurations.md").read_text(encoding="utf-8")
+FILE = ROOT / "docs" / "configurations.md"
+PAGE = FILE.read_text(encoding="utf-8")
 HANGING = ROOT / "configs" / "simulate" / "hanging.yaml"
-
-
-def table(heading: str) -> list[list[str]]:
-    """Cells of the rows of the first table under a heading."""
-    section = PAGE.split(f"\n## {heading}\n")[1].split("\n## ")[0]
-    lines = [line for line in section.splitlines() if line.startswith("|")]
-    return [[cell.strip() for cell in line.strip("|").split(" | ")] for line in lines[2:]]
 
 
 def blocks(language: str) -> list[str]:
@@ -53,11 +47,11 @@ def test_units_are_those_of_the_code():
         [quantity.words, si, ", ".join(unit for unit in units_of(si) if unit != si), quantity.example]
         for si, quantity in QUANTITIES.items()
     ]
-    assert table("Units") == rows
+    assert table("Units", FILE) == rows
 
 
 def test_every_kind_is_in_the_table():
-    rows = table("Kinds")
+    rows = table("Kinds", FILE)
     assert [re.findall(r"\w+", row[3])[0] for row in rows] == list(KINDS)
     for row, kind in zip(rows, KINDS, strict=True):
         keys = [re.findall(r"`(\w+)`", each)[0] for each in row[1].split(", ")]
@@ -93,7 +87,7 @@ def test_commands_are_there(monkeypatch):
     for command in commands:
         verb, *rest = shlex.split(command, comments=True)
         # Computing is what other tests do: here, that the change is one.
-        done = CliRunner().invoke(app, [verb if verb == "schema" else "validate", *rest])
+        done = run(verb if verb == "schema" else "validate", *rest)
         assert done.exit_code == 0, done.output
 
 
@@ -182,7 +176,7 @@ READ = {
 
 
 def test_yaml_is_read_as_the_page_says():
-    written = [word for row in table("YAML") for word in re.findall(r"`([^`]+)`", row[0])]
+    written = [word for row in table("YAML", FILE) for word in re.findall(r"`([^`]+)`", row[0])]
     assert set(READ) < set(written)
     for word in written:
         got = parse_yaml(f"key: {word}").value["key"]

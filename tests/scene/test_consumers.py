@@ -4,9 +4,9 @@ key that is not declared changes what a consumer makes.
 
 from __future__ import annotations
 
+import fnmatch
 import inspect
 from collections.abc import Iterator
-from fnmatch import fnmatchcase
 from functools import cache
 from itertools import zip_longest
 from typing import get_args
@@ -30,7 +30,7 @@ from continuum_grasp.scene.value import Value
 from continuum_grasp.simulation.statics import equilibrium
 from tests.consumers_page import BEGIN, PAGE, tables
 from tests.features import FEATURES, VERBS, declared, scene_of
-from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, others, places
+from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, keys_below, others, places
 from tests.scene_products import WALKS, Walk, parts
 
 FROM_OUTSIDE = {"Freedom", "OutlineFile"}
@@ -53,24 +53,10 @@ def arguments() -> set[str]:
 
 def known(key: str) -> bool:
     """Whether a dotted key is one of a kind of scene or of a part of one, by the schemas, an argument or an option."""
-    if key.partition("=")[0] in arguments():
-        return True
-    for kind in KINDS:
-        schema = schema_of(kind)
-        nodes = [schema, *schema["$defs"].values()]
-        for name in key.partition("=")[0].split("."):
-            found = []
-            while nodes:
-                node = nodes.pop()
-                if "$ref" in node:
-                    nodes.append(schema["$defs"][node["$ref"].rpartition("/")[2]])
-                nodes += [one for word in ("anyOf", "oneOf", "allOf") for one in node.get(word, ())]
-                nodes += [node[word] for word in ("items", "additionalProperties") if isinstance(node.get(word), dict)]
-                found += [one for key, one in node.get("properties", {}).items() if fnmatchcase(key, name)]
-            nodes = found
-        if nodes:
-            return True
-    return False
+    key = key.partition("=")[0]
+    *above, last = key.split(".")
+    parts = ({**one, "$defs": own["$defs"]} for own in map(schema_of, KINDS) for one in (own, *own["$defs"].values()))
+    return key in arguments() or any(fnmatch.filter(keys_below(part, above), last) for part in parts)
 
 
 @pytest.mark.parametrize("name", CONSUMERS)
@@ -163,7 +149,7 @@ def ignored(walk: Walk, found: list[Place]) -> str:
     consumer, key = CONSUMERS.get(walk.consumer), found[0].key
     heads = [".".join(key.split(".")[: k + 1]) for k in range(key.count(".") + 1)]
     declared = {**consumer.refused, **consumer.otherwise, **consumer.unneeded} if consumer else {}
-    if {*heads} & {*walk.but} or key in NOT_ALONE or any(fnmatchcase(head, one) for head in heads for one in declared):
+    if {*heads} & {*walk.but} or key in NOT_ALONE or any(fnmatch.filter(heads, one) for one in declared):
         return ""
     taken = tried = False
     given = [place for place in found if place.value not in (None, ())]

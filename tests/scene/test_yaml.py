@@ -57,25 +57,8 @@ def complaint(text_file: str, **kwargs) -> list[str]:
         *[(t, True) for t in ("true", "True", "TRUE")],
         *[(t, False) for t in ("false", "False", "FALSE")],
         *[(t, None) for t in ("null", "Null", "NULL", "~", "")],
-        *[
-            (t, t)
-            for t in (
-                "on",
-                "off",
-                "yes",
-                "no",
-                "Yes",
-                "y",
-                "n",
-                "tRUE",
-                "nil",
-                "inf",
-                "nan",
-                "1_000",
-                "12:30",
-            )
-        ],
-        *[(t, t) for t in ("2020-01-01", "0b11", "1e", "e5", "=", "1.2.3", "-", "0.6 m") if t != "-"],
+        *[(t, t) for t in ("on", "off", "yes", "no", "Yes", "y", "n", "tRUE", "nil", "inf", "nan", "1_000", "12:30")],
+        *[(t, t) for t in ("2020-01-01", "0b11", "1e", "e5", "=", "1.2.3", "0.6 m")],
         *[('"1e6"', "1e6"), ("'true'", "true"), ('""', "")],
     ],
 )
@@ -216,18 +199,7 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
             "loads:\n- {kind: force, at: 0.1, force: [0, 1], follows: yes}",
             "6:50: loads[0].follows: wrong type: expected true or false, got text 'yes' (write true)",
         ),
-    ],
-)
-def test_problem_is_named_at_its_place(write, text, expected):
-    lines = complaint(write(HEAD + text))
-    assert len(lines) == 1
-    assert expected in lines[0]
-
-
-# places inside unions, where pydantic's own locations carry the names of branches
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
+        # inside unions, where pydantic's own locations carry the names of branches
         ("loads:\n- {at: 0.1, force: [0, 1]}", "6:3: loads[0].kind: missing; expected 'force' or 'moment'"),
         (
             "loads:\n- {kind: torque, at: 1}",
@@ -262,12 +234,24 @@ def test_problem_is_named_at_its_place(write, text, expected):
             "actuation: {tip_moment: {times: [1, 0], values: [1, 2]}}",
             "5:33: actuation.tip_moment.times: times must increase",
         ),
+        # of the finger, whose keys come before
+        (
+            "  strain_limit: 6",
+            "5:17: finger.strain_limit: out of range: expected a number less than 1 (greatest bending",
+        ),
+        ("  half_thickness: 0.6", "5:19: finger.half_thickness: half_thickness = 0.6 m is not smaller"),
+        ("  masses: [{at: 0.6, mass: 1e30}]", "5:28: finger.masses[0].mass: out of range"),
+        (
+            "  tendons: {offset: 0.01, max_tension: 1, time_constant: 1e-300}",
+            "5:58: finger.tendons.time_constant: out of range: expected a number at least 1e-06 (time constant",
+        ),
+        ("  base: {position: [0, 1e300]}", "5:24: finger.base.position[1]: out of range"),
     ],
 )
-def test_branches_of_unions_do_not_show(write, text, expected):
+def test_problem_is_named_at_its_place(write, text, expected):
     lines = complaint(write(HEAD + text))
     assert len(lines) == 1
-    assert lines[0].startswith("scene.yaml:" + expected)
+    assert expected in lines[0]
 
 
 def test_unknown_key_in_a_branch_of_a_union(write):
@@ -309,24 +293,6 @@ def test_several_problems_in_the_order_of_the_file(write):
 def test_physical_sense_of_the_rod(write, rod, expected):
     lines = complaint(write(f"schema_version: 1\ngravity: [0, 0]\nfinger: {{rod: {rod}}}"))
     assert any(expected in line for line in lines)
-
-
-@pytest.mark.parametrize(
-    ("finger", "expected"),
-    [
-        ("strain_limit: 6", "5:17: finger.strain_limit: out of range: expected a number less than 1 (greatest bending"),
-        ("half_thickness: 0.6", "5:19: finger.half_thickness: half_thickness = 0.6 m is not smaller"),
-        ("masses: [{at: 0.6, mass: 1e30}]", "5:28: finger.masses[0].mass: out of range"),
-        (
-            "tendons: {offset: 0.01, max_tension: 1, time_constant: 1e-300}",
-            "5:58: finger.tendons.time_constant: out of range: expected a number at least 1e-06 (time constant",
-        ),
-        ("base: {position: [0, 1e300]}", "5:24: finger.base.position[1]: out of range"),
-    ],
-)
-def test_physical_sense_of_the_finger(write, finger, expected):
-    (line,) = complaint(write(f"{HEAD}  {finger}\n"))
-    assert line.startswith("scene.yaml:" + expected)
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from continuum_grasp import optimize_grasp, sweep_table
-from continuum_grasp.cli import app
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
+from tests.commands import run
 from tests.sweep_cases import MUG
 
 TEXT = f"""schema_version: 1
@@ -27,17 +26,13 @@ pareto: [{{x: tension_max, y: object.mass, y_best: greatest}}]
 """
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["sweep", *map(str, arguments)])
-
-
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     """A small sweep: its configuration, folder, and what was printed as JSON."""
     folder = tmp_path_factory.mktemp("sweep")
     config = folder / "small.yaml"
     config.write_text(TEXT, encoding="utf-8")
-    found = run(config, "--out", folder / "out", "--workers", 1, "--json")
+    found = run("sweep", config, "--out", folder / "out", "--workers", 1, "--json")
     assert found.exit_code == 0, found.output
     return config, folder / "out", json.loads(found.stdout)
 
@@ -75,18 +70,18 @@ def test_the_same_as_json(swept):
 
 def test_again_there_is_nothing_left_to_do(swept):
     config, folder, _ = swept
-    found = run(config, "--out", folder, "--no-pictures")
+    found = run("sweep", config, "--out", folder, "--no-pictures")
     assert found.exit_code == 0
     assert "4 of 4" in found.stdout
     assert "2 optimal, 2 invalid" in found.stdout
-    assert run(config, "--out", folder, "--quiet", "--no-pictures").output == ""
+    assert run("sweep", config, "--out", folder, "--quiet", "--no-pictures").output == ""
 
 
 def test_other_pictures_of_the_same_table(swept, tmp_path):
     _, folder, _ = swept
     other = tmp_path / "other.yaml"
     other.write_text(TEXT.replace("color: tension_max", "color: friction_margin"), encoding="utf-8")
-    found = run(other, "--out", folder, "--plot-only")
+    found = run("sweep", other, "--out", folder, "--plot-only")
     assert found.exit_code == 0
     assert (folder / "map_1_friction_margin.png").exists()
 
@@ -107,7 +102,7 @@ def test_bad_input(arguments, words, swept):
     if arguments[0] == "--scheduler":
         pytest.importorskip("distributed")
         folder = folder / "another"
-    found = run(config, "--out", folder, *arguments)
+    found = run("sweep", config, "--out", folder, *arguments)
     assert found.exit_code == 2
     assert words in found.stderr
 
@@ -118,7 +113,7 @@ def test_a_sweep_without_any_grasp_warns(tmp_path):
         f"schema_version: 1\nscene: {MUG}\nvary: {{finger.base.position: {{values: [[0.04, 0.0]]}}}}\n",
         encoding="utf-8",
     )
-    found = run(config, "--out", tmp_path / "out", "--workers", 1)
+    found = run("sweep", config, "--out", tmp_path / "out", "--workers", 1)
     assert found.exit_code == 0
     assert "warning: no scene has a grasp; the first row says: " in found.stderr
     assert "inside the object" in found.stderr

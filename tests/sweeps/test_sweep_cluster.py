@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 import time
@@ -16,6 +15,7 @@ import pytest
 from continuum_grasp import sweep
 from continuum_grasp.errors import InputError
 from continuum_grasp.sweeps.folder import decode
+from tests.commands import environment
 from tests.marks import optional
 from tests.sweep_cases import DEADLY, LOG, ROOT, held, masses, slow
 
@@ -27,7 +27,7 @@ def cluster(folder, workers):
     """Address of a scheduler, and the processes of its workers."""
     file = folder / "scheduler.json"
     quiet = {"cwd": ROOT, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    variables = {**os.environ, "PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
+    variables = environment(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
     python = [sys.executable, "-m"]
     local = ["--host", "127.0.0.1", "--scheduler-file", str(file)]
     begin = [*python, "distributed.cli.dask_scheduler", *local, "--port", "0", "--no-dashboard"]
