@@ -22,9 +22,8 @@ from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, measured_of
 from continuum_grasp.identification.data import Data, Poses, TipPath, column
-from continuum_grasp.identification.observation import check_tensions, observed
+from continuum_grasp.identification.observation import MeasuredStart, check_tensions, observed
 from continuum_grasp.identification.rows import Chained, Dual, Shapes, runtime_names, set_by, symbols
-from continuum_grasp.identification.starts import MeasuredStart
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel

@@ -38,7 +38,7 @@ def natural_frequencies(finger: Finger, about: Elastica, count: int = 2) -> Arra
 
     Examples
     --------
-    A straight cantilever has 3.516 sqrt(EI / (rho A L^4)) / (2 pi) = 1.5831 Hz:
+    A straight cantilever has 3.516 sqrt(EI / (rho A L^4)) / (2 pi) = 1.5852 Hz:
 
     >>> import continuum_grasp as cg
     >>> from continuum_grasp.rod import natural_frequencies, solve_elastica
