@@ -16,7 +16,7 @@ from continuum_grasp.closed_loop.wiring import TIP, wiring_of
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.commissioning import commission, design_commissioning
-from continuum_grasp.identification.commissioning.bench import camera_through
+from continuum_grasp.identification.commissioning.bench import Bench, camera_through
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from tests.identification.test_replay import SCENE
@@ -88,6 +88,17 @@ def test_a_plant_whose_mounting_is_known_is_as_the_model():
 @cache
 def planned():
     return design_commissioning(scene(), duration=3.0)
+
+
+def test_a_motion_begins_at_rest_under_its_first_command():
+    """Also after tendons that did not pull at all on a finger that hangs straight."""
+    bench = Bench(scene(gravity=(0.0, -9.81)))
+    p, t = bench.parameters([unknown.start for unknown in bench.unknowns]), np.arange(0.0, 0.05, 0.01)
+    for tensions in ((1.8, 1.8), (0.0, 1.8), (0.0, 0.0), (1.8, 1.8)):
+        begins = dict(
+            zip(bench.model.x_names, bench.moved(t, np.tile(tensions, (t.size, 1)), p, t[-1])[1][0], strict=True)
+        )
+        assert [begins[name] for name in TENSIONS] == pytest.approx(tensions, abs=1e-9)
 
 
 @pytest.mark.deep
