@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import root
+from scipy.optimize import least_squares
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.integration import Integration
@@ -142,19 +142,28 @@ class Bench:
         return halves[whole], states[0], rows[whole]
 
     def _at_rest(self, u: Array, w: Array, p: Array) -> Array:
-        """State at rest (nx) under a command (nu)."""
+        """State at rest (nx) under a command (nu), which drives have reached; friction is near that of the start."""
+        x, names, n = self.model.start.copy(), self.model.x_names, self.model.system.finger_model.n
+        x[n : 2 * n] = 0.0
+        exerted = {names.index(name): value for name, value in zip(self.model.u_names, u, strict=True) if name in names}
+        x[[*exerted]] = [*exerted.values()]
+        # Coordinates, with what materials and friction remember, by which accelerations and the rates of these vanish.
+        others = [k for k in range(2 * n, self.model.system.nx) if k not in exerted]
+        sought, rows, first = [*range(n), *others], [*range(n, 2 * n), *others], x.copy()
 
-        def rate(x: Array) -> tuple[Array, Array]:
+        def rate(moved: Array) -> tuple[Array, Array]:
+            x[sought] = first[sought] + moved
             rates, slope = (np.array(part) for part in self._rate(x, u, w, p))
-            return rates.ravel(), slope
+            return rates.ravel()[rows], slope[np.ix_(rows, sought)]
 
-        # Friction that rests anywhere makes the Jacobian singular, which a method of least squares takes. It starts from
-        # the plant's state: from a finger that hung without tension, 1e-320, its first step was as short, and its last.
-        solution = root(rate, self.model.start, jac=True, method="lm", tol=1e-12)
-        # 1e-6: rates [1/m/s2, N/s] that count as none, beside those before
-        if not np.abs(solution.fun).max() <= 1e-6 * (1.0 + np.abs(rate(self.model.start)[0]).max()):
+        # Friction that rests anywhere makes the Jacobian singular.
+        none, ends = np.zeros(len(sought)), {"ftol": 1e-15, "xtol": 1e-15, "gtol": None}
+        solution = least_squares(lambda moved: rate(moved)[0], none, lambda moved: rate(moved)[1], **ends)
+        # 1e-6: rate that counts as none, beside the greatest one before
+        if not np.abs(solution.fun).max() <= 1e-6 * (1.0 + np.abs(rate(none)[0]).max()):
             raise NumericalError("the finger has no state at rest under the first command", time=0.0)
-        return np.asarray(solution.x)
+        x[sought] = first[sought] + solution.x
+        return x
 
     def shown(self, log: Log, mounting: Mounting, values: Array, friction: float = 0.0) -> tuple[Array, Array]:
         """Instants (N,), and tip and exerted inputs (N, 2 + nu) without delay, by the values of ``unknowns``."""
