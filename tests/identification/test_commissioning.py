@@ -168,8 +168,10 @@ def test_a_bench_mounted_at_random_is_found(seed):
     seen, zero = errors(found, true)
     assert seen < 1.5e-3
     assert zero < 0.25
-    assert found["drive_time_constant"] == pytest.approx(0.026, abs=2e-3)
-    assert found["drive_delay"] == pytest.approx(0.023, abs=2e-3)
+    assert found["bending_stiffness"] == pytest.approx(1.12 * SCENE["finger"]["rod"]["bending_stiffness"], rel=5e-3)
+    assert found["material_damping"] == pytest.approx(1.3 * SCENE["finger"]["damping"]["material"], rel=1e-2)
+    assert found["drive_time_constant"] == pytest.approx(0.026, abs=5e-4)
+    assert found["drive_delay"] == pytest.approx(0.023, abs=1e-3)
     corrected = found.apply()
     assert corrected.estimator.delay == pytest.approx(0.02)
     assert corrected.mounting == found.mounting
