@@ -80,7 +80,7 @@ class Block:
     kinked = False
     """Whether its predictions have kinks, where friction turns along a motion."""
     free = False
-    """Whether it is a motion that is free, so that a part from its start is fitted before the whole."""
+    """Whether commands of the motion stay as they are, so that a part from its start may be fitted before the whole."""
     followed: Any = None
     """Shapes and steps of the last prediction, from which the next one is followed. Where these are set anew, it goes
     on from there, wherever searches have been meanwhile."""
