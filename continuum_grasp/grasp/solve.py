@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -22,7 +23,7 @@ from continuum_grasp.grasp.starts.supports import object_outlines, settle, touch
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, STEADIER, UNSTABLE, Reason, Status, force_text, tension_of
-from continuum_grasp.nlp import Budget
+from continuum_grasp.nlp import Budget, Violation
 from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
@@ -333,7 +334,7 @@ class _Verdict:
             message,
             arrays={} if closest is None else closest.arrays,
             certificate=None if closest is None else closest.certificate,
-            violated=() if closest is None else tuple(str(v) for v in closest.attempt.violations),
+            violated=() if closest is None else _broken(closest.attempt.violations),
             reasons=tuple(reasons),
             advice=" ".join(part for part in (self._support_note(), advice) if part),
             statistics=self._statistics(None if closest is None else closest.attempt),
@@ -380,6 +381,12 @@ class _Verdict:
                 for a in attempts
             ],
         }
+
+
+def _broken(violations: Sequence[Violation]) -> tuple[str, ...]:
+    """Violated constraints in words, the worst first; of those that several disturbances break, the worst alone."""
+    kinds = [re.sub(r"^(disturbed .*|sticking contact, .*), \d+$", r"\1", violation.name) for violation in violations]
+    return tuple(str(violation) for k, violation in enumerate(violations) if kinds[k] not in kinds[:k])
 
 
 def _place_at(scene: GraspScene, support: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,10 +18,11 @@ from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp, solve
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach, part_of
 from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.values import Reason
+from continuum_grasp.nlp import Violation
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
 from continuum_grasp.scene.load import load
@@ -255,3 +257,56 @@ def test_numbers_of_reasons_are_enough_and_little_less_is_not(config, key, facto
     enough, less = (scene.changed({key: reason.needed * (1.0 + way * part)}) for part in (1e-4, -5e-3))
     assert optimize_grasp(enough, raise_on_failure=False).solved
     assert not optimize_grasp(less, raise_on_failure=False).solved
+
+
+BOX = """
+schema_version: 1
+finger: {extends: fingers/hand_finger.yaml, base: {position: [0.0, -60.3 mm], angle: -90 deg}}
+object: {shape: box, width: 64.75 mm, height: 71.17 mm, mass: 145 g, position: [32.375 mm, 4.966 mm]}
+supports: {palm: {type: palm, point: [0, 0], normal_angle: 0}}
+contacts: {friction: 0.7, normal_force_max: 30, reserve: 20 %, middle: on, tip: off}
+gravity: {mode: out_of_plane, magnitude: 9.81, tilt: balance}
+fidelity: {family: matched_clothoid, elements: 2}
+objective: greatest_friction_margin
+"""
+
+
+@pytest.mark.deep
+def test_repairs_hold_as_they_are_written(tmp_path):
+    """With the number needed itself, in four digits, no grasp is found: the one there is breaks limits by rounding."""
+    (tmp_path / "box.yaml").write_text(BOX.replace("fingers/", f"{CONFIGS.parent.resolve()}/fingers/"))
+    result = optimize_grasp(tmp_path / "box.yaml", raise_on_failure=False)
+    repairs = re.findall(r"([a-z.]+) = ([\d.]+\d)", result.advice)
+    assert (
+        [key for key, _ in repairs] == [reason.key for reason in result.reasons] == ["object.mass", "contacts.friction"]
+    )
+    for repair in repairs:
+        assert optimize_grasp(load(tmp_path / "box.yaml", ["=".join(repair)])).solved
+
+
+def test_a_repair_goes_beyond_what_is_needed_and_says_what_goes_with_it():
+    """By 1 % at least, in three digits; a friction that a support has by itself is raised by as much."""
+    scene = load(CONFIGS / "mug.yaml").changed({"contacts.friction": 0.25, "object.mass": 0.123})
+    repairs = Repairs(scene, SimpleNamespace())
+    told = {limit.name: part_of(repairs, limit, Repair({limit: 0.1}, {}, None)) for limit in repairs.limits}
+    assert told["friction"].needed == pytest.approx(0.3)
+    assert told["friction"].repair == "contacts.friction = 0.303"
+    assert told["mass"].needed == pytest.approx(0.92 * 0.123)  # 0.1132
+    assert told["mass"].repair == "object.mass = 0.112 kg"
+    assert told["tilt balance"].repair.startswith("gravity.tilt: ignore")
+    rubber = Repairs(scene.changed({"supports.palm.friction": 0.8}), SimpleNamespace())
+    friction = next(limit for limit in rubber.limits if limit.name == "friction")
+    little = part_of(rubber, friction, Repair({friction: 1e-6}, {}, None))
+    assert little.text == "friction is too low: coefficient 0.25, 0.250001 needed"
+    assert little.repair == "contacts.friction = 0.253, all others by as much more"
+
+
+def test_of_what_many_disturbances_break_the_worst_is_named():
+    units = {"unit": "N", "key": "contacts.friction", "index": 0, "scaled": 1.0}
+    names = (
+        "disturbed friction cone, finger.tip, 1",
+        "overlap of fingers, a, b",
+        "disturbed friction cone, finger.tip, 0",
+    )
+    broken = solve._broken([Violation(name=name, amount=1e-4, **units) for name in names])
+    assert [text.split(":")[0] for text in broken] == list(names[:2])

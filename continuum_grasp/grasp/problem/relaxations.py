@@ -14,6 +14,10 @@ from continuum_grasp.scene.grasp_options import GraspFinger
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
 from continuum_grasp.scene.value import Value
 
+BEYOND = 0.01
+"""Part of a limit by which its repair goes beyond what is just enough: there one grasp is left, at the edge of all
+limits, which neither a rounded number nor a search from other starts reaches."""
+
 
 @dataclass(frozen=True)
 class Relaxation:
@@ -22,13 +26,15 @@ class Relaxation:
     name: str
     key: str  # YAML key of the limit
     unit: str
-    needed: str  # sentence for a reason; ``{limit}``, ``{needed}`` stand for numbers
+    needed: str  # sentence for a reason; ``{limit}``, ``{needed}`` and ``{digits}`` stand for numbers
     start: Callable[[GraspScene], float]  # an amount to begin the search with; well inside what it may be
     limit: Callable[[GraspScene], float] | None = None
     """The limit of a scene. None: no key of the scene holds one, and the amount itself is the number to report."""
     relaxed: Callable[[GraspScene, float], GraspScene] = lambda scene, amount: scene
     """The scene with its limit relaxed by an amount."""
-    repair: str = "{key} = {needed:.4g} {unit}"  # what to do; ``{key}``, ``{needed}`` and ``{unit}`` stand for these
+    repair: str = (
+        "{key} = {enough:.3g} {unit}"  # what to do; ``{key}``, ``{needed}``, ``{enough}``, ``{unit}`` stand for these
+    )
     beside: Callable[[GraspScene, GraspScene], str] = lambda scene, relaxed: ""
     """Other changes, in words, from a scene to the one with its limit relaxed."""
     most: Callable[[GraspScene], float] = lambda scene: math.inf  # amount from which on a relaxation makes no sense
@@ -55,6 +61,17 @@ class Relaxation:
     def value(self, scene: GraspScene, amount: float) -> float:
         """The limit after it is relaxed by ``amount``."""
         return amount if self.limit is None else self.limit(self.relaxed(scene, amount))
+
+    def enough(self, scene: GraspScene, amount: float) -> float:
+        """An amount beyond one that is just enough, with which the limit has three digits."""
+        bound, needed = self.value(scene, 0.0), self.value(scene, amount)
+        way = math.copysign(1.0, needed - bound)
+        if needed == bound:
+            return amount
+        number = (1.0 + way * BEYOND) * needed
+        digit = 10.0 ** (math.floor(math.log10(number)) - 2)
+        beyond = amount * (way * math.ceil(way * number / digit) * digit - bound) / (needed - bound)
+        return beyond if beyond < self.sensible(scene) else amount
 
 
 V = TypeVar("V", bound=Value)
@@ -99,6 +116,17 @@ def with_contacts_changed(scene: GraspScene, key: str, change: Callable[[float],
     fingers = _fingers(scene, lambda setup: _with(setup.finger, contacts=changed(setup.finger.contacts)))
     supports = {name: changed(support) for name, support in scene.supports.items()}
     return _with(fingers, contacts=changed(scene.contacts), supports=supports)
+
+
+def _others(key: str) -> Callable[[GraspScene, GraspScene], str]:
+    """Says that limits of other contacts go with the least one, where there are others."""
+
+    def beside(scene: GraspScene, relaxed: GraspScene) -> str:
+        places = (scene.contacts, *(setup.finger.contacts for setup in scene.setups), *scene.supports.values())
+        numbers = {getattr(place, key, None) for place in places} - {None}
+        return ", all others by as much more" if len(numbers) > 1 else ""
+
+    return beside
 
 
 def _strain(scene: GraspScene, amount: float) -> GraspScene:
@@ -157,7 +185,7 @@ RELAXATIONS = (
         "tension",
         "finger.tendons.max_tension",
         "N",
-        "the tendon is too weak: {limit:.4g} N at most, {needed:.4g} N needed",
+        "the tendon is too weak: {limit:.{digits}g} N at most, {needed:.{digits}g} N needed",
         start=_max_tension,
         limit=_max_tension,
         relaxed=_tension,
@@ -168,10 +196,11 @@ RELAXATIONS = (
         "friction",
         "contacts.friction",
         "1",
-        "friction is too low: coefficient {limit:.4g}, {needed:.4g} needed",
+        "friction is too low: coefficient {limit:.{digits}g}, {needed:.{digits}g} needed",
         start=lambda s: 0.5,
         limit=lambda s: min([setup.friction for setup in s.setups] + [s.contacts.friction]),
         relaxed=lambda s, amount: with_contacts_changed(s, "friction", lambda friction: friction + amount),
+        beside=_others("friction"),
         most=lambda s: 20.0,
         bounds_shape=False,
     ),
@@ -179,17 +208,18 @@ RELAXATIONS = (
         "normal force",
         "contacts.normal_force_max",
         "N",
-        "a contact must bear more: {limit:.4g} N allowed, {needed:.4g} N needed",
+        "a contact must bear more: {limit:.{digits}g} N allowed, {needed:.{digits}g} N needed",
         start=_normal_max,
         limit=_normal_max,
         relaxed=lambda s, amount: with_contacts_changed(s, "normal_force_max", lambda force: force + amount),
+        beside=_others("normal_force_max"),
         bounds_shape=False,
     ),
     Relaxation(
         "mass",
         "object.mass",
         "kg",
-        "the object is too heavy: {limit:.4g} kg, {needed:.4g} kg can be held",
+        "the object is too heavy: {limit:.{digits}g} kg, {needed:.{digits}g} kg can be held",
         start=lambda s: 0.8,
         limit=lambda s: s.object.mass,
         relaxed=lambda s, amount: _with(s, object=_with(s.object, mass=s.object.mass * (1.0 - amount))),
@@ -216,7 +246,7 @@ RELAXATIONS = (
         "strain",
         "finger.strain_limit",
         "1",
-        "the rod must bend more: strain {limit:.4g} allowed, {needed:.4g} needed",
+        "the rod must bend more: strain {limit:.{digits}g} allowed, {needed:.{digits}g} needed",
         start=lambda s: 1.0,
         limit=lambda s: min(f.strain_limit for f in s.named_fingers.values() if f.strain_limit is not None),
         relaxed=_strain,
@@ -227,7 +257,7 @@ RELAXATIONS = (
         "bending range",
         "fidelity.bending_range",
         "rad",
-        "an element must bend beyond the model's range: {limit:.4g} rad allowed, {needed:.4g} rad needed",
+        "an element must bend beyond the model's range: {limit:.{digits}g} rad allowed, {needed:.{digits}g} rad needed",
         start=lambda s: 1.0,
         limit=lambda s: max(setup.bending_range for setup in s.setups),
         relaxed=lambda s, amount: with_bending_range(s, 0.0, amount),

@@ -86,11 +86,14 @@ def part_of(elastic: Elastic, limit: Relaxation, repair: Repair) -> Reason:
     """A limit of a repair, in the scene where the others are relaxed."""
     others = {other: part for other, part in repair.parts.items() if other is not limit}
     scene, amount = elastic.relaxed(others, spare=1.0), repair.parts[limit] * limit.start(elastic.scene)
-    bound = 0.0 if limit.limit is None else limit.limit(scene)
-    needed, unit = limit.value(scene, amount), "" if limit.unit == "1" else limit.unit
-    text = limit.needed.format(limit=bound, needed=needed)
-    advice = limit.repair.format(key=limit.key, needed=needed, unit=unit).strip()
-    advice += limit.beside(scene, limit.relaxed(scene, amount))
+    bound, needed = limit.value(scene, 0.0), limit.value(scene, amount)
+    more = amount if limit.limit is None else limit.enough(scene, amount)
+    # As many digits as tell the two apart.
+    digits = next(digits for digits in range(4, 17) if digits == 16 or f"{bound:.{digits}g}" != f"{needed:.{digits}g}")
+    text = limit.needed.format(limit=bound, needed=needed, digits=digits)
+    unit = "" if limit.unit == "1" else limit.unit
+    advice = limit.repair.format(key=limit.key, needed=needed, enough=limit.value(scene, more), unit=unit).strip()
+    advice += limit.beside(scene, limit.relaxed(scene, more))
     return Reason(limit.name, limit.key, limit.unit, bound, needed, text, advice)
 
 
