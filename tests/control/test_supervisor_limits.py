@@ -212,6 +212,17 @@ def test_a_tip_is_away_beyond_the_distance_only_with_a_mismatch():
         assert watch.state.away == (0 if expected > 400 else 5 * W)
 
 
+@pytest.mark.parametrize(("away", "near"), [(9, 1), (7, 3), (13, 7), (6, 4)])
+def test_a_tip_that_swings_through_its_setpoint_is_away_where_it_is_so_two_thirds_of_the_time(away, near):
+    """Each call near the setpoint takes back two; what is gained per swing adds up to five windows, or never."""
+    watch, cycle, gain = Watch(mismatch=(5.0, 0.0, 0.0)), away + near, away - 2 * near
+    distances = [FAR * (2.0 if call % cycle < away else 0.5) for call in range(50 * W)]
+    lost = [watch.judge(distance=distance).reason == Trip.AWAY for distance in distances]
+    assert any(lost) is (gain > 0)
+    if gain > 0:
+        assert (5 * W - away) / gain <= (lost.index(True) + 1) / cycle <= 5 * W / gain
+
+
 @pytest.mark.parametrize("verdict", [Verdict.MISSING, Verdict.ABSURD, Verdict.FROZEN, Verdict.OUTLIER])
 def test_a_shape_that_nothing_shows_trips(verdict):
     """Five windows without a reading, 1.5 with one that is frozen; neither drives nor outliers count."""

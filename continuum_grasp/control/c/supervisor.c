@@ -33,6 +33,14 @@ static int supervisor_lasted(int *count, int condition, int most)
   return *count >= most;
 }
 
+/* The same where a condition may fail now and then, up to a third of the time: a call without it takes two back. */
+static int supervisor_mostly(int *count, int condition, int most)
+{
+  if (condition) return supervisor_lasted(count, 1, most);
+  *count = *count > 2 ? *count - 2 : 0;
+  return 0;
+}
+
 /* Exponentially weighted: a window's length without its memory. */
 static void supervisor_mean(const supervisor_settings *o, real *mean, real value)
 {
@@ -192,7 +200,8 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
     reason = SUPERVISOR_SWINGING;
   if (supervisor_lasted(&state->contradicted, mismatch > (real)SUPERVISOR_WRONG, 2 * window + half))
     reason = SUPERVISOR_CONTRADICTED;
-  if (supervisor_lasted(&state->away, doubt && seen->distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
+  /* a tip that swings from one side to the other passes its setpoint */
+  if (supervisor_mostly(&state->away, doubt && seen->distance > o->far, 5 * window)) reason = SUPERVISOR_AWAY;
   if (supervisor_lasted(&state->implausible, seen->implausible, 2 * window + half)) reason = SUPERVISOR_IMPLAUSIBLE;
   if (silent >= 0) reason = SUPERVISOR_UNANSWERED;
   if (supervisor_blind(state, o, seen)) reason = SUPERVISOR_UNSEEN;
