@@ -44,6 +44,9 @@ GRASP, PLAN, MISSION, CONTROL = (
     for name in ("grasp/mug_arcs.yaml", "plan/tip_to_point.yaml", "mission/mug.yaml", "mpc/steady_tip.yaml")
 )
 ELASTICA = rod.solve_elastica(SCENE)
+TABLE = sweeps.SweepTable(
+    Path(), 1, ("a", "b"), {**dict.fromkeys("abc", np.ones(1)), **dict.fromkeys(("status", "reason"), np.array(["x"]))}
+)
 CALLS = {
     "load": (cg.load, {"path": CONFIGS / "simulate/hanging.yaml", "overrides": ()}),
     "equilibrium": (
@@ -74,8 +77,8 @@ CALLS = {
     "certify": (grasp.certify, {"scene": GRASP, "arrays": {}}),
     "Quality": (grasp.Quality, {"scene": GRASP, "arrays": {}}),
     "stumpff": (partial(model.stumpff, 0.1), {"angle_range": 1.0, "accuracy": 1e-9, "top": 4}),
-    "map_of": (sweeps.map_of, {"table": None, "x": "a", "y": "b", "color": "c", "reduce": "median"}),
-    "front_of": (sweeps.front_of, {"table": None, "x": "a", "y": "b", "x_best": "least", "y_best": "least"}),
+    "map": (TABLE.map, {"x": "a", "y": "b", "color": "c", "reduce": "median"}),
+    "front": (TABLE.front, {"x": "a", "y": "b", "x_best": "least", "y_best": "least"}),
     "sweep": (cg.sweep, {"config": {}, "folder": None, "workers": 1, "keep": "none", "progress": None}),
     "TipPath": (identification.TipPath, {"t": [0.0, 1.0], "measured": (identification.Reading("x", [0.0, 1.0]),)}),
     "changed": (SCENE.changed, {"changes": {}}),

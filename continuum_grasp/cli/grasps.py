@@ -118,7 +118,7 @@ def sweep(
                 workers=workers,
                 scheduler=scheduler,
                 keep=keep,  # type: ignore[arg-type]
-                progress=lambda now: report(now.done / max(now.total, 1), now.text),
+                progress=report,
                 overrides=output.changes or [],
             )
     files = []

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing.axes import color_bar, head, label, new_axes, time_map
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE
 
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-    from continuum_grasp.sweeps import Front, Map
+    from continuum_grasp.sweeps.table import SweepTable
 
 _HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
 _MARKERS = ("x", "+", "v", "s", "^", "d", "1")
@@ -22,32 +24,45 @@ _SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E
 """Distinguish reasons why there is no grasp, in print too: none is a color of the quantity's scale."""
 
 
-def plot_map(drawn: Map, *, ax: Axes | None = None) -> Axes:
+def plot_map(table: SweepTable, *, x: str, y: str, color: str, reduce: str = "median", ax: Axes | None = None) -> Axes:
     """Draw a quantity over two columns in color; places without a grasp are hatched, or crossed, by reason."""
+    across, upwards, colors, reasons = table.map(x, y, color, reduce)  # type: ignore[arg-type]
     ax = new_axes(ax, 6.6, 4.9)
     ax.grid(False)
-    kinds = [str(kind) for kind in dict.fromkeys(drawn.kind[drawn.kind != ""].tolist())]
-    draw = _draw_grid if drawn.color.ndim == 2 else _draw_points
-    shown = draw(ax, drawn, kinds)
-    if np.isfinite(drawn.color).any():
-        color_bar(ax, shown, drawn.labels[2])
-    label(ax, drawn.labels[0], drawn.labels[1])
-    head(ax, None if kinds else drawn.labels[2], columns=2)
+    kinds = [str(kind) for kind in dict.fromkeys(reasons[reasons != ""].tolist())]
+    draw = _draw_grid if colors.ndim == 2 else _draw_points
+    shown = draw(ax, across, upwards, colors, {kind: reasons == kind for kind in kinds})
+    if np.isfinite(colors).any():
+        color_bar(ax, shown, table.label(color))
+    label(ax, table.label(x), table.label(y))
+    head(ax, None if kinds else table.label(color), columns=2)
     return ax
 
 
-def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
+def plot_front(
+    table: SweepTable,
+    *,
+    x: str,
+    y: str,
+    x_best: str = "least",
+    y_best: str = "least",
+    color: str | None = None,
+    ax: Axes | None = None,
+) -> Axes:
     """Draw two quantities against each other, and the front of what no other beats in both."""
+    best = table.front(x, y, x_best, y_best)  # type: ignore[arg-type]
+    across, upwards = table.of_grasps(x), table.of_grasps(y)
+    good = np.isfinite(across) & np.isfinite(upwards)
     ax = new_axes(ax, 6.6, 4.9)
-    size = _size(drawn.x, 18.0, 5.0)
-    if drawn.color is None:
-        ax.scatter(drawn.x, drawn.y, s=size, color=BLUE, alpha=0.45, linewidths=0.0, label="grasps")
+    look: dict[str, Any] = {"s": _size(across[good], 18.0, 5.0), "linewidths": 0.0, "label": "grasps"}
+    if color is None:
+        ax.scatter(across[good], upwards[good], color=BLUE, alpha=0.45, **look)
     else:
-        shown = ax.scatter(drawn.x, drawn.y, s=size, c=drawn.color, cmap=time_map(), linewidths=0.0, label="grasps")
-        color_bar(ax, shown, drawn.labels[2])
-    front = drawn.x[drawn.best], drawn.y[drawn.best]
+        shown = ax.scatter(across[good], upwards[good], c=table.of_grasps(color)[good], cmap=time_map(), **look)
+        color_bar(ax, shown, table.label(color))
+    front = across[best], upwards[best]
     ax.plot(*front, color=ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
-    text = f"front: {len(drawn.best)} of {len(drawn.x)}; {drawn.best_words}"
+    text = f"front: {len(best)} of {good.sum()}; {x_best} x and {y_best} y are best"
     ring: dict[str, Any] = {
         "markersize": 7.5,
         "markerfacecolor": "none",
@@ -55,7 +70,7 @@ def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
         "markeredgewidth": 1.6,
     }
     ax.plot(*front, "o", zorder=4, label=text, **ring)
-    label(ax, drawn.labels[0], drawn.labels[1])
+    label(ax, table.label(x), table.label(y))
     head(ax, None, columns=2)
     return ax
 
@@ -65,19 +80,20 @@ def _size(points: NDArray[Any], few: float, many: float) -> float:
     return few if len(points) < 2000 else many
 
 
-def _draw_grid(ax: Axes, drawn: Map, kinds: list[str]) -> ScalarMappable:
+def _draw_grid(
+    ax: Axes, across: NDArray[Any], upwards: NDArray[Any], colors: Array, kinds: Mapping[str, NDArray[np.bool_]]
+) -> ScalarMappable:
     from matplotlib.colors import ListedColormap
 
-    x, y = _edges(drawn.x), _edges(drawn.y)
-    shown = ax.pcolormesh(x, y, np.ma.masked_invalid(drawn.color), cmap=time_map())
-    for k, kind in enumerate(kinds):
-        here = drawn.kind == kind
+    x, y = _edges(across), _edges(upwards)
+    shown = ax.pcolormesh(x, y, np.ma.masked_invalid(colors), cmap=time_map())
+    for k, (kind, here) in enumerate(kinds.items()):
         shade = _SHADES[k % len(_SHADES)]
         look: dict[str, Any] = {"hatch": _HATCHES[k % len(_HATCHES)], "edgecolor": GRAY, "linewidth": 0.0}
         # pcolormesh cannot hatch
         ax.pcolor(x, y, np.ma.masked_where(~here, np.ones(here.shape)), cmap=ListedColormap([shade]), **look)
         ax.fill([], [], facecolor=shade, label=f"no grasp, {kind}: {int(here.sum())}", **look)
-    for name, values in (("x", drawn.x), ("y", drawn.y)):
+    for name, values in (("x", across), ("y", upwards)):
         if values.dtype.kind not in "iuf":
             ax.set(**{f"{name}ticks": range(len(values)), f"{name}ticklabels": [str(value) for value in values]})
         elif _is_log(values):
@@ -85,14 +101,15 @@ def _draw_grid(ax: Axes, drawn: Map, kinds: list[str]) -> ScalarMappable:
     return shown
 
 
-def _draw_points(ax: Axes, drawn: Map, kinds: list[str]) -> ScalarMappable:
-    size = _size(drawn.x, 26.0, 6.0)
-    for k, kind in enumerate(kinds):
-        here = drawn.kind == kind
+def _draw_points(
+    ax: Axes, across: NDArray[Any], upwards: NDArray[Any], colors: Array, kinds: Mapping[str, NDArray[np.bool_]]
+) -> ScalarMappable:
+    size = _size(across, 26.0, 6.0)
+    for k, (kind, here) in enumerate(kinds.items()):
         look: dict[str, Any] = {"marker": _MARKERS[k % len(_MARKERS)], "label": f"no grasp, {kind}: {int(here.sum())}"}
-        ax.scatter(drawn.x[here], drawn.y[here], s=0.7 * size, color=GRAY, linewidths=1.0, **look)
-    there = np.isfinite(drawn.color)
-    return ax.scatter(drawn.x[there], drawn.y[there], s=size, c=drawn.color[there], cmap=time_map(), linewidths=0.0)
+        ax.scatter(across[here], upwards[here], s=0.7 * size, color=GRAY, linewidths=1.0, **look)
+    there = np.isfinite(colors)
+    return ax.scatter(across[there], upwards[there], s=size, c=colors[there], cmap=time_map(), linewidths=0.0)
 
 
 def _edges(values: NDArray[Any]) -> NDArray[Any]:

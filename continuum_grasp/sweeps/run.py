@@ -8,7 +8,6 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -30,35 +29,6 @@ from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, cores
 _ANYWHERE = Consumer("sweep at a scheduler", {"executor": "is given beside scheduler: give one of them, not both"})
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Progress of a sweep.
-
-    Attributes
-    ----------
-    done, total : int
-        Rows in the table, and rows that there will be.
-    new : int
-        Rows of this call.
-    seconds : float
-        Since it began [s].
-    counts : mapping of str to int
-        Rows by status.
-    """
-
-    done: int
-    total: int
-    new: int
-    seconds: float
-    counts: Mapping[str, int]
-
-    @property
-    def text(self) -> str:
-        """Progress of a sweep in words."""
-        kinds = ", ".join(f"{count} {status}" for status, count in sorted(self.counts.items()))
-        return f"{self.done} of {self.total}" + (f" ({kinds})" if kinds else "")
-
-
 @interrupt.computing()
 @check_arguments
 def sweep(
@@ -70,7 +40,7 @@ def sweep(
     scheduler: str | None = None,
     keep: Keep = "all",
     evaluate: Callable[[GraspScene], Any] | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[float, str], None] | None = None,
     overrides: Overrides = (),
 ) -> SweepTable:
     """Find the grasps of many scenes: a grid or random draws of any keys of one scene.
@@ -96,7 +66,7 @@ def sweep(
     evaluate : callable, optional
         From a `GraspScene` to a `GraspResult`, importable by name; `optimize_grasp` where not given.
     progress : callable, optional
-        Takes a `Progress` now and then.
+        Called with the share that is done, 0 to 1, and rows so far by status in words.
     overrides : iterable of str, or mapping, optional
         Changes to the configuration, as in `load`.
 
@@ -148,7 +118,7 @@ def sweep(
 
 
 class _Run:
-    def __init__(self, plan: Plan, job: Job, folder: Path, progress: Callable[[Progress], None] | None) -> None:
+    def __init__(self, plan: Plan, job: Job, folder: Path, progress: Callable[[float, str], None] | None) -> None:
         self.plan, self.job, self.folder, self.listener = plan, job, folder, progress
         self.there = bytearray(len(plan))
         self.counts: Counter[str] = Counter()
@@ -263,8 +233,9 @@ class _Run:
         now = time.monotonic()
         # 0.2: least time between two reports of progress [s]
         if self.listener is not None and (last or now - self.reported > 0.2):
-            new, seconds = self.done - self.before, now - self.began
-            self.listener(Progress(self.done, len(self.plan), new, seconds, dict(self.counts)))
+            kinds = ", ".join(f"{count} {status}" for status, count in sorted(self.counts.items()))
+            text = f"{self.done} of {len(self.plan)}" + (f" ({kinds})" if kinds else "")
+            self.listener(self.done / len(self.plan), text)
             self.reported = now
 
     def _stopped(self, what: str) -> SolverError:

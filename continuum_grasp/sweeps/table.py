@@ -7,26 +7,36 @@ import json
 import os
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import nearest
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
+from continuum_grasp.results.tables import pareto
 from continuum_grasp.scene.sweep import QUANTITIES
 from continuum_grasp.sweeps.folder import SOLVED, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
 
 CSV = "table.csv"
 _TEXTS = ("scene", "status", "reason", "message")
+_REDUCE: dict[str, Callable[[Array], Any]] = {
+    "median": np.median,
+    "mean": np.mean,
+    "least": np.min,
+    "greatest": np.max,
+}
+Best = Literal["least", "greatest"]
+"""Direction in which a quantity is better."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +69,8 @@ class SweepTable(Result):
     dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("row", "scenes that have a row", "index"),)
 
     on_request: ClassVar[tuple[Picture, ...]] = (
-        Picture("map", "sweeps.maps:draw_map"),
-        Picture("pareto", "sweeps.maps:draw_front"),
+        Picture("map", "plotting.sweep:plot_map"),
+        Picture("pareto", "plotting.sweep:plot_front"),
     )
 
     folder: Path
@@ -115,6 +125,68 @@ class SweepTable(Result):
     def kinds(self) -> NDArray[np.str_]:
         """Reason of every row, or its status where it has none (rows,)."""
         return np.asarray(np.where(self["reason"] == "", self["status"], self["reason"]))
+
+    def label(self, name: str) -> str:
+        """Words for a column, with its unit."""
+        unit, (_, words) = self.units.get(name, ""), QUANTITIES.get(name, ("", name))
+        return f"{words} [{unit}]" if unit else words
+
+    def of_grasps(self, name: str) -> Array:
+        """Numbers of a column (rows,); NaN where there is no grasp, and of words."""
+        values = self[name]
+        return np.where(self.solved, values, np.nan) if values.dtype.kind in "iuf" else np.full(len(self), np.nan)
+
+    @check_arguments
+    def map(
+        self, x: str, y: str, color: str, reduce: Literal["median", "mean", "least", "greatest"] = "median"
+    ) -> tuple[NDArray[Any], NDArray[Any], Array, NDArray[np.str_]]:
+        """Work out a map of a quantity: over the grid where both columns are keys of it, else row by row.
+
+        Parameters
+        ----------
+        x, y, color : str
+            Columns across, upwards and in color.
+        reduce : {"median", "mean", "least", "greatest"}
+            What a place of the grid shows that several grasps share.
+
+        Returns
+        -------
+        x, y : ndarray, shapes (nx,) and (ny,)
+            Numbers or words, in the order of the picture; row by row (rows,), as the others.
+        color : ndarray, shape (ny, nx)
+            The quantity; NaN where there is no grasp.
+        kind : ndarray of str, shape (ny, nx)
+            Why there is none; empty where there is one, or no row yet.
+        """
+        colors, kinds = self.of_grasps(color), np.where(self.solved, "", self.kinds)
+        if not {x, y} <= set(self.grid_keys):
+            return self[x], self[y], colors, kinds
+        (xs, column), (ys, row) = _places(self[x]), _places(self[y])
+        color_at = np.full((len(ys), len(xs)), np.nan)
+        kind_at = np.full(color_at.shape, "", dtype=object)
+        # Rows of one place stand together after sorting: one pass, also for millions of rows.
+        order = np.lexsort((column, row))
+        cells = row[order] * len(xs) + column[order]
+        starts = np.flatnonzero(np.diff(cells, prepend=-1))
+        for rows in np.split(order, starts[1:]) if len(order) else ():
+            place = row[rows[0]], column[rows[0]]
+            there = colors[rows][np.isfinite(colors[rows])]
+            if len(there):
+                color_at[place] = _REDUCE[reduce](there)
+            else:
+                names, counts = np.unique(kinds[rows], return_counts=True)  # the most frequent reason
+                kind_at[place] = names[np.argmax(counts)]
+        return xs, ys, color_at, kind_at.astype(str)
+
+    @check_arguments
+    def front(self, x: str, y: str, x_best: Best = "least", y_best: Best = "least") -> Indices:
+        """Find the rows of the Pareto front of two quantities (n,): no other grasp is better in both.
+
+        In the order of x; ``x_best`` and ``y_best`` are the directions that are better.
+        """
+        xs, ys = self.of_grasps(x), self.of_grasps(y)
+        rows = np.flatnonzero(np.isfinite(xs) & np.isfinite(ys))
+        return rows[pareto(xs[rows], ys[rows], x_best == "greatest", y_best == "greatest")]
 
     def run_folder(self, index: int) -> Path:
         """The folder of a run, by the number of its scene."""
@@ -242,6 +314,15 @@ def _word(value: Any) -> str:
     return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
 
 
+def _places(values: NDArray[Any]) -> tuple[NDArray[Any], Indices]:
+    """Distinct values, numbers in their order and words as they come, and which each row has."""
+    distinct, first, place = np.unique(values, return_index=True, return_inverse=True)
+    if values.dtype.kind in "iuf":
+        return distinct, place.astype(np.int64)
+    order = np.argsort(first)
+    return distinct[order], np.argsort(order)[place]
+
+
 def write_csv(folder: Path) -> None:
     """Write ``table.csv``, in the order of the scenes."""
     plan = read_plan(folder)
@@ -258,12 +339,12 @@ def write_csv(folder: Path) -> None:
 def _pictures(requested: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Picture]:
     """The ``maps`` and the ``pareto`` pictures that a configuration asks for, by name."""
     maps = [
-        Picture(f"map_{k + 1}_{_file_name(spec['color'])}", "sweeps.maps:draw_map", options=spec)
+        Picture(f"map_{k + 1}_{_file_name(spec['color'])}", "plotting.sweep:plot_map", options=spec)
         for k, spec in enumerate(requested.get("maps", ()))
     ]
     fronts = [
         Picture(
-            f"pareto_{k + 1}_{_file_name(spec['x'])}_{_file_name(spec['y'])}", "sweeps.maps:draw_front", options=spec
+            f"pareto_{k + 1}_{_file_name(spec['x'])}_{_file_name(spec['y'])}", "plotting.sweep:plot_front", options=spec
         )
         for k, spec in enumerate(requested.get("pareto", ()))
     ]

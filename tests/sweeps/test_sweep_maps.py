@@ -11,9 +11,8 @@ from PIL import Image
 
 from continuum_grasp import sweep, sweep_table
 from continuum_grasp.errors import InputError
-from continuum_grasp.plotting.sweep import plot_front, plot_map
+from continuum_grasp.results.tables import pareto
 from continuum_grasp.sweeps import SweepTable
-from continuum_grasp.sweeps.maps import front_of, map_of, pareto
 from tests.sweep_cases import MUG, STUCK, held
 
 GRID = {
@@ -39,30 +38,34 @@ def heavier_word(scene):
 
 def test_a_map_over_the_grid(tmp_path):
     table = swept(tmp_path, vary=GRID)
-    found = map_of(table, "object.mass", "contacts.friction", "tension_max")
-    assert list(found.x) == [0.2, 0.4, STUCK]
-    assert list(found.y) == [0.25, 0.5, 0.75, 1.0]
-    np.testing.assert_allclose(found.color[:, :2], [[m / f for m in (0.2, 0.4)] for f in found.y], rtol=1e-15)
-    assert np.isnan(found.color[:, 2]).all()
-    assert set(found.kind[:, 2]) == {"too heavy"}
-    assert set(found.kind[:, :2].ravel()) == {""}
-    assert found.labels == ("object.mass [kg]", "contacts.friction", "greatest tension [N]")
+    names = "object.mass", "contacts.friction", "tension_max"
+    x, y, color, kind = table.map(*names)
+    assert list(x) == [0.2, 0.4, STUCK]
+    assert list(y) == [0.25, 0.5, 0.75, 1.0]
+    np.testing.assert_allclose(color[:, :2], [[m / f for m in (0.2, 0.4)] for f in y], rtol=1e-15)
+    assert np.isnan(color[:, 2]).all()
+    assert set(kind[:, 2]) == {"too heavy"}
+    assert set(kind[:, :2].ravel()) == {""}
+    assert [table.label(name) for name in names] == ["object.mass [kg]", "contacts.friction", "greatest tension [N]"]
 
 
 @pytest.mark.parametrize(("reduce", "factor"), [("least", 1.0), ("greatest", 10.0), ("mean", 5.5), ("median", 5.5)])
 def test_places_that_several_grasps_share(reduce, factor, tmp_path):
     table = swept(tmp_path, heavier_word, vary={**GRID, "object.mass": {"values": [0.2, 0.4]}})
-    found = map_of(table, "contacts.friction", "object.mass", "tension_max", reduce)
-    np.testing.assert_allclose(found.color, factor * np.outer([0.2, 0.4], 1 / found.x), rtol=1e-14)
+    x, _, color, _ = table.map("contacts.friction", "object.mass", "tension_max", reduce)
+    np.testing.assert_allclose(color, factor * np.outer([0.2, 0.4], 1 / x), rtol=1e-14)
 
 
 def test_words_keep_their_order_and_unfinished_places_stay_empty(tmp_path):
     table = swept(tmp_path, vary=GRID)
-    found = map_of(table, "objective", "object.mass", "tension_max", "least")
-    assert list(found.x) == ["least_tension", "least_normal_force"]  # not in the order of the alphabet
+    names = "objective", "object.mass", "tension_max"
+    assert list(table.map(*names, "least")[0]) == [
+        "least_tension",
+        "least_normal_force",
+    ]  # not in the order of the alphabet
     lines = (tmp_path / "table.jsonl").read_text().splitlines(keepends=True)
     (tmp_path / "table.jsonl").write_text("".join(line for line in lines if '"object.mass":0.4' not in line))
-    assert list(map_of(sweep_table(tmp_path), "objective", "object.mass", "tension_max").y) == [0.2, STUCK]
+    assert list(sweep_table(tmp_path).map(*names)[1]) == [0.2, STUCK]
 
 
 def test_a_map_of_draws(tmp_path):
@@ -71,12 +74,12 @@ def test_a_map_of_draws(tmp_path):
         "keys": {"object.mass": {"uniform": [0.1, 1.0]}, "contacts.friction": {"normal": [0.3, 0.2]}},
     }
     table = swept(tmp_path, sample=sample)
-    found = map_of(table, "object.mass", "contacts.friction", "tension_max")
-    assert found.color.shape == found.x.shape == (60,)
+    x, y, color, kind = table.map("object.mass", "contacts.friction", "tension_max")
+    assert color.shape == x.shape == (60,)
     bad = table["contacts.friction"] < 0
     assert 0 < bad.sum() < 30
-    assert set(found.kind[bad]) == {"invalid"}
-    np.testing.assert_allclose(found.color[~bad], (found.x / found.y)[~bad], rtol=1e-15)
+    assert set(kind[bad]) == {"invalid"}
+    np.testing.assert_allclose(color[~bad], (x / y)[~bad], rtol=1e-15)
 
 
 @pytest.mark.parametrize(("x_greatest", "y_greatest"), [*itertools.product([False, True], repeat=2)])
@@ -97,10 +100,10 @@ def test_the_front_is_what_no_point_beats(x_greatest, y_greatest):
 
 def test_the_front_of_a_sweep(tmp_path):
     table = swept(tmp_path, vary={**GRID, "objective": {"values": ["least_tension"]}})
-    found = front_of(table, "tension_max", "object.mass", y_best="greatest", color="contacts.friction")
-    assert len(found.x) == 8  # four of twelve have no grasp
-    assert sorted(zip(found.x[found.best], found.y[found.best], strict=True)) == [(0.2, 0.2), (0.4, 0.4)]
-    assert list(found.color[found.best]) == [1.0, 1.0]
+    assert np.isfinite(table.of_grasps("tension_max")).sum() == 8  # four of twelve have no grasp
+    best = table.front("tension_max", "object.mass", y_best="greatest")
+    assert [*zip(table["tension_max"][best], table["object.mass"][best], strict=True)] == [(0.2, 0.2), (0.4, 0.4)]
+    assert list(table["contacts.friction"][best]) == [1.0, 1.0]
 
 
 def test_pictures_are_drawn(tmp_path):
@@ -138,11 +141,11 @@ def test_pictures_are_drawn(tmp_path):
 
 def test_what_is_in_the_pictures(tmp_path):
     table = swept(tmp_path, vary={**GRID, "contacts.friction": {"min": 0.1, "max": 1.0, "count": 5, "spacing": "log"}})
-    ax = plot_map(map_of(table, "object.mass", "contacts.friction", "tension_max"))
+    ax = table.plot(picture="map", x="object.mass", y="contacts.friction", color="tension_max")
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["no grasp, too heavy: 5"]
     assert ax.get_yscale() == "log"
     assert ax.get_xlabel() == "object.mass [kg]"
     shown = ax.collections[0].get_array()
     assert shown.max() == pytest.approx(4.0)  # 0.4 kg at a friction of 0.1
-    ax = plot_front(front_of(table, "tension_max", "object.mass", y_best="greatest"))
+    ax = table.plot(picture="pareto", x="tension_max", y="object.mass", y_best="greatest")
     assert ax.get_legend().get_texts()[1].get_text() == "front: 2 of 20; least x and greatest y are best"

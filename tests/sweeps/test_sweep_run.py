@@ -36,7 +36,7 @@ def calls(log):
 def test_a_table_of_grasps(tmp_path):
     config = masses(30, record=["quality.epsilon", "statistics.starts"])
     reported = []
-    table = sweep(config, folder=tmp_path, workers=2, evaluate=held, progress=reported.append)
+    table = sweep(config, folder=tmp_path, workers=2, evaluate=held, progress=lambda *now: reported.append(now))
     mass = np.arange(1.0, 31.0)
     assert table.finished
     assert len(table) == 30
@@ -52,7 +52,7 @@ def test_a_table_of_grasps(tmp_path):
     assert table.counts == {"optimal": 30}
     assert len(set(table["scene"])) == 30
     assert read_run(table.run_folder(7)).arrays["mass"] == 8.0
-    assert reported[-1].done == reported[-1].total == 30
+    assert reported[-1] == (1.0, "30 of 30 (30 optimal)")
     rows = list(csv.DictReader((tmp_path / "table.csv").open(encoding="utf-8")))
     assert [float(row["tension_max"]) for row in rows] == list(table["tension_max"])
     assert [int(row["index"]) for row in rows] == list(range(30))
@@ -207,8 +207,8 @@ def test_ctrl_c_stops_and_says_how_to_go_on(tmp_path):
 def test_interrupted_in_python(tmp_path):
     pressed = []
 
-    def press(progress):
-        if progress.done and not pressed:
+    def press(share, text):
+        if share and not pressed:
             pressed.append(True)
             raise KeyboardInterrupt
 
