@@ -171,7 +171,7 @@ class Plan(MotionResult):
         Dimension("scaled", "kinds of unknowns"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("path", "plotting.control:plot_plan_path"),
+        Picture("path", "plotting.motion:plot_plan_path"),
         Picture("inputs", "plotting.control:plot_inputs"),
         Picture("coordinates", "plotting.motion:plot_coordinates"),
         Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),

@@ -1,8 +1,8 @@
-"""Pictures of closed loops and of plans: paths, inputs, tracking, bounds, estimates and times; frame by frame."""
+"""Closed loops: path, inputs (of plans too), tracking, bounds, estimates and times; frame by frame."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -13,24 +13,28 @@ from continuum_grasp.labels import split_unit, unit_of
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
+from continuum_grasp.plotting.motion import motion_frames
 from continuum_grasp.scene.plan import PlanScene
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
     from continuum_grasp.closed_loop.result import ControlRun
     from continuum_grasp.planning.result import Plan
 
-_SHAPES, _NODES = 9, 12
-"""Shapes drawn of a run, about two per second of a few seconds, which stay apart; nodes of a plan, as of a motion."""
+_SHAPES = 9
+"""Shapes drawn of a run [1]: about two per second of a few seconds, which stay apart."""
 
 
 def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     """Draw the path of the tip in the plane with its setpoints, some shapes of the finger and what must be avoided."""
     tip, wanted = np.asarray(run.tip), run.tip_reference
-    shapes = run.backbone(_evenly(len(tip), _SHAPES), points=60)
-    ax = axes.plane_axes(ax, axes.bend_box(_shown_points(run, shapes), 0.07 * run.length), colorbar=False)
-    bodies.draw_surroundings(ax, run, shapes[0], bodies.outlines_at(run, [0, -1]))
+    shapes = run.backbone(np.unique(np.linspace(0, len(tip) - 1, _SHAPES).astype(int)), points=60)
+    outlines = bodies.outlines_at(run, [0, -1])
+    points = [shapes, tip, *([] if wanted is None else [wanted]), *bodies.zone_points(run.scene), *chain(*outlines)]
+    ax = axes.plane_axes(ax, axes.bend_box(points, 0.07 * run.length), colorbar=False)
+    bodies.draw_surroundings(ax, run, shapes[0], outlines)
     for shape in shapes:
         ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
     if bodies.shows_thickness(run.scene.finger):
@@ -45,42 +49,6 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
     axes.head(ax, run.name)
     return ax
-
-
-def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
-    """Draw the finger at several nodes, colored by time, the path of its tip, the goal and what must be avoided.
-
-    The backbones are the first collection of the axes.
-    """
-    scene, tip = plan.scene, np.asarray(plan.tip)
-    shown = _evenly(len(tip), _NODES)
-    shapes = plan.backbone(shown, points=60)
-    outlines = bodies.outlines_at(plan, [0, -1])
-    points = [shapes, tip, *bodies.zone_points(scene), *(outlines[-1] if outlines else ())]
-    ax = axes.plane_axes(ax, axes.bend_box(points, 0.07 * plan.length))
-    bodies.draw_surroundings(ax, plan, shapes[0], outlines)
-    lines = axes.draw_timed(ax, shapes, plan.t[shown], plan.t)
-    bodies.draw_earlier(ax, shapes, lines.to_rgba(plan.t[shown]), plan.scene.finger)
-    ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
-    goal = scene.goal
-    goals = [] if goal.tip is None else [goal.tip.value]
-    goals += [] if goal.shape is None else goal.shape.value
-    if goals:
-        ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
-    axes.head(ax, plan.name)
-    return ax
-
-
-def _evenly(count: int, limit: int) -> NDArray[np.intp]:
-    """So many of the instants at most, from first to last."""
-    return np.unique(np.linspace(0, count - 1, limit).astype(int))
-
-
-def _shown_points(run: ControlRun, shapes: Any) -> list[Any]:
-    """World points that a picture of a run should show, beside the finger's shapes (n, points, 2)."""
-    wanted = [] if run.tip_reference is None else [run.tip_reference]
-    outlines = chain(*bodies.outlines_at(run, [0, -1]))
-    return [shapes, np.asarray(run.tip), *wanted, *bodies.zone_points(run.scene), *outlines]
 
 
 @axes.over_time()
@@ -183,31 +151,24 @@ def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:
 
 
 def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterator[NDArray[Any]]:
-    """Draw a closed loop frame by frame; as `motion_frames`."""
+    """Draw a closed loop frame by frame, with its setpoint and the predicted path of the tip; as `motion_frames`."""
     wanted = run.tip_reference
-    unique, back = np.unique(indices, return_inverse=True)
-    shapes = np.asarray(run.backbone(unique, points=60))
-    film = Film(axes.bend_box(_shown_points(run, shapes), 0.09 * run.length), width)
-    ax, outlines = film.ax, bodies.outlines_at(run, unique)
-    bodies.draw_surroundings(ax, run, shapes[0], bodies.outlines_at(run, [0]), moving=True)
-    cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
-    if wanted is not None:
-        ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
-    ahead = film.line(color=GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE)
-    target = film.line("+", markersize=11, zorder=Z.FORCE, **cross)
-    ax.plot([], [], color=GREEN, linewidth=1.4, label="predicted")
-    ax.plot([], [], "+", markersize=9, label="setpoint", **cross)
-    finger = film.finger(run, unique, shapes, dot=6)
-    axes.head(ax, run.name)
 
-    def moving(k: int) -> tuple[list[Any], list[Any]]:
-        at = unique[k]
-        ahead.set_data(*run.plan_tip[min(at, len(run.plan_tip) - 1)].T)  # nothing is planned at the last instant
+    def ahead(film: Film, at: NDArray[Any]) -> Callable[[int], list[Artist]]:
+        cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
         if wanted is not None:
-            target.set_data(*wanted[at : at + 1].T)
-        passing: list[Any] = bodies.draw_object(ax, outlines[k], animated=True) if outlines else []
-        if bodies.shows_thickness(run.scene.finger):
-            passing += bodies.draw_thickness(ax, shapes[k], run.scene.finger, animated=True)
-        return [ahead, target, *finger(k)], passing
+            film.ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
+            film.ax.plot([], [], "+", markersize=9, label="setpoint", **cross)
+        film.ax.plot([], [], color=GREEN, linewidth=1.4, label="predicted")
+        path = film.line(color=GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE)
+        target = film.line("+", markersize=11, zorder=Z.FORCE, **cross)
 
-    return film.frames(back, moving)
+        def move(k: int) -> list[Artist]:
+            path.set_data(*run.plan_tip[min(at[k], len(run.plan_tip) - 1)].T)  # nothing is planned at the last instant
+            if wanted is not None:
+                target.set_data(*wanted[at[k] : at[k] + 1].T)
+            return [path, target]
+
+        return move
+
+    return motion_frames(run, indices, width, ahead, [] if wanted is None else [wanted])

@@ -1,9 +1,9 @@
-"""Pictures of motions, of tendons and of natural modes: the finger at instants and frame by frame, curves over time."""
+"""Motions, plans, tendons and natural modes: the finger at instants and frame by frame, curves over time."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -18,8 +18,10 @@ from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain,
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
+    from continuum_grasp.closed_loop.result import ControlRun
     from continuum_grasp.planning.result import Plan
     from continuum_grasp.scene.finger import Finger
     from continuum_grasp.simulation.modes import Modes
@@ -30,26 +32,37 @@ _FORCE = 0.25
 """Length of the greatest force per that of the finger: the direction is seen, the finger not dwarfed."""
 _QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
 _INSTANTS = 12
-"""Instants at which tensions along the finger are drawn [1]."""
+"""Instants at which a finger, or the tensions along it, are drawn [1]."""
 _STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 
 
-def plot_snapshots(trajectory: Trajectory, *, times: Sequence[float] | int = 12, ax: Axes | None = None) -> Axes:
+def plot_snapshots(
+    motion: Trajectory | Plan, *, times: Sequence[float] | int = _INSTANTS, ax: Axes | None = None
+) -> Axes:
     """Draw the finger at several instants, colored by time, with clamp, point masses and forces to scale.
 
     ``times`` are instants [s], of which the nearest computed ones are drawn, or how many, evenly spaced from first to
     last. An object is drawn at the same instants, filled at the last of them, with its supports. The backbones are the
     first collection of the axes, arrows of each kind of force a quiver.
     """
-    t, scene = np.asarray(trajectory.t), trajectory.scene
+    ax, forces = _snapshots(motion, times, ax)
+    explain(ax, bodies.masses_of(motion.scene.finger), forces, motion.name)
+    return ax
+
+
+def _snapshots(
+    motion: Trajectory | Plan, times: Sequence[float] | int, ax: Axes | None, *seen: NDArray[Any]
+) -> tuple[Axes, list[Force]]:
+    """Draw `plot_snapshots` without what explains it; returns the forces too. ``seen`` are further points to show."""
+    t, scene = np.asarray(motion.t), motion.scene
     indices = _nearest(t, times)
-    shapes = np.asarray(trajectory.backbone(indices, points=bodies.backbone_points(scene.finger)))
-    outlines = bodies.outlines_at(trajectory, indices)
-    forces = list(chain(*_forces_at(trajectory, indices)))
-    points = [shapes, *_thickness(scene.finger, shapes), *chain(*outlines)]
-    scale, box = _scale_and_box(forces, points, trajectory.length)
+    shapes = np.asarray(motion.backbone(indices, points=bodies.backbone_points(scene.finger)))
+    outlines = bodies.outlines_at(motion, indices)
+    forces = list(chain(*_forces_at(motion, indices)))
+    points = [shapes, *_thickness(scene.finger, shapes), *bodies.zone_points(scene), *chain(*outlines), *seen]
+    scale, box = _scale_and_box(forces, points, motion.length)
     ax = axes.plane_axes(ax, box)
-    bodies.draw_surroundings(ax, trajectory, shapes[0], outlines)
+    bodies.draw_surroundings(ax, motion, shapes[0], outlines)
     lines = axes.draw_timed(ax, shapes, t[indices], t)
     bodies.draw_earlier(ax, shapes[:-1], lines.to_rgba(t[indices[:-1]]), scene.finger)
     if outlines or bodies.shows_thickness(scene.finger):
@@ -60,7 +73,19 @@ def plot_snapshots(trajectory: Trajectory, *, times: Sequence[float] | int = 12,
         shade = lines.to_rgba(np.repeat(t[indices], len(masses)))
         ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
     draw_forces(ax, forces, scale)
-    explain(ax, masses, forces, trajectory.name)
+    return ax, forces
+
+
+def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
+    """Draw snapshots of a plan, the path of its tip, and the goal."""
+    tip = np.asarray(plan.tip)
+    ax, forces = _snapshots(plan, _INSTANTS, ax, tip)
+    ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
+    goal = plan.scene.goal
+    goals = [*([] if goal.tip is None else [goal.tip.value]), *([] if goal.shape is None else goal.shape.value)]
+    if goals:
+        ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
+    explain(ax, bodies.masses_of(plan.scene.finger), forces, plan.name)
     return ax
 
 
@@ -78,21 +103,32 @@ def _nearest(t: np.ndarray, times: Sequence[float] | int) -> np.ndarray:
     return np.unique(np.abs(t[None, :] - wanted[:, None]).argmin(axis=1))
 
 
-def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: int) -> Iterator[NDArray[Any]]:
-    """Draw a motion at instants (F,), frame by frame: (height, width, 3), both even, as video coders want them."""
-    scene = trajectory.scene
+def motion_frames(
+    motion: Trajectory | Plan | ControlRun,
+    indices: NDArray[Any],
+    width: int,
+    ahead: Callable[[Film, NDArray[Any]], Callable[[int], list[Artist]]] | None = None,
+    seen: Sequence[NDArray[Any]] = (),
+) -> Iterator[NDArray[Any]]:
+    """Draw a motion at instants (F,), frame by frame: (height, width, 3), both even, as video coders want them.
+
+    ``ahead`` draws further lines into a film of some instants, and gives what moves them to the k-th of these; ``seen``
+    are points that these lines need.
+    """
+    scene = motion.scene
     unique, back = np.unique(indices, return_inverse=True)
-    shapes = np.asarray(trajectory.backbone(unique, points=bodies.backbone_points(scene.finger)))
-    outlines = bodies.outlines_at(trajectory, unique)
-    points = [shapes, *_thickness(scene.finger, shapes), np.asarray(trajectory.tip), *bodies.zone_points(scene)]
-    forces = _forces_at(trajectory, unique)
+    shapes = np.asarray(motion.backbone(unique, points=bodies.backbone_points(scene.finger)))
+    outlines = bodies.outlines_at(motion, unique)
+    points = [shapes, *_thickness(scene.finger, shapes), np.asarray(motion.tip), *bodies.zone_points(scene), *seen]
+    forces = _forces_at(motion, unique)
     everything = list(chain(*forces))
-    scale, box = _scale_and_box(everything, [*points, *chain(*outlines)], trajectory.length)
+    scale, box = _scale_and_box(everything, [*points, *chain(*outlines)], motion.length)
     film = Film(box, width)
     ax = film.ax
-    bodies.draw_surroundings(ax, trajectory, shapes[0], moving=True)
-    finger = film.finger(trajectory, unique, shapes, dot=7)
-    explain(ax, bodies.masses_of(scene.finger), everything, trajectory.name)
+    bodies.draw_surroundings(ax, motion, shapes[0], moving=True)
+    further = None if ahead is None else ahead(film, unique)
+    finger = film.finger(motion, unique, shapes)
+    explain(ax, bodies.masses_of(scene.finger), everything, motion.name)
 
     def moving(k: int) -> tuple[list[Any], list[Any]]:
         passing: list[Any] = [*draw_forces(ax, forces[k], scale)]
@@ -100,7 +136,7 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
             passing += bodies.draw_object(ax, outlines[k], animated=True)
         if outlines or bodies.shows_thickness(scene.finger):
             passing += bodies.draw_thickness(ax, shapes[k], scene.finger, animated=True)
-        return finger(k), passing
+        return [*finger(k), *(further(k) if further else [])], passing
 
     return film.frames(back, moving)
 
@@ -110,7 +146,7 @@ def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
     return [bodies.finger_outline(shape, finger) for shape in shapes] if bodies.shows_thickness(finger) else []
 
 
-def _forces_at(motion: Trajectory | Plan, indices: NDArray[Any]) -> list[list[Force]]:
+def _forces_at(motion: Trajectory | Plan | ControlRun, indices: NDArray[Any]) -> list[list[Force]]:
     """Forces at each of some instants, without those that are zero."""
     return [[force for force in motion.loads_at(int(k)) if np.hypot(*force[1]) > 0] for k in indices]
 

@@ -52,6 +52,10 @@ class MotionResult(Result):
         columns = self.system.object_states
         return self.x[:, columns] if columns.stop > columns.start else np.tile(self.scene.object.pose, (len(self.t), 1))
 
+    def loads_at(self, index: int) -> list[tuple[Any, Any, str]]:
+        """Forces that are drawn at an instant: where they act (2,) [m], force (2,) [N], and of what kind."""
+        return []
+
     def show(self) -> Any:
         """Show the run as a page that plays it back, and goes on by its own computation from where one takes over.
 

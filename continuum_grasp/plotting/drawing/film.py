@@ -40,7 +40,7 @@ class Film:
         style: dict[str, Any] = {"ha": "right", "va": "top", "color": INK, "animated": True}
         return self.ax.text(0.985, 0.975, "", transform=self.ax.transAxes, **style)
 
-    def finger(self, motion: Any, at: NDArray[Any], shapes: NDArray[Any], dot: float) -> Callable[[int], list[Artist]]:
+    def finger(self, motion: Any, at: NDArray[Any], shapes: NDArray[Any]) -> Callable[[int], list[Artist]]:
         """Draw the path of the tip so far, the backbone (n, points, 2) at instants (n,), point masses and the time.
 
         The function returned moves them to the k-th of the instants and returns them.
@@ -48,7 +48,7 @@ class Film:
         tip, masses = np.asarray(motion.tip), masses_of(motion.scene.finger)
         trail = self.line(color=GRAY, linewidth=0.9, zorder=Z.SUPPORT)
         body = self.line(color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
-        dots = self.line("o", color=INK, markersize=dot, zorder=Z.MASS)
+        dots = self.line("o", color=INK, markersize=7, zorder=Z.MASS)
         clock = self.clock()
 
         def move(k: int) -> list[Artist]:
