@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting.drawing.axes import head, label, new_figure, quiet
+from continuum_grasp.plotting.drawing.axes import head, label, new_figure, quiet, whole_numbers
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
 from continuum_grasp.plotting.grasp.picture import plot_grasp
 
@@ -68,7 +68,7 @@ def _draw_costs(ax: Axes, result: DesignResult) -> None:
             number[lost], np.full(lost.sum(), low), "x", color=ORANGE, markersize=5.0, label="no grasp", clip_on=False
         )
         ax.set_ylim(bottom=low)
-    ax.locator_params(axis="x", integer=True)
+    whole_numbers(ax)
     label(ax, "design", "cost")
     head(ax, f"Cost: {result.scene.minimize}")
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp.labels import SHOWN_IN, name_of, unit_of
 from continuum_grasp.plotting.drawing.axes import (
     bend_box,
+    curves,
     head,
     label,
     length_unit,
@@ -18,6 +19,7 @@ from continuum_grasp.plotting.drawing.axes import (
     new_figure,
     quiet,
     show_box,
+    whole_numbers,
 )
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
@@ -53,7 +55,7 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
         ax.axvline(end + 0.5, color=GRAY, linewidth=0.6, linestyle=":")
     reach = 1.15 * max(3.0, float(np.abs(scaled).max(initial=0.0)))
     ax.set_ylim(-reach, reach)
-    ax.locator_params(axis="x", integer=True)
+    whole_numbers(ax)
     label(ax, "number of the measurement (dotted: next set)", "residual [standard deviations]")
     head(ax, "Residuals: predicted less measured")
     return ax
@@ -106,18 +108,20 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
 def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw measured and predicted numbers over rows or time, and below each the prediction less the measurement.
 
-    Hold-outs are orange. A new figure has six quantities at most, those that are missed by most, per the widest range
-    of their unit.
+    Hold-outs are orange. A new figure has six quantities at most: of more those that are missed by most, per the widest
+    range of their unit, in the order of the tables.
     """
-    ranges = dict[str, float]()
-    for column, _, rows in result.series.values():
+    every, ranges = result.series, dict[str, float]()
+    for column, _, rows in every.values():
         span = max(float(np.ptp(result.measured[rows])), 1e-12)
         ranges[column.unit] = max(ranges.get(column.unit, 0.0), span)
 
     def missed(unit: str, rows: NDArray[np.intp]) -> float:
         return float(np.sqrt(np.mean(result.residuals[rows] ** 2))) / ranges[unit]
 
-    series = sorted(result.series.items(), key=lambda pair: -missed(pair[1][0].unit, pair[1][-1]))[:_PANELS]
+    most = _PANELS if ax is None else len(ax) // 2
+    by_miss = sorted(every, key=lambda key: -missed(every[key][0].unit, every[key][-1]))
+    series = [(key, of) for key, of in every.items() if key in by_miss[:most]]
     panels = _panels(len(series), ax, 4.6, 4.4, ratios=(2.0, 1.0))
     for ((name, what), (column, moves, rows)), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
         factor, unit = SHOWN_IN.get(column.unit, (1.0, column.unit))
@@ -134,8 +138,7 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         if not moves:
             below.set_xlim(at.min() - 0.5, at.max() + 0.5)
             above.set_xlim(below.get_xlim())
-            for panel in (above, below):
-                panel.locator_params(axis="x", integer=True)
+            whole_numbers(above, below)
         label(above, "", f"{what} [{unit}]")
         label(below, "time [s]" if moves else "row", f"error [{unit}]")
         head(above, name, 3)
@@ -151,7 +154,13 @@ def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> lis
         if k < len(replay.compared_names):
             band = 3.0 * factor * replay.innovation_std[:, k]
             panel.fill_between(replay.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
-            panel.scatter(replay.t, factor * replay.innovation[:, k], s=4, color=INK, linewidth=0, label="innovation")
+            innovation = factor * replay.innovation[:, k]
+            panel.scatter(replay.t, innovation, s=4, color=INK, linewidth=0, label="innovation")
+            # 0.9: share of the instants whose band is shown whole: the first ones, before the estimator settles, have
+            # one of many times its width
+            reach = 1.1 * max(float(np.nanquantile(band, 0.9)), float(np.nanmax(np.abs(innovation), initial=0.0)))
+            if reach > 0.0:
+                panel.set_ylim(-reach, reach)
         else:
             j = k - len(replay.compared_names)
             panel.step(replay.t, factor * replay.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
@@ -187,8 +196,7 @@ def _panels(
 def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     """Draw the commands over time, with the segments."""
     ax = new_axes(ax, 9.0, 3.8)
-    for values, name, color in zip(plan.commands.T, plan.command_names, (BLUE, ORANGE, GRAY) * 6, strict=False):
-        ax.plot(plan.t, values, color=color, linewidth=1.2, label=name_of(name))
+    curves(ax, plan.t, plan.commands.T, [name_of(name) for name in plan.command_names], linewidth=1.2)
     for k, segment in enumerate(plan.segments):
         if k % 2:
             ax.axvspan(segment.start, segment.end, color=GRAY, alpha=0.12, linewidth=0)
@@ -199,7 +207,6 @@ def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     span = max(high - low, 1e-12)
     ax.set_ylim(low - 0.08 * span, high + 0.75 * span)
     ax.set_xlim(float(plan.t[0]), float(plan.t[-1]))
-    ax.legend(loc="lower right", fontsize=8, frameon=False, ncols=4)
     unit = unit_of(plan.command_names[0])
     label(ax, "time [s]", f"command [{length_unit(span, ax.yaxis) if unit == 'm' else unit}]")
     head(ax, "Commands that show the unknowns")

@@ -72,6 +72,12 @@ def label(ax: Axes, x: str, y: str, **style: Any) -> None:
     ax.set_ylabel(y, color=INK, **style)
 
 
+def whole_numbers(*shown: Axes) -> None:
+    """Count in whole numbers on x axes, of which there may be one only."""
+    for ax in shown:
+        ax.locator_params(axis="x", integer=True, min_n_ticks=1)
+
+
 def color_bar(ax: Axes, drawn: ScalarMappable, text: str = "time [s]") -> None:
     """A bar beside the axes for what is colored by a quantity."""
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)

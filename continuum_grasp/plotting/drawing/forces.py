@@ -84,8 +84,10 @@ def explain(ax: Axes, masses: Sequence[float], forces: Sequence[Force], name: st
         ax.plot([], [], "o", color=INK, markersize=6, label=label)
     for key in force_keys(forces):
         ax.plot([], [], **key)
-    # four entries are as wide as a picture of plain shape
-    head(ax, name, columns=2 if np.ptp(ax.get_xlim()) < 1.3 * np.ptp(ax.get_ylim()) else 4)
+    texts = ax.get_legend_handles_labels()[1]
+    # 6, 40: letters that an entry's sign and its distance take, and that fit over a picture that is taller than wide
+    fits = sum(6 + len(text.replace(r"$\leq$", "<")) for text in texts) <= 40
+    head(ax, name, columns=4 if fits or np.ptp(ax.get_xlim()) > 1.3 * np.ptp(ax.get_ylim()) else 2)
 
 
 def _kinds(forces: Sequence[Force]) -> list[str]:
