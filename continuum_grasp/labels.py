@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
@@ -85,9 +85,15 @@ class Summarized:
 
 def table(head: str, rows: Mapping[str, str]) -> str:
     """Names and values below a line, so many at most."""
-    width = max(map(len, rows), default=0)
-    lines = [clipped(f"  {name:<{width}}  {text}") for name, text in rows.items()]
+    lines = [clipped(f"  {line}") for line in columns(list(rows.items()), (0, 1))]
     return "\n".join([head, *lines[:_ROWS], *(["  ..."] if len(lines) > _ROWS else [])])
+
+
+def columns(rows: Sequence[Sequence[str]], left: Collection[int] = (0,)) -> list[str]:
+    """Lines of a table, its columns two spaces apart and to the right, but for those to the ``left``."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    formats = [f"{{:{'<' if k in left else '>'}{width}}}" for k, width in enumerate(widths)]
+    return ["  ".join(each.format(cell) for each, cell in zip(formats, row, strict=True)).rstrip() for row in rows]
 
 
 def clipped(text: str, most: int = _LINE) -> str:

@@ -90,8 +90,8 @@ def schema(
     kind: Annotated[
         str | None,
         typer.Argument(
-            metavar="[simulate|identify|grasp|mpc|mission|plan|sweep|finger]",
-            help="Print this schema.",
+            metavar="KIND",
+            help="Print the schema of simulate, identify, grasp, mpc, mission, plan, sweep, design or finger.",
             show_default=False,
         ),
     ] = None,
@@ -117,7 +117,7 @@ def validate(
     output: Output,
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILES...", help="YAML configurations.", show_default=False),
+        typer.Argument(metavar="FILE", help="YAML configurations.", show_default=False),
     ],
     picture: Path | None = option("Draw the object as it was understood.", metavar="FILE", parser=named_path),
 ) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from continuum_grasp.cli.options import option, verb
+from continuum_grasp.cli.options import OF_RUNS, option, verb
 from continuum_grasp.cli.output import Output, one_of, out_option
 from continuum_grasp.errors import SolverError
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 _PICTURES = typer.Option("--pictures/--no-pictures", help="Draw a picture and write the HTML report.")
 
 
-@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", pictures=_PICTURES)
+@verb(*OF_RUNS, pictures=_PICTURES)
 def grasp(
     output: Output,
     seed: int | None = option("Seed of robust grasps' draws (default: as in the configuration).", metavar="N"),
@@ -47,9 +47,6 @@ def grasp(
 
     output.say(result.table())  # its first line is the verdict
     output.warn(result.warnings)
-    if "fidelity" in result.statistics:
-        output.say(f"fidelity: {result.statistics['fidelity']}")
-    output.say(f"saved in {folder}" + "".join(f", {path.name}" for path in files))
     written = [folder / "result.yaml", *files]
     output.conclude(result, written, table=result.table(), reasons=[_numbers(reason) for reason in result.reasons])
     if not result.solved:
@@ -62,7 +59,7 @@ def _numbers(reason: Reason) -> dict[str, Any]:
     return numbers | ({"also": [_numbers(other) for other in reason.also]} if reason.also else {})
 
 
-@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+@verb(*OF_RUNS)
 def design(output: Output) -> None:
     """Choose numbers of a finger or scene by gradient. The grasps of one or many objects become best."""
     from continuum_grasp.design import optimize_design
@@ -82,7 +79,7 @@ _OUT = out_option("Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one
 _MAPS = typer.Option("--pictures/--no-pictures", help="Draw maps and Pareto pictures.")
 
 
-@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", out=_OUT, pictures=_MAPS)
+@verb(*OF_RUNS, out=_OUT, pictures=_MAPS)
 def sweep(
     output: Output,
     workers: int | None = option("Processes on this machine (default: all cores).", metavar="N", min=1, max=4096),
@@ -124,7 +121,7 @@ def sweep(
     files = []
     if output.pictures or plot_only:
         with output.drawing():
-            files = output.drawn(table, table.folder)
+            files = output.drawn(table)
     statistics = dict(table.statistics)
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from continuum_grasp.cli.options import option, verb
+from continuum_grasp.cli.options import OF_RUNS, option, verb
 from continuum_grasp.cli.output import FAILED, Output
 from continuum_grasp.errors import InputError
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.simulate import FingerScene, Scene
 
 
-@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+@verb(*OF_RUNS)
 def compare(
     output: Output,
     data: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[DATA...]", help="Tables of measurements, or folders; none: those that CONFIG names."),
+        typer.Argument(metavar="DATA", help="Tables of measurements, or folders; none: those that CONFIG names."),
     ] = None,
 ) -> None:
     """Compare a simulation with measurements. Nothing is estimated."""
@@ -44,7 +44,6 @@ def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
     prediction, files = output.run("comparing", lambda report: run(scene, paths, progress=report))
     show_channels(prediction, output)
     output.warn(prediction.warnings)
-    output.pairs(output.saved_in(files))
     output.conclude(prediction, files, **prediction.details())
 
 
@@ -59,7 +58,7 @@ _SHOWN = 12
 """Values of single sets that are printed [1]: the coordinates of many starts say little."""
 
 
-@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+@verb(*OF_RUNS)
 def identify(
     output: Output,
     data: list[Path] | None = option(
@@ -79,13 +78,8 @@ def identify(
     Exit status 1 where the data cannot be those of this finger, or no experiment shows one of the unknowns.
     """
     from continuum_grasp.scene.identify import IdentifyScene
-    from continuum_grasp.scene.load import load
 
-    scene = load(output.config, output.changes or ())
-    if not isinstance(scene, IdentifyScene):
-        raise InputError(
-            "expected a scene with parameters to estimate: [{name: ...}] and data", file=str(output.config)
-        )
+    scene = output.scene(IdentifyScene)
     if design and apply:
         raise InputError("has no effect on --design", key="--apply")
     if not design and not scene.estimate:
@@ -133,14 +127,12 @@ def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
 
 def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
     """Print estimates with their intervals, those of single sets, and the errors of each channel."""
-    if "fidelity" in fit.statistics:
-        output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)
     if fit.laws:
         rows = (
             (law.name, str(law.numbers), f"{law.fitted:.3g}", f"{law.held_out:.3g}", law.verdict) for law in fit.laws
         )
-        output.table(("law", "numbers", "fitted [deviations]", "held out [deviations]", ""), *rows)
+        output.table(("law", "numbers", "fitted [deviations]", "held out [deviations]", ""), *rows, left=(4,))
     columns = fit.names, fit.values, fit.deviations, fit.intervals, fit.units
     parameters = (
         (name, f"{value:.6g}", f"{deviation:.2g}", f"{low:.6g} to {high:.6g}", unit)
@@ -153,9 +145,8 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
         more = len(fit.set_names) - len(shown)
         output.table(("of one set" + (f" ({more} more in the result)" if more else ""), "value", "deviation"), *shown)
     show_channels(fit, output)
-    output.pairs(output.saved_in(files))
     singular = " ".join(f"{value:.3g}" for value in fit.singular_values)
-    output.conclude(fit, files, {"singular values": singular}, **fit.summary())
+    output.conclude(fit, files, more={"singular values": singular}, **fit.summary())
 
 
 def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
@@ -177,7 +168,7 @@ def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> E
         )
     if plan.segments:
         segments = ((each.name, f"{each.start:.3g} s", f"{each.end:.3g} s", each.shows) for each in plan.segments)
-        output.table(("segment", "from", "to", "shows"), *segments)
+        output.table(("segment", "from", "to", "shows"), *segments, left=(3,))
     columns = plan.names, plan.values, plan.before, plan.deviations, plan.units, plan.shown_by
     output.table(
         ("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"),
@@ -186,18 +177,18 @@ def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> E
             (name, f"{value:.4g}", *(f"+/- {1.96 * deviation:.2g}" for deviation in deviations), unit, shown)
             for name, value, *deviations, unit, shown in zip(*columns, strict=True)
         ),
+        left=(5,),
     )
-    output.pairs(output.saved_in(files))
     output.conclude(plan, files, **plan.details())
     return plan
 
 
-@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+@verb(*OF_RUNS)
 def commission(
     output: Output,
     log: Annotated[
         Path | None,
-        typer.Argument(metavar="[LOG]", help="Table of commands and readings (CSV); none: plan the commands."),
+        typer.Argument(metavar="LOG", help="Table of commands and readings (CSV); none: plan the commands."),
     ] = None,
     plant: bool = option("Play the plan on the configuration's simulated plant, and read its log.", default=False),
     duration: float = option("Duration of the plan [s].", default=10.0),
@@ -234,7 +225,7 @@ def commission(
         raise typer.Exit(FAILED)
 
 
-@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+@verb(*OF_RUNS)
 def replay(
     output: Output,
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Table of instants, measurements and commands (CSV).")],

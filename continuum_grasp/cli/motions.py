@@ -7,12 +7,12 @@ from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
-from continuum_grasp.cli.options import option, resolved_scene, verb
+from continuum_grasp.cli.options import OF_RUNS, option, resolved_scene, verb
 from continuum_grasp.cli.output import Output, named_path, out_option
 from continuum_grasp.errors import InputError, SolverError
 
 
-@verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
+@verb(*OF_RUNS, "animation")
 def simulate(output: Output) -> None:
     """Move a finger in time."""
     from continuum_grasp.scene.simulate import Scene
@@ -24,8 +24,6 @@ def simulate(output: Output) -> None:
     from continuum_grasp.verbs import simulate as run
 
     trajectory, files = output.run("simulating", lambda report: run(scene, progress=report))
-    if note := trajectory.statistics.get("fidelity"):
-        output.say(f"fidelity: {note}")
     energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
     values = {
         "duration": trajectory.t[-1],
@@ -37,7 +35,7 @@ def simulate(output: Output) -> None:
     output.report(trajectory, files, **values)
 
 
-@verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
+@verb(*OF_RUNS, "animation")
 def plan(
     output: Output,
     warm: Path | None = option("Run folder of a plan from which to begin.", metavar="DIR", parser=named_path),
@@ -130,5 +128,4 @@ def accuracy(
     )
     files = [*(output.folder / text.name for text in comparison.texts), *pictures]
     output.say(comparison.markdown())
-    output.say(f"saved in {output.folder}: {', '.join(file.name for file in files)}")
-    output.result(choices=comparison.choices.as_dict(), folder=output.folder, files=files)
+    output.conclude(comparison, files, choices=comparison.choices.as_dict())

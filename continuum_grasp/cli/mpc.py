@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import TYPE_CHECKING
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from continuum_grasp.cli.options import option, verb
+from continuum_grasp.cli.options import OF_RUNS, option, verb
 from continuum_grasp.cli.output import FAILED, Output
 from continuum_grasp.errors import InputError, Interrupted
 
@@ -20,7 +20,7 @@ _SHOWN = 10
 """Failed plants that are listed."""
 
 
-@verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
+@verb(*OF_RUNS, "animation")
 def mpc(
     output: Output,
     seed: int | None = option("Seed of the noise (default: as in the configuration).", metavar="N"),
@@ -35,27 +35,24 @@ def mpc(
     grasp) takes an object from approach to release; exit status 1 if it is dropped, or not let go in the end.
     """
     from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.kinds import other_kind
-    from continuum_grasp.scene.load import load
     from continuum_grasp.scene.mission import MissionScene
 
-    scene = load(output.config, [*(output.changes or ()), *_settings(seed, trials)])
-    if not isinstance(scene, (ControlScene, MissionScene)):
-        raise other_kind(output.config, ControlScene, scene)
+    seeding = [] if seed is None else [f"plant.seed={seed}"]
+    output = replace(output, changes=[*(output.changes or ()), *seeding])
+    scene = output.scene(ControlScene, MissionScene)
     if isinstance(scene, ControlScene) and scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", file=str(output.config), key="duration")
-    output.check_folder()
-    if isinstance(scene, MissionScene):
-        if trials is None:
-            _carry_out(scene, output)
-        else:
-            if output.animation is not None:
-                raise InputError("is for one mission, not for --trials", key="--animate")
-            _try_out(scene, jobs, output)
-        return
-    if trials is not None:
+    if isinstance(scene, ControlScene) and trials is not None:
         raise InputError("is for missions", key="--trials")
-    _control(scene, output)
+    if trials is not None and output.animation is not None:
+        raise InputError("is for one mission, not for --trials", key="--animate")
+    output.check_folder()
+    if isinstance(scene, ControlScene):
+        _control(scene, output)
+    elif trials is None:
+        _carry_out(scene, output)
+    else:
+        _try_out(_with_trials(trials, seed, output), jobs, output)
 
 
 def _control(scene: ControlScene, output: Output) -> None:
@@ -63,29 +60,20 @@ def _control(scene: ControlScene, output: Output) -> None:
     from continuum_grasp.closed_loop.run import run_closed_loop
 
     run, files = output.run("controlling", lambda report: run_closed_loop(scene, progress=report))
-    performance = run.metrics()
     output.warn(run.warnings)
-    output.pairs({"status": run.outcome, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
-    output.say("")
-    output.table(*performance.rows())
-    output.say("")
-    output.pairs(performance.pairs())
-    output.pairs(output.saved_in(files))
-    output.conclude(run, files, status=run.outcome, duration=run.t[-1], metrics=asdict(performance))
+    output.say(run.report())
+    output.conclude(run, files, status=run.outcome, duration=run.t[-1], metrics=asdict(run.metrics()))
     if run.outcome != "finished":
         raise typer.Exit(FAILED)
 
 
-def _settings(seed: int | None, trials: str | None) -> list[str]:
-    """Entries of the configuration that have options of their own."""
-    entries = [] if seed is None else [f"plant.seed={seed}"]
-    if trials is not None and seed is not None:
-        entries.append(f"trials.seed={seed}")
-    if trials not in (None, "all"):
-        if not trials.isdecimal():
-            raise InputError(f"expected a number or all, got {trials!r}", key="--trials")
-        entries.append(f"trials.count={trials}")
-    return entries
+def _with_trials(trials: str, seed: int | None, output: Output) -> Any:
+    """The mission with as many trials as asked, and their seed."""
+    if trials != "all" and not trials.isdecimal():
+        raise InputError(f"expected a number or all, got {trials!r}", key="--trials")
+    count = [] if trials == "all" else [f"trials.count={trials}"]
+    seeding = [] if seed is None else [f"trials.seed={seed}"]
+    return replace(output, changes=[*(output.changes or ()), *count, *seeding]).scene(object)
 
 
 def _carry_out(scene: MissionScene, output: Output) -> None:
@@ -106,10 +94,9 @@ def _carry_out(scene: MissionScene, output: Output) -> None:
         output.say("")
         pairs = finger_metrics.pairs()
         output.pairs({key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")})
-    output.pairs(output.saved_in(files))
     counted = {name: asdict(finger_metrics) for name, finger_metrics in metrics.items()}
-    values = {"pulls": run.pulls, "metrics": counted if run.run is None else next(iter(counted.values()))}
-    output.conclude(run, files, **run.findings(), **values)
+    of_run = counted if run.run is None else next(iter(counted.values()))
+    output.conclude(run, files, **run.findings(), pulls=run.pulls, metrics=of_run)
     if not run.verdict.succeeded:
         raise typer.Exit(FAILED)
 
@@ -134,16 +121,8 @@ def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
         output.say(f"plant {k + 1}: {outcomes[k].text}")
     if len(summary.failed) > _SHOWN:
         output.say(f"and {len(summary.failed) - _SHOWN} more: see trials.csv")
-    output.pairs(output.saved_in(files, "files"))
     failed = [{"plant": k + 1, "text": outcomes[k].text} for k in summary.failed]
-    output.result(
-        folder=output.folder,
-        files=files,
-        asked=scene.trials.count,
-        summary=asdict(summary),
-        failed=failed,
-        warnings=outcomes.warnings,
-    )
+    output.conclude(outcomes, files, asked=scene.trials.count, summary=asdict(summary), failed=failed)
     if stopped is not None:
         raise stopped
     if not all(outcome.succeeded for outcome in outcomes):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +16,7 @@ import typer
 from continuum_grasp.cli.progress import Progress, shown
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.interrupt import held
+from continuum_grasp.labels import columns
 
 if TYPE_CHECKING:
     from continuum_grasp.results import MotionResult, Result
@@ -104,6 +105,8 @@ class Output:
     def __post_init__(self) -> None:
         if self.quiet and (self.as_json or self.verbose):
             raise InputError("--quiet cannot be combined with --json or --verbose")
+        if self.animation == "mp4" and shutil.which("ffmpeg") is None:
+            raise InputError("mp4 needs ffmpeg, which is not found on this machine; write gif", key="--animate")
 
     @property
     def folder(self) -> Path:
@@ -139,15 +142,12 @@ class Output:
 
     def pairs(self, rows: Mapping[str, Any]) -> None:
         """Print names and values in two columns."""
-        width = max((len(name) for name in rows), default=0)
-        for name, value in rows.items():
-            self.say(f"{name:<{width}}  {value}")
+        self.table(*((name, str(value)) for name, value in rows.items()), left=(0, 1))
 
-    def table(self, *lines: Sequence[str]) -> None:
-        """Print a heading and rows in columns, aligned to the right."""
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        for line in lines:
-            self.say("  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)))
+    def table(self, *lines: Sequence[str], left: Collection[int] = ()) -> None:
+        """Print a heading and rows in columns, to the right, but for those to the ``left``."""
+        for line in columns(lines, left):
+            self.say(line)
 
     def statistics(self, statistics: Mapping[str, Any]) -> None:
         """Print statistics where they are wanted."""
@@ -206,26 +206,36 @@ class Output:
                 files.append(cast("MotionResult", result).animate(path, speed=speed))
         return files
 
-    def drawn(self, result: Result, folder: Path | None = None) -> list[Path]:
+    def drawn(self, result: Result) -> list[Path]:
         """Draw the pictures of a result, in format and style as asked; returns the files."""
-        return result.save_pictures(folder or self.folder, format=self.format, style=self.style)
+        return result.save_pictures(self.folder, format=self.format, style=self.style)
 
-    def saved_in(self, files: Iterable[Path], what: str = "pictures") -> dict[str, str]:
-        """The last of the pairs that verbs print."""
-        return {"saved in": f"{self.folder}", what: ", ".join(file.name for file in files) or "none"}
+    def saved_in(self, files: Sequence[Path]) -> dict[str, str]:
+        """The last of the pairs that verbs print: the folder, and pictures or other files that are listed."""
+        drawn = all(file.suffix[1:] in (self.format, self.animation) for file in files)
+        listed = ", ".join(file.name for file in files) or "none"
+        return {"saved in": f"{self.folder}", "pictures" if drawn else "files": listed}
 
     def report(
         self, result: Result, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
     ) -> None:
         """Print warnings, status and numbers of a result, and `conclude`."""
         self.warn(result.warnings)
-        self.pairs({"status": str(result.status), **result.pairs(), **self.saved_in(files)})
-        self.conclude(result, files, more, **values)
+        self.conclude(result, files, {"status": str(result.status), **result.pairs()}, more, **values)
 
     def conclude(
-        self, result: Result, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
+        self,
+        result: Result,
+        files: Sequence[Path],
+        rows: Mapping[str, str] | None = None,
+        more: Mapping[str, Any] | None = None,
+        **values: Any,
     ) -> None:
-        """Print the statistics of a result, and ``more`` of them, where wanted, or its JSON object with ``values``."""
+        """Print the last ``rows`` of a result, which model was chosen, where it is, and where wanted its statistics and
+        ``more`` of them; or its JSON object with ``values``.
+        """
+        chosen = {key: text for key, text in result.statistics.items() if key == "fidelity"}
+        self.pairs({**(rows or {}), **chosen, **self.saved_in(files)})
         self.statistics({**result.statistics, **(more or {})})
         common = {"warnings": result.warnings, "statistics": result.statistics}
         self.result(**{"status": result.status, "folder": self.folder, "files": files, **values, **common})

@@ -18,7 +18,7 @@ from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.control.ocp.setpoints import amount, missed_setpoints, rms, tracking_of
 from continuum_grasp.control.status import spread
-from continuum_grasp.labels import name_of, unit_of
+from continuum_grasp.labels import columns, name_of, unit_of
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene
@@ -362,13 +362,10 @@ class ControlRun(MotionResult):
     def report(self) -> str:
         """The table as text."""
         metrics = self.metrics()
-        lines = [self.name or "closed loop", f"{self.outcome}: {self.t[-1]:g} s in {len(self.u)} periods", ""]
-        rows = metrics.rows()
-        widths = [max(len(row[k]) for row in rows) for k in range(4)]
-        lines += ["  ".join([row[0].ljust(widths[0]), *(row[k].rjust(widths[k]) for k in (1, 2, 3))]) for row in rows]
+        time = f"{self.t[-1]:g} s in {len(self.u)} periods of {1e3 * self.period:g} ms"
         pairs = metrics.pairs() | {name: str(value) for name, value in self.adapted.items()}
-        wide = max(map(len, pairs))
-        return "\n".join([*lines, "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items())]) + "\n"
+        head = [self.name or "closed loop", f"{self.outcome}: {time}", ""]
+        return "\n".join([*head, *columns(metrics.rows()), "", *columns(list(pairs.items()), (0, 1)), ""])
 
 
 _GOOD = frozenset(("solved", "iteration_limit", "row_violated"))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.grasp.certificate.check import EXACT
+from continuum_grasp.labels import columns
 from continuum_grasp.results.plain import yaml_text
 
 if TYPE_CHECKING:
@@ -58,21 +59,14 @@ def result_text(result: GraspResult) -> str:
         lines += _why_lines(result)
     for part in parts(result, quality=result.certificate is not None):
         lines += ["", f"{part.title}. {part.lead}" if part.lead else part.title]
-        sides = ("<>"[k in part.numbers] for k in range(len(part.rows[0])))
-        lines += _aligned([part.head, *part.rows] if any(part.head) else part.rows, sides)
+        left = {*range(len(part.rows[0]))} - {*part.numbers}
+        lines += [f"  {line}" for line in columns([part.head, *part.rows] if any(part.head) else part.rows, left)]
         for note in part.notes:
             lines += textwrap.wrap(note, 108, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
     advice = further_advice(result)
     if advice:
         lines += ["", *textwrap.wrap(advice, 112)]
     return "\n".join(lines)
-
-
-def _aligned(rows: Sequence[Sequence[str]], sides: Iterable[str]) -> list[str]:
-    """Rows of a table, each column to its side, ``<`` or ``>``."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    formats = [f"{{:{side}{width}}}" for side, width in zip(sides, widths, strict=True)]
-    return [f"  {'  '.join(f.format(cell) for f, cell in zip(formats, row, strict=True))}".rstrip() for row in rows]
 
 
 def _why_lines(result: GraspResult) -> list[str]:

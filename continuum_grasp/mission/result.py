@@ -14,6 +14,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
+from continuum_grasp.labels import columns
 from continuum_grasp.mission.assignment import object_of
 from continuum_grasp.mission.lift import NotLifted, Slipped
 from continuum_grasp.mission.on_pads import reserved
@@ -248,14 +249,10 @@ class MissionRun(Record, MotionResult):
 
     def report(self) -> str:
         """Verdict, phases and the closed loop's table as text."""
-        pairs, rows = self.verdict.pairs(), self.rows()
-        wide, widths = max(map(len, pairs)), [max(len(row[k]) for row in rows) for k in range(5)]
-        lines = [self.name or "mission", "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items()), ""]
+        lines = [self.name or "mission", "", *columns(list(self.verdict.pairs().items()), (0, 1)), ""]
         if self.exceeded:
             lines += ["beyond the certificate:", *(f"  {number.text}" for number in self.exceeded), ""]
-        lines += [
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
-        ]
+        lines += columns(self.rows(), range(5))
         for name, run in self.fingers.items():
             lines += ["", *([] if self.run is not None else [f"finger {name}"]), run.report()]
         return "\n".join(lines)

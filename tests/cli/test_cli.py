@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from typer.main import get_command
 import continuum_grasp
 from continuum_grasp.cli import app
 from continuum_grasp.errors import NumericalError, SolverError
+from continuum_grasp.scene.kinds import KINDS
 from continuum_grasp.simulation.trajectory import Trajectory
 from tests.commands import ROOT, run
 
@@ -134,7 +136,16 @@ def test_what_is_found_late_is_placed_too(tmp_path):
     assert result.stderr == "error: --trials: is for missions\n"
 
 
+def test_an_animation_that_cannot_be_written_is_refused_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    refused = run("simulate", RELEASE, "--out", str(tmp_path / "out"), "--animate", "mp4")
+    assert refused.exit_code == 2
+    assert "--animate: mp4 needs ffmpeg" in refused.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_schema_prints_and_writes(tmp_path):
+    assert set(KINDS) <= {*re.findall(r"\w+", run("schema", "--help").stdout)}
     printed = json.loads(run("schema", "simulate").stdout)
     assert run("schema", "--out", str(tmp_path / "new")).exit_code == 0
     written = json.loads((tmp_path / "new" / "simulate.json").read_text().replace('"definitions.json#/', '"#/'))
@@ -294,7 +305,7 @@ def test_help_fits_80_columns_and_no_summary_is_cut(monkeypatch):
         assert "..." not in text.partition("Commands:")[2]
 
 
-KINDS = {
+OF_OTHERS = {
     "simulate": ("hanging.yaml", "a scene"),
     "grasp": ("mug.yaml", "a grasp"),
     "mpc": ("pulse.yaml", "a closed loop"),
@@ -305,9 +316,9 @@ KINDS = {
 TAKES = {"simulate": ["simulate"], "grasp": ["grasp"], "plan": ["plan"], "mpc": ["mpc", "mission"]}
 
 
-@pytest.mark.parametrize(("command", "kind"), [(c, k) for c in TAKES for k in KINDS if k not in TAKES[c]])
+@pytest.mark.parametrize(("command", "kind"), [(c, k) for c in TAKES for k in OF_OTHERS if k not in TAKES[c]])
 def test_a_file_of_another_kind_is_reported_with_its_own_command(command, kind):
-    name, called = KINDS[kind]
+    name, called = OF_OTHERS[kind]
     result = run(command, str(Path(__file__).parents[2] / "configs" / kind / name))
     assert result.exit_code == 2
     assert f"got {called} (continuum-grasp {'mpc' if kind == 'mission' else kind})" in result.stderr

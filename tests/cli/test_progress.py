@@ -42,7 +42,8 @@ def test_short_work_shows_nothing(monkeypatch, capsys):
 def test_work_that_knows_its_share_shows_every_tenth(monkeypatch, capsys):
     assert lines(monkeypatch, capsys, 20.0, True) == [
         "working: 10 %, 2 s",
-        *(f"working: {k} %, {k // 5} s, about {20 - k // 5} s left" for k in range(20, 101, 10)),
+        *(f"working: {k} %, {k // 5} s, about {20 - k // 5} s left" for k in range(20, 100, 10)),
+        "working: 100 %, 20 s",
     ]
 
 

@@ -292,7 +292,7 @@ def test_command_needs_something_to_estimate(written):
     scene_alone = Path(__file__).parents[2] / "configs/simulate/hanging.yaml"
     done = run(scene_alone, "--data", written[1])
     assert done.exit_code == 2
-    assert "expected a scene with parameters to estimate" in done.stderr
+    assert "expected an identification (finger, estimate, ...)" in done.stderr
 
 
 def test_errors_in_the_configuration_have_their_line(tmp_path):
