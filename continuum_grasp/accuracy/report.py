@@ -145,7 +145,8 @@ class AccuracyReport(Result):
         lines = [f"- {error} against {cost}: {', '.join(names)}" for (cost, error), names in named.items()]
         seen = {name for names in named.values() for name in names}
         rest = [name for row in self.choices.rows if (name := f"{row[1]} {row[0]}") not in seen]
-        return ["Not dominated in cost and error:", "", *lines, f"- on none: {', '.join(rest) or 'none'}", ""]
+        lines += [f"- dominated in each: {', '.join(rest)}"] if rest else []
+        return ["Not dominated in cost and error:", "", *lines, ""]
 
     def markdown(self) -> str:
         """The table as Markdown, and what is on its fronts."""

@@ -142,7 +142,10 @@ def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         edges = np.geomspace(positive.min() / 1.05, positive.max() * 1.05, 60).tolist()
         for column, name, color in zip(times.T, run.phase_names, axes.colors(len(run.phase_names)), strict=True):
             ax.hist(column, bins=edges, histtype="stepfilled", color=color, alpha=0.35)
-            text = f"{name}: median {np.median(column):.3g}, 99 % {np.quantile(column, 0.99):.3g}"
+            median, most = (
+                f"{time:.3g}" if time < 1e3 else f"{time:,.0f}" for time in np.quantile(column, (0.5, 0.99))
+            )
+            text = f"{name}: median {median}, 99 % {most}"
             ax.hist(column, bins=edges, histtype="step", color=color, linewidth=1.3, label=text)
         ax.set_xscale("log")
     axes.label(ax, r"time of a step [$\mathrm{\mu}$s]", "steps [1]")

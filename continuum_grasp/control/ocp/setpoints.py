@@ -253,5 +253,6 @@ def rms(values: Array) -> float:
 
 def amount(value: float, unit: str) -> str:
     """Format a value with a unit that people read."""
-    factor, word = {"m": (1e3, "mm"), "s": (1e6, "us")}.get(unit, (1.0, unit))
+    times = (1e3, "ms") if abs(value) >= 1e-3 else (1e6, "us")
+    factor, word = {"m": (1e3, "mm"), "s": times}.get(unit, (1.0, unit))
     return f"{value * factor:.3g} {word}".strip()
