@@ -30,7 +30,7 @@ def grasp(
 
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]
     output = replace(output, changes=[*(output.changes or ()), *seeding])
-    scene, folder = output.scene(GraspScene), output.folder
+    scene = output.scene(GraspScene)
     output.check_folder()
 
     from continuum_grasp.grasp import optimize_grasp
@@ -40,15 +40,14 @@ def grasp(
             scene, raise_on_failure=False, fine=fine, progress=lambda text: report(None, f"searching, {text}")
         )
     with output.saving():  # the grasp is safe before what can be computed again
-        result.save(folder, quality=False)
+        result.save(output.folder, quality=False)
     with output.drawing():
-        result.save(folder)
+        result.save(output.folder)
         files = output.drawn(result) if output.pictures else []
 
     output.say(result.table())  # its first line is the verdict
     output.warn(result.warnings)
-    written = [folder / "result.yaml", *files]
-    output.conclude(result, written, table=result.table(), reasons=[_numbers(reason) for reason in result.reasons])
+    output.conclude(result, files, table=result.table(), reasons=[_numbers(reason) for reason in result.reasons])
     if not result.solved:
         raise SolverError(result.message, status=result.status.value, result=result)
 

@@ -144,6 +144,7 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
     if shown:
         more = len(fit.set_names) - len(shown)
         output.table(("of one set" + (f" ({more} more in the result)" if more else ""), "value", "deviation"), *shown)
+    output.say("")
     show_channels(fit, output)
     singular = " ".join(f"{value:.3g}" for value in fit.singular_values)
     output.conclude(fit, files, more={"singular values": singular}, **fit.summary())
@@ -166,9 +167,11 @@ def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> E
         output.table(
             ("measure", *plan.pose_headings), *((f"pose {k}", *row) for k, row in enumerate(plan.pose_rows, 1))
         )
+        output.say("")
     if plan.segments:
         segments = ((each.name, f"{each.start:.3g} s", f"{each.end:.3g} s", each.shows) for each in plan.segments)
         output.table(("segment", "from", "to", "shows"), *segments, left=(3,))
+        output.say("")
     columns = plan.names, plan.values, plan.before, plan.deviations, plan.units, plan.shown_by
     output.table(
         ("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"),

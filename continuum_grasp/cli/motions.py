@@ -123,9 +123,6 @@ def accuracy(
     from continuum_grasp.accuracy.report import COUNTS, accuracy_report
 
     counts = [count for count in COUNTS if count <= most]
-    comparison, pictures = output.run(
-        "measuring", lambda report: accuracy_report(scene, counts=counts, progress=report)
-    )
-    files = [*(output.folder / text.name for text in comparison.texts), *pictures]
+    comparison, files = output.run("measuring", lambda report: accuracy_report(scene, counts=counts, progress=report))
     output.say(comparison.markdown())
     output.conclude(comparison, files, choices=comparison.choices.as_dict())

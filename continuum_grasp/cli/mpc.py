@@ -115,7 +115,7 @@ def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
             raise
         outcomes, stopped = error.result, error
     summary = outcomes.summary
-    files = [output.folder / "trials.csv", *output.save(outcomes)]
+    files = output.save(outcomes)
     output.pairs(summary.pairs())
     for k in summary.failed[:_SHOWN]:
         output.say(f"plant {k + 1}: {outcomes[k].text}")

@@ -231,9 +231,11 @@ class Output:
         more: Mapping[str, Any] | None = None,
         **values: Any,
     ) -> None:
-        """Print the last ``rows`` of a result, which model was chosen, where it is, and where wanted its statistics and
-        ``more`` of them; or its JSON object with ``values``.
+        """Print the last ``rows`` of a result, which model was chosen, where it is with which texts and further files,
+        and where wanted its statistics and ``more`` of them; or its JSON object with ``values``.
         """
+        texts = [path for path in (self.folder / text.name for text in result.texts) if path.exists()]
+        files = [*texts, *files]
         chosen = {key: text for key, text in result.statistics.items() if key == "fidelity"}
         self.pairs({**(rows or {}), **chosen, **self.saved_in(files)})
         self.statistics({**result.statistics, **(more or {})})

@@ -54,7 +54,9 @@ class Channel:
     def texts(self) -> tuple[str, ...]:
         """Name and errors as a table shows them: lengths in mm, angles in degrees."""
         factor, unit = SHOWN_IN.get(self.unit, (1.0, self.unit))
-        errors = (f"{factor * value:.3g}" for value in (self.rms, self.largest, self.mean))
+        # 1e-9: share of the greatest error that is rounding, as the mean where a constant offset was fitted
+        mean = self.mean if abs(self.mean) > 1e-9 * self.largest else 0.0
+        errors = (f"{factor * value:.3g}" for value in (self.rms, self.largest, mean))
         share = "" if self.share is None else f"{100.0 * self.share:.2g} %"
         return (f"{self.name}{'' if self.fitted else ' (hold-out)'}", *errors, unit, share, str(self.count))
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
-    from continuum_grasp.plotting.grasp.margins import plot_resistance as plot_resistance
     from continuum_grasp.plotting.grasp.view import plot_object as plot_object
 
 _OF_RESULTS = (
@@ -22,7 +21,7 @@ _GONE = {
     for name in _OF_RESULTS
 }
 _GONE["plot_closing"] = "simulate the scene with its object, and write trajectory.plot()"
-_GONE["plot_friction"] = "results draw it beside a grasp, write result.plot()"
+_GONE |= dict.fromkeys(("plot_friction", "plot_resistance"), "results draw it beside a grasp, write result.plot()")
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]
 __getattr__, __dir__ = lazy_names(__name__, _MODULES, _GONE)

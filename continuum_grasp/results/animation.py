@@ -163,11 +163,11 @@ def save_picture(
     Examples
     --------
     >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.plotting import plot_resistance
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.plotting import plot_object
     >>> from continuum_grasp.results import save_picture
-    >>> ax = plot_resistance([[2.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [0.0, -1.0]])
-    >>> save_picture(ax, mkdtemp() + "/forces.svg").name
-    'forces.svg'
+    >>> save_picture(plot_object(cg.load("configs/grasp/gear.yaml").object), mkdtemp() + "/gear.svg").name
+    'gear.svg'
     """
     target, figure = Path(path), _figure_of(drawn)
     if style == "paper":

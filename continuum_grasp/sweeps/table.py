@@ -128,7 +128,8 @@ class SweepTable(Result):
 
     def label(self, name: str) -> str:
         """Words for a column, with its unit."""
-        unit, (_, words) = self.units.get(name, ""), QUANTITIES.get(name, ("", name))
+        numbers = self[name].dtype.kind in "iuf"
+        unit, (_, words) = self.units.get(name) or "1" * numbers, QUANTITIES.get(name, ("", name))
         return f"{words} [{unit}]" if unit else words
 
     def of_grasps(self, name: str) -> Array:

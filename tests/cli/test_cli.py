@@ -163,7 +163,7 @@ class FakeTrajectory(SimpleNamespace):
         self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
         self.time_error, self.space_error, self.length = 2e-5, 3e-3, 0.5
 
-    kind, pairs = Trajectory.kind, Trajectory.pairs
+    kind, texts, pairs = Trajectory.kind, Trajectory.texts, Trajectory.pairs
 
     def save(self, folder):
         Path(folder).mkdir(parents=True)

@@ -59,7 +59,7 @@ def done(config):
 def test_files_are_those_that_are_listed(done):
     folder, found = done
     made = {path.stem for path in map(Path, found["files"]) if path.is_file()}
-    assert made == {*PICTURES, "animation"}
+    assert made == {*PICTURES, "animation", "report", "log"}
     assert {"result.npz", "meta.json", "report.txt"} <= {path.name for path in folder.iterdir()}
     assert found["folder"] == str(folder)
 

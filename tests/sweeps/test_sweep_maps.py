@@ -46,7 +46,8 @@ def test_a_map_over_the_grid(tmp_path):
     assert np.isnan(color[:, 2]).all()
     assert set(kind[:, 2]) == {"too heavy"}
     assert set(kind[:, :2].ravel()) == {""}
-    assert [table.label(name) for name in names] == ["object.mass [kg]", "contacts.friction", "greatest tension [N]"]
+    labels = ["object.mass [kg]", "contacts.friction [1]", "greatest tension [N]", "objective"]
+    assert [table.label(name) for name in (*names, "objective")] == labels
 
 
 @pytest.mark.parametrize(("reduce", "factor"), [("least", 1.0), ("greatest", 10.0), ("mean", 5.5), ("median", 5.5)])

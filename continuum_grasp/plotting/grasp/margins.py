@@ -27,23 +27,11 @@ if TYPE_CHECKING:
 
 
 def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
-    """Draw how great a force in each direction the grasp resists, on top of the weight.
+    """Draw the greatest force in each of D directions (D, 2) [N], in order around the circle, that a grasp resists on
+    top of the weight.
 
-    The outline encloses the forces that are resisted; the dashed circle those of any direction.
-
-    Parameters
-    ----------
-    resisted : array_like, shape (D, 2)
-        The greatest force in each of D directions, in order around the circle, in the world's axes [N]. Rows that
-        are not finite are left out.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Examples
-    --------
-    >>> from continuum_grasp import plotting
-    >>> plotting.plot_resistance([[2.0, 0.0], [0.0, 1.0], [-2.0, 0.0], [0.0, -1.0]]).get_xlabel()
-    'force x [N]'
+    The outline encloses the forces that are resisted; the dashed circle those of any direction. Rows that are not
+    finite are left out.
     """
     from matplotlib.patches import Circle, Polygon
 

@@ -51,7 +51,6 @@ def plot_grasp(
     result: GraspResult,
     *,
     ax: Axes | None = None,
-    tendons: bool = True,
     numbers: bool = True,
     resisted: ArrayLike | bool = True,
 ) -> Axes:
@@ -75,7 +74,7 @@ def plot_grasp(
     unit = show_box(ax, view.box)
     label(ax, f"x [{unit}]", f"y [{unit}]")
     draw_object(ax, view.outlines)
-    areas = [*draw_supports(ax, result.scene.supports), *_draw_fingers(ax, view, tendons)]
+    areas = [*draw_supports(ax, result.scene.supports), *_draw_fingers(ax, view)]
     cones, arrows = _draw_contacts(ax, view)
     areas += [*cones, *_draw_scale(ax, view)]
     arrows += _draw_weight(ax, view)
@@ -169,7 +168,7 @@ def _tendons_inside(finger: GraspFinger) -> list[Tendon]:
     return [tendon for tendon, e in first if math.copysign(1.0, e) in sides and abs(e) < finger.thickness_radius]
 
 
-def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
+def _draw_fingers(ax: Axes, view: GraspView) -> list[Array]:
     """Draw all fingers; returns their outlines and those of their clamps [m]."""
     drawn: list[Array] = []
     for name, finger in view.scene.named_fingers.items():
@@ -179,7 +178,7 @@ def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
         edge, style = lighter(color, 0.25), "solid" if view.result.solved else "dashed"
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
-        for tendon in _tendons_inside(finger) if tendons else ():
+        for tendon in _tendons_inside(finger):
             path = side_path(tendon, backbone, finger)
             ax.plot(*path.T, color=edge, linewidth=0.7, linestyle=(0, (4, 2)), zorder=Z.TENDON)
         ax.plot(*line.T, color=edge, linewidth=1.5, zorder=Z.CENTERLINE)
