@@ -6,16 +6,17 @@ import base64
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.results.atomic import replacing
+from continuum_grasp.results.declared import maker_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -24,19 +25,8 @@ _RANGES = {".gif": 50.0, ".mp4": 240.0}
 """Greatest frames per second: browsers show no frame of a GIF shorter than 20 ms; 240 is the fastest screen."""
 
 
-def write_animation(
-    path: str | os.PathLike[str],
-    t: ArrayLike,
-    draw: Callable[[NDArray[np.int64]], Iterator[NDArray[Any]]],
-    fps: float,
-    *,
-    speed: float = 1.0,
-    width: int = 640,
-) -> Path:
-    """Write an animation of what happens at instants ``t`` (T,) [s]; see `MotionResult.animate`.
-
-    ``draw`` is given the indices of the instants to show, one per frame, and yields (height, width, 3) arrays of uint8.
-    """
+def write_animation(motion: Any, path: str | os.PathLike[str], fps: float, speed: float, width: int) -> Path:
+    """See `MotionResult.animate`."""
     target = Path(path)
     suffix = target.suffix.lower()
     for name, value, low, high in (
@@ -52,12 +42,13 @@ def write_animation(
     if suffix == ".mp4" and ffmpeg is None:
         raise InputError("MP4 needs ffmpeg, which is not found on this machine; use .gif", key="path")
 
-    instants = np.asarray(t, dtype=float)
+    instants = np.asarray(motion.t, dtype=float)
     duration = float(instants[-1] - instants[0]) / speed
     # a duration that is a whole number of frames must not lose the last one to rounding
     count = max(1, int(np.floor(duration * fps * (1 + 1e-12))) + 1)
     moments = instants[0] + speed * np.arange(count) / fps
-    pictures = draw(np.abs(instants[None, :] - moments[:, None]).argmin(axis=1))
+    shown = np.abs(instants[None, :] - moments[:, None]).argmin(axis=1)
+    pictures = maker_of(motion.frames)(motion, shown, width)
     with replacing(target) as temporary:
         if ffmpeg is None:
             _write_gif(temporary, pictures, count, fps)

@@ -122,7 +122,4 @@ class MotionResult(Result):
         """
         from continuum_grasp.results.animation import write_animation
 
-        def draw(indices: Any) -> Any:
-            return maker_of(self.frames)(self, indices, width)
-
-        return write_animation(path, self.t, draw, self.fps if fps is None else fps, speed=speed, width=width)
+        return write_animation(self, path, self.fps if fps is None else fps, speed, width)

@@ -8,6 +8,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -114,7 +115,7 @@ def sweep(
             with _pool(executor, scheduler, count) as pool:
                 run.go(pool)
         write_csv(target)
-    return sweep_table(target, statistics={**run.statistics, "notes": notes})
+    return replace(sweep_table(target), statistics={**run.statistics, "notes": notes})
 
 
 class _Run:

@@ -251,15 +251,13 @@ class SweepTable(Result):
 
 
 @check_arguments
-def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any] | None = None) -> SweepTable:
+def sweep_table(folder: str | os.PathLike[str]) -> SweepTable:
     """Read the table of a sweep, also while it grows.
 
     Parameters
     ----------
     folder : path-like
         The sweep's folder.
-    statistics : mapping, optional
-        Statistics of the run that has just ended; none where the table is read later.
 
     Returns
     -------
@@ -289,7 +287,7 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     grid = (*plan["vary"], *follow)
     pictures = plan.get("pictures", {})
     keys = tuple(keys_of(plan))
-    return SweepTable(target, int(plan["scenes"]), keys, columns, grid, units, pictures, statistics or {})
+    return SweepTable(target, int(plan["scenes"]), keys, columns, grid, units, pictures)
 
 
 def _cells(folder: Path, plan: Mapping[str, Any]) -> dict[str, list[Any]]:

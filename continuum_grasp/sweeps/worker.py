@@ -152,18 +152,19 @@ def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:
     """
     solved = str(result.status) in SOLVED
     reason = result.reasons[0] if result.reasons else None
-    numbers: dict[str, Any] = dict.fromkeys(("tension_sum", "tension_max", "normal_force_max", "friction_margin"))
+    tensions = [float(t) for finger in result.fingers.values() for t in finger.tensions] if solved else []
     contacts = result.contacts if solved else ()
-    if solved:
-        tensions = [float(t) for finger in result.fingers.values() for t in finger.tensions]
-        numbers |= {"tension_sum": sum(tensions), "tension_max": max(tensions, default=None)}
-        numbers["normal_force_max"] = max((c.normal_force for c in contacts), default=None)
-        numbers["friction_margin"] = min((c.friction_margin for c in contacts), default=None)
-    numbers["contacts"] = len(contacts) if solved else None
-    numbers["iterations"] = result.statistics.get("iterations")
-    numbers["reason_limit"] = None if reason is None else reason.limit
-    numbers["reason_needed"] = None if reason is None else reason.needed
-    numbers |= {name: _recorded(result, name, solved) for name in record}
+    numbers = {
+        "tension_sum": sum(tensions) if solved else None,
+        "tension_max": max(tensions, default=None),
+        "normal_force_max": max((c.normal_force for c in contacts), default=None),
+        "friction_margin": min((c.friction_margin for c in contacts), default=None),
+        "contacts": len(contacts) if solved else None,
+        "iterations": result.statistics.get("iterations"),
+        "reason_limit": None if reason is None else reason.limit,
+        "reason_needed": None if reason is None else reason.needed,
+        **{name: _recorded(result, name, solved) for name in record},
+    }
     return {name: _number(value) for name, value in numbers.items()}
 
 
