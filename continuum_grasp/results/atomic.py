@@ -29,30 +29,22 @@ def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> Non
         )
 
 
-_HELD: dict[Path, IO[bytes]] = {}
-"""Files whose locks say that this process works in a folder, by folder."""
+_HELD: dict[Path, contextlib.ExitStack] = {}
+"""Locks of folders in which this process works, by folder."""
 
 
 def hold_folder(folder: Path) -> None:
     """Keep other processes of this machine from a folder until `release_folders`, or the end of this one.
 
     The lock is beside the system's temporary files, since a folder that does not exist yet can be held too.
-
-    Raises
-    ------
-    InputError
-        Another process holds it.
     """
     path = folder.resolve()
     name = f"continuum_grasp-{hashlib.sha256(os.fsencode(path)).hexdigest()[:20]}.lock"
-    with contextlib.suppress(OSError):  # where nothing can be locked, any process may work
-        file = _HELD.get(path) or open(Path(tempfile.gettempdir()) / name, "a+b")  # noqa: SIM115, it stays open
-        if path not in _HELD and not lock_file(file):
-            file.close()
-            raise InputError(
-                "another run is at work in this folder: wait for it, or take another one", file=str(folder)
-            )
-        _HELD[path] = file
+    if path not in _HELD:
+        stack = contextlib.ExitStack()
+        with contextlib.suppress(OSError):  # where nothing can be locked, any process may work
+            stack.enter_context(locked(Path(tempfile.gettempdir()) / name, folder, "run"))
+        _HELD[path] = stack
 
 
 def release_folders() -> None:
@@ -61,7 +53,23 @@ def release_folders() -> None:
         _HELD.popitem()[1].close()
 
 
-def lock_file(file: IO[bytes]) -> bool:
+@contextlib.contextmanager
+def locked(lock: Path, folder: Path, what: str) -> Iterator[None]:
+    """Keep other processes from a folder by a lock on a file, which the system lifts when this one ends, however.
+
+    Raises
+    ------
+    InputError
+        Another ``what`` holds it.
+    """
+    with open(lock, "a+b") as file:
+        if not _lock(file):
+            text = f"another {what} is at work in this folder: wait for it, or take another one"
+            raise InputError(text, file=str(folder))
+        yield
+
+
+def _lock(file: IO[bytes]) -> bool:
     """Whether the file could be locked; where the system or the file system has no locks, any process may work."""
     with contextlib.suppress(ImportError):
         import fcntl

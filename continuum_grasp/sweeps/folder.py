@@ -11,12 +11,12 @@ import os
 import time
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results.atomic import lock_file, write_text
+from continuum_grasp.results.atomic import locked, write_text
 from continuum_grasp.results.record import begin_run, created_now, kind_of_run, naming, swapped, versions
 from continuum_grasp.results.run_folder import RESULT
 from continuum_grasp.scene.document import refuse_what_is_no_file
@@ -166,15 +166,8 @@ def write_run_file(folder: Path, index: int, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep other processes from working in the folder; the system lets go of it when this one ends, however it ends.
-
-    Raises an InputError where one does.
-    """
+def held_folder(folder: Path) -> AbstractContextManager[None]:
+    """Make the folder, and keep other processes from it."""
     folder.mkdir(parents=True, exist_ok=True)
     refuse_what_is_no_file(folder / _LOCK)
-    with open(folder / _LOCK, "a+b") as file:
-        if not lock_file(file):
-            raise InputError("another sweep is at work in this folder", file=str(folder))
-        yield
+    return locked(folder / _LOCK, folder, "sweep")

@@ -21,7 +21,7 @@ from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.sweep import Sweep
-from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_file
+from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, held_folder, rows_of, store_plan, write_run_file
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
 from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
@@ -105,7 +105,7 @@ def sweep(
             key="scene",
         )
     target = _folder(config, folder)
-    with locked(target):
+    with held_folder(target):
         # The plan comes before any row: a table is never without the plan that it is of.
         notes = store_plan(target, plan)
         job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)

@@ -18,7 +18,7 @@ import pytest
 from continuum_grasp import sweep, sweep_table
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.results import read_run
-from continuum_grasp.sweeps.folder import decode, encode, locked
+from continuum_grasp.sweeps.folder import decode, encode, held_folder
 from tests.sweep_cases import BROKEN, DEADLY, LOG, MUG, ROOT, STUCK, held, masses, slow
 
 
@@ -229,7 +229,7 @@ def test_a_folder_belongs_to_one_plan(tmp_path):
 
 
 def test_one_sweep_at_a_time_in_a_folder(tmp_path):
-    with locked(tmp_path), pytest.raises(InputError, match="another sweep is at work"):
+    with held_folder(tmp_path), pytest.raises(InputError, match="another sweep is at work"):
         with_threads(masses(3), tmp_path)
 
 
