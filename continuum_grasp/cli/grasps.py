@@ -125,15 +125,13 @@ def sweep(
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():
         output.warn([f"no scene has a grasp; the first row says: {table['message'][0]}"])
-    output.pairs({**table.pairs(), **output.saved_in(files)})
-    output.statistics(statistics)
-    output.result(
-        folder=table.folder,
+    output.conclude(
+        replace(table, statistics=statistics),
+        files,
+        table.pairs(),
         table=table.folder / "table.jsonl",
-        files=files,
         scenes=table.total,
         rows=len(table),
         status=table.counts,
         failures=table.failures,
-        statistics=statistics,
     )

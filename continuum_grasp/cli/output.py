@@ -210,12 +210,6 @@ class Output:
         """Draw the pictures of a result, in format and style as asked; returns the files."""
         return result.save_pictures(self.folder, format=self.format, style=self.style)
 
-    def saved_in(self, files: Sequence[Path]) -> dict[str, str]:
-        """The last of the pairs that verbs print: the folder, and pictures or other files that are listed."""
-        drawn = all(file.suffix[1:] in (self.format, self.animation) for file in files)
-        listed = ", ".join(file.name for file in files) or "none"
-        return {"saved in": f"{self.folder}", "pictures" if drawn else "files": listed}
-
     def report(
         self, result: Result, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
     ) -> None:
@@ -227,17 +221,24 @@ class Output:
         self,
         result: Result,
         files: Sequence[Path],
-        rows: Mapping[str, str] | None = None,
+        pairs: Mapping[str, str] | None = None,
         more: Mapping[str, Any] | None = None,
         **values: Any,
     ) -> None:
-        """Print the last ``rows`` of a result, which model was chosen, where it is with which texts and further files,
+        """Print the last ``pairs`` of a result, which model was chosen, where it is with which texts and further files,
         and where wanted its statistics and ``more`` of them; or its JSON object with ``values``.
         """
         texts = [path for path in (self.folder / text.name for text in result.texts) if path.exists()]
         files = [*texts, *files]
-        chosen = {key: text for key, text in result.statistics.items() if key == "fidelity"}
-        self.pairs({**(rows or {}), **chosen, **self.saved_in(files)})
+        drawn = all(file.suffix[1:] in (self.format, self.animation) for file in files)
+        self.pairs(
+            {
+                **(pairs or {}),
+                **{key: text for key, text in result.statistics.items() if key == "fidelity"},
+                "saved in": self.folder,
+                "pictures" if drawn else "files": ", ".join(file.name for file in files) or "none",
+            }
+        )
         self.statistics({**result.statistics, **(more or {})})
         common = {"warnings": result.warnings, "statistics": result.statistics}
         self.result(**{"status": result.status, "folder": self.folder, "files": files, **values, **common})
