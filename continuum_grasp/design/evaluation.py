@@ -206,20 +206,14 @@ class DesignProblem:
         nominal = (case_grasps for (signs, _), case_grasps in self._grasps.items() if not any(signs))
         return {case_grasps.name: case_grasps.found for case_grasps in nominal if case_grasps.found is not None}
 
-    def forget(self) -> None:
-        """Drop all grasps."""
-        self._grasps = {}
-        self._tangents = {}
-        self._at = None
-
     def snapshot(self) -> dict[tuple[Signs, str], CaseGrasps]:
         """The grasps at hand, for `restore`."""
         return {key: copy(case_grasps) for key, case_grasps in self._grasps.items()}
 
     def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps]) -> None:
-        """Take up the grasps of a snapshot."""
-        self.forget()
+        """Take up the grasps of a snapshot; none, to search anew."""
         self._grasps = {key: copy(case_grasps) for key, case_grasps in grasps.items()}
+        self._tangents, self._at = {}, None
 
     def evaluate(self, coordinates: Array, *, search: bool = False) -> Evaluation:
         """Cost, limits and derivatives; with a full search for grasps, or from those at hand.

@@ -230,7 +230,7 @@ class _DesignSearch:
             trials += list(Halton(len(coordinates), scramble=False).fast_forward(1).random(count))
         for k, at in enumerate(trials):
             self.progress(0.4 * k / len(trials), f"trial design {k + 1} of {len(trials)}")
-            self.problem.forget()
+            self.problem.restore({})
             try:
                 evaluation = self._evaluate(at, search=True)
             except LostGrasp as error:
