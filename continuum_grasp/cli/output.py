@@ -208,7 +208,7 @@ class Output:
 
     def drawn(self, result: Result) -> list[Path]:
         """Draw the pictures of a result, in format and style as asked; returns the files."""
-        return result.save_pictures(self.folder, format=self.format, style=self.style)
+        return result.save_pictures(self.folder, format=self.format, style=self.style)  # type: ignore[arg-type]
 
     def report(
         self, result: Result, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any

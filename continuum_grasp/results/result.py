@@ -7,9 +7,9 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from continuum_grasp.arguments import check_arguments, choice
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import Summarized, clipped, quoted
 from continuum_grasp.results.atomic import write_text
@@ -19,6 +19,10 @@ from continuum_grasp.results.run_folder import Run, read_run, write_run
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+
+Format = Literal["png", "pdf", "svg"]
+Style = Literal["screen", "paper"]
 
 
 class Result(Summarized):
@@ -222,7 +226,7 @@ class Result(Summarized):
 
     @check_arguments
     def save_pictures(
-        self, folder: str | os.PathLike[str], *, format: str = "png", style: str = "screen"
+        self, folder: str | os.PathLike[str], *, format: Format = "png", style: Style = "screen"
     ) -> list[Path]:
         """Draw all pictures into a folder, which is made where missing; files of the same names are replaced.
 
@@ -249,8 +253,6 @@ class Result(Summarized):
 
         target = Path(folder)
         drawn = {picture.name: self._drawn(picture, {}) for picture in self.drawable()}
-        choice("format", format, ("png", "pdf", "svg"))
-        choice("style", style, ("screen", "paper"))
         files = [save_picture(drawing, target / f"{name}.{format}", style=style) for name, drawing in drawn.items()]
         return files + self._write(self.pages, target, pictures=drawn)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments, choice, whole
+from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
 from continuum_grasp.results.record import begin_run
 from continuum_grasp.scene.assembly import Overrides
@@ -95,7 +95,6 @@ def sweep(
     >>> table["status"].tolist()
     ['optimal', 'optimal']
     """
-    choice("keep", keep, ("all", "failed", "none"))
     _ANYWHERE.check(None, of={"executor": executor is not None and scheduler is not None})
     count = None if workers is None else whole("workers", workers, 1, 4096)
     plan = plan_of(config, overrides)

@@ -21,7 +21,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.labels import nearest
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.declared import Dimension, Picture, Stored
-from continuum_grasp.results.result import Result
+from continuum_grasp.results.result import Format, Result, Style
 from continuum_grasp.results.tables import pareto
 from continuum_grasp.scene.sweep import QUANTITIES
 from continuum_grasp.sweeps.folder import SOLVED, read_plan, rows_of, run_path
@@ -199,7 +199,7 @@ class SweepTable(Result):
 
     @check_arguments
     def save_pictures(
-        self, folder: str | os.PathLike[str] | None = None, *, format: str = "png", style: str = "screen"
+        self, folder: str | os.PathLike[str] | None = None, *, format: Format = "png", style: Style = "screen"
     ) -> list[Path]:
         """Draw the pictures that the configuration asks for, into the sweep's own folder where no other is given."""
         return super().save_pictures(self.folder if folder is None else folder, format=format, style=style)
