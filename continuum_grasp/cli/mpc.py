@@ -69,11 +69,13 @@ def _control(scene: ControlScene, output: Output) -> None:
 
 def _with_trials(trials: str, seed: int | None, output: Output) -> Any:
     """The mission with as many trials as asked, and their seed."""
+    from continuum_grasp.scene.mission import MissionScene
+
     if trials != "all" and not trials.isdecimal():
         raise InputError(f"expected a number or all, got {trials!r}", key="--trials")
     count = [] if trials == "all" else [f"trials.count={trials}"]
     seeding = [] if seed is None else [f"trials.seed={seed}"]
-    return replace(output, changes=[*(output.changes or ()), *count, *seeding]).scene(object)
+    return replace(output, changes=[*(output.changes or ()), *count, *seeding]).scene(MissionScene)
 
 
 def _carry_out(scene: MissionScene, output: Output) -> None:
