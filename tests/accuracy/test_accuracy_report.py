@@ -94,7 +94,7 @@ def test_it_is_saved_whole(report, tmp_path):
     saved = json.loads((tmp_path / "accuracy.json").read_text())
     assert len(saved["rows"]) == len(report.choices.rows)
     text = (tmp_path / "accuracy.md").read_text()
-    assert "- dominated in each: " in text
+    assert "Not dominated in cost and error:" in text
     assert "## choices" in text
 
 
