@@ -288,12 +288,12 @@ def test_a_repair_goes_beyond_what_is_needed_and_says_what_goes_with_it():
     """By 1 % at least, in three digits; a friction that a support has by itself is raised by as much."""
     scene = load(CONFIGS / "mug.yaml").changed({"contacts.friction": 0.25, "object.mass": 0.123})
     repairs = Repairs(scene, SimpleNamespace())
-    told = {limit.name: part_of(repairs, limit, Repair({limit: 0.1}, {}, None)) for limit in repairs.limits}
-    assert told["friction"].needed == pytest.approx(0.3)
-    assert told["friction"].repair == "contacts.friction = 0.303"
-    assert told["mass"].needed == pytest.approx(0.92 * 0.123)  # 0.1132
-    assert told["mass"].repair == "object.mass = 0.112 kg"
-    assert told["tilt balance"].repair.startswith("gravity.tilt: ignore")
+    stated = {limit.name: part_of(repairs, limit, Repair({limit: 0.1}, {}, None)) for limit in repairs.limits}
+    assert stated["friction"].needed == pytest.approx(0.3)
+    assert stated["friction"].repair == "contacts.friction = 0.303"
+    assert stated["mass"].needed == pytest.approx(0.92 * 0.123)  # 0.1132
+    assert stated["mass"].repair == "object.mass = 0.112 kg"
+    assert stated["tilt balance"].repair.startswith("gravity.tilt: ignore")
     rubber = Repairs(scene.changed({"supports.palm.friction": 0.8}), SimpleNamespace())
     friction = next(limit for limit in rubber.limits if limit.name == "friction")
     little = part_of(rubber, friction, Repair({friction: 1e-6}, {}, None))
