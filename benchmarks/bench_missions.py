@@ -26,6 +26,7 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import LARGEST, Assignment
 from continuum_grasp.mission.budget import held_resistance, plant_friction, plant_mass
+from continuum_grasp.mission.causes import FALLEN
 from continuum_grasp.mission.outcomes import Outcome
 from continuum_grasp.mission.plant import Variation, reserve
 from continuum_grasp.mission.run import run_mission, run_trials
@@ -51,8 +52,6 @@ SLIP_SEED = 20281
 HOLDS = ("as it is", "squeezed", "neither")
 """By which normal forces the certificate holds a plant with the friction that is left, pulls included."""
 OUTCOMES = ("held", "squeezed and held", "set down", "fell while set down", "dropped")
-SOFT = 0.010
-"""Height lost in the hand up to which what was set down did not fall [m]: a fall of as much ends at 0.4 m/s."""
 
 
 def drawn(rng: np.random.Generator) -> tuple[str, str, dict[str, Any]]:
@@ -127,10 +126,9 @@ def outcome(one: Outcome) -> str:
     """Entry of ``OUTCOMES`` of a plant."""
     verdict = one.verdict
     if verdict is None or not verdict.held:
-        return "dropped"
-    if verdict.set_down and verdict.slipped is not None:
-        return "set down" if verdict.slipped.slid <= SOFT else "fell while set down"
-    return "squeezed and held" if verdict.slipped else "held"
+        fell = verdict is not None and verdict.sunk < FALLEN and verdict.drop is not None
+        return "fell while set down" if fell else "dropped"
+    return "set down" if verdict.set_down else "squeezed and held" if verdict.slipped else "held"
 
 
 def slip_table(report: Report, name: str, fall: float, found: dict[bool, Sequence[Outcome]]) -> None:

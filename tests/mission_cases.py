@@ -89,12 +89,20 @@ def fingers(*names, slip=None, most=20.0, standing=0.0, gives=0.0):
 def commanded(force, *, std=0.1, u=None, **seen):
     """What a controller commands that feels a force at its fingertip."""
     felt = SimpleNamespace(force=np.array([force]), std=np.array([std]))
-    usual = {"trip": Trip.NONE, "anomaly": Anomaly(0), "health": Health.OK}
+    usual = {
+        "trip": Trip.NONE,
+        "anomaly": Anomaly(0),
+        "health": Health.OK,
+        "contradicted": False,
+        "suspect": None,
+        "mismatch": 1.0,
+    }
     return SimpleNamespace(contact_forces=felt, u=u, **usual | seen)
 
 
-def carried_out(of, forces, *, height=lambda t: 0.0, **commands):
-    """Fingers by hand through all phases, with forces of their tips and the object's height by instant.
+def carried_out(of, forces, *, height=lambda t: 0.0, seen=lambda t: {}, **commands):
+    """Fingers by hand through all phases, with forces of their tips, the object's height, and what commands say,
+    by instant.
 
     The check of the lift, the timetable, limits by phase of the first finger, and by instant the phase and the setpoint
     of each finger; all fingers are in one phase and end together.
@@ -108,7 +116,7 @@ def carried_out(of, forces, *, height=lambda t: 0.0, **commands):
     for k in range(1, 1000):
         plant.t = t = k * STEP
         plant.height = height(t)
-        felt = [commanded(force, **commands) for force in forces(t)]
+        felt = [commanded(force, **commands, **seen(t)) for force in forces(t)]
         going = [plan.advance(t, controller, plant, command) for plan, command in zip(plans, felt, strict=True)]
         assert len(set(going)) == 1
         if not going[0]:

@@ -263,6 +263,11 @@ class Command(Summarized):
         return self._number("mismatch")
 
     @property
+    def contradicted(self) -> bool:
+        """Whether that sensor contradicts the model now; ``health`` may be of an earlier contradiction, or another."""
+        return bool(self._number("contradicts"))
+
+    @property
     def activity(self) -> float:
         """Mean squared change of the command, per that at its rate limit."""
         return self._number("activity")

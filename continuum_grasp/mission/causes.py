@@ -1,5 +1,5 @@
 """Why an object was dropped, or not turned as asked: when which contact gave way, at which limit, and what the
-certificate says there; and how far a turn came.
+certificate says there; how far a turn came; which controller gave up.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Drop:
 def find_drop(record: Record, sunk: Array) -> Drop | None:
     """Why an object fell; None where it did not.
 
-    ``sunk`` (K + 1,) is the height that it lost since the lift began, zero before and from the lowering on [m].
+    ``sunk`` (K + 1,) is the height that it lost since the lift began; zero before, and where it does not count [m].
     """
     fallen = np.flatnonzero(sunk >= FALLEN)
     if not fallen.size:
@@ -105,6 +105,32 @@ def find_drop(record: Record, sunk: Array) -> Drop | None:
     lowered = lowered_by_pulls(record.assignments, record.variation) if pulled else ()
     sinks = next((lowering for lowering in lowered if phase == f"pull {lowering.pull}"), None)
     return Drop(float(t[end]), phase, tuple(slips), sinks)
+
+
+@dataclass(frozen=True)
+class Tripped:
+    """A controller that sent its command to the safe input and left it there, within the limits of the phases."""
+
+    time: float  # when it did, the first of all fingers [s]
+    finger: str  # whose it is
+    reason: str  # what contradicted its model, and the likely cause
+
+    @property
+    def text(self) -> str:
+        """Finger, time and reason."""
+        return f"{self.finger} at {self.time:.2f} s: {self.reason}"
+
+
+def find_tripped(record: Record) -> Tripped | None:
+    """The first controller that tripped; None where none did."""
+    fingers = zip(record.assignments, record.runs, strict=True)
+    trips = [
+        Tripped(t, assignment.name, text)
+        for assignment, run in fingers
+        for t, health, text in run.incidents
+        if health == "tripped"
+    ]
+    return min(trips, key=lambda trip: trip.time, default=None)
 
 
 _TIP = ".tip"

@@ -16,6 +16,8 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plan import (
     BEARS,
+    DOUBTS,
+    LACKS,
     LETS_GO,
     NOTICED,
     SETS_DOWN,
@@ -23,8 +25,8 @@ from continuum_grasp.mission.plan import (
     USUAL,
     WAITS,
     Plan,
-    blindness,
     certified_forces,
+    sight,
 )
 from continuum_grasp.mission.plant import Timetable, reserve
 
@@ -70,7 +72,7 @@ def shortfalls(
     share, lacking = assignments[0].mission.phases.lift_share, []
     for k, name in enumerate(names):
         certified = certified_contact(assignments, name)
-        if certified is not None and not forces[k] >= share * certified.normal_force:
+        if share > 0.0 and certified is not None and not forces[k] >= share * certified.normal_force:
             std = 0.0 if stds is None else float(stds[k])
             lacking.append(
                 Shortfall(name, float(forces[k]), std, certified.normal_force, share * certified.normal_force)
@@ -110,6 +112,23 @@ class NotLifted:
 
 
 @dataclass(frozen=True)
+class Doubted:
+    """A lift by forces that sensors contradict all the time."""
+
+    time: float  # when the lift began [s]
+    reasons: tuple[str, ...]  # what contradicted which finger's model, with the mismatch
+
+    @property
+    def text(self) -> str:
+        """Time, and what contradicted the models."""
+        return f"lifted at {self.time:.2f} s by estimated forces although {'; '.join(self.reasons)}"
+
+
+SOFT = 0.010
+"""Height lost in the hand up to which what is set down does not fall [m]: a fall of as much ends at 0.4 m/s."""
+
+
+@dataclass(frozen=True)
 class Slipped:
     """Slip that was noticed while the object was held, and the answer to it."""
 
@@ -124,7 +143,7 @@ class Slipped:
     def text(self) -> str:
         """Sign of slip, its time, and the answer."""
         what = f"it sank by {1e3 * self.lost:.2g} mm" if self.noticed == "sinks" else "a contact parted"
-        slid = f"it slid by {1e3 * self.slid:.2g} mm until it stood"
+        slid = f"it {'fell' if self.slid > SOFT else 'slid'} by {1e3 * self.slid:.2g} mm until it stood"
         if not self.firmer:
             return f"{what} at {self.time:.2f} s: set down, since the fingers have no more force; {slid}"
         end = f", and set down at {self.down:.2f} s, since it went on; {slid}"
@@ -135,11 +154,12 @@ class Slipped:
 class LiftCheck:
     """Decides before the lift, for all fingers at once, whether the object is lifted or let go.
 
-    Where a contact bears too little by the estimate, the fingers squeeze on, following their held forces, for as long
-    as the squeeze took at most; then they let go. What one finger notices while the object is held, all answer.
+    Where a contact bears too little by the estimate, or sensors contradict a finger's model, the fingers squeeze on,
+    following their held forces, for as long as the squeeze took at most; then they let go, or lift in doubt by forces
+    that are enough. What one finger notices while the object is held, all answer.
 
-    What follows the decision is moved in the ``timetable``; ``refused`` says why the object was not lifted, ``slipped``
-    what was noticed of slip while it was held.
+    What follows the decision is moved in the ``timetable``; ``refused`` says why the object was not lifted, ``doubted``
+    what contradicted a lift, ``slipped`` what was noticed of slip while it was held.
     """
 
     def __init__(self, assignments: Sequence[Assignment]) -> None:
@@ -148,6 +168,7 @@ class LiftCheck:
         self._seen: dict[int, Any] = {}
         self._over = False
         self.refused: NotLifted | None = None
+        self.doubted: Doubted | None = None
         self.slipped: Slipped | None = None
 
     def schedule(self, finger: int, stages: Stages) -> Plan:
@@ -172,7 +193,7 @@ class LiftCheck:
     def _others(self) -> int:
         """Report of the others to the first finger, which decides for all: what they estimated a period before."""
         others = [plan.bears for plan in self._plans[1:]]
-        return UNKNOWN if UNKNOWN in others else max(others, default=BEARS)
+        return next((word for word in (UNKNOWN, LACKS, DOUBTS) if word in others), BEARS)
 
     def _waited(self, finger: int, t: float, command: Any) -> None:
         """Note what was decided, and for which forces."""
@@ -183,6 +204,8 @@ class LiftCheck:
         self._over = decision != WAITS and finger == 0
         if self._over and decision == LETS_GO:
             self.refused = NotLifted(t, self._lacking(), self._cause())
+        elif self._over and DOUBTS in [plan.bears for plan in self._plans]:
+            self.doubted = Doubted(t, self._doubts())
         self.timetable.resume(t if self._over else self.timetable.latest, "release" if decision == LETS_GO else "lift")
 
     def _lacking(self) -> tuple[Shortfall, ...]:
@@ -192,13 +215,18 @@ class LiftCheck:
             lacking += shortfalls(self._of, [assignment.own_name(name) for name in names], forces.force, forces.std)
         return tuple(lacking)
 
+    def _doubts(self) -> tuple[str, ...]:
+        fingers = [(self._of[k].name, self._seen[k]) for k in sorted(self._seen)]
+        reasons = ((name, sight(command)[1], command.mismatch) for name, command in fingers)
+        return tuple(f"{why} of {name} (mismatch {mismatch:.3g})" for name, why, mismatch in reasons if why)
+
     def _cause(self) -> str:
         """Cause that keeps the fingers from squeezing harder."""
         reached = []
         for k, assignment in enumerate(self._of):
             command, names = self._seen[k], assignment.control.contact_names
-            if blind := blindness(command):
-                return f"{blind}, and what {assignment.name} bears is not known"
+            if why := sight(command)[1]:
+                return f"{why}, and what {assignment.name} bears is not known"
             if "tensions" in assignment.control.finger.input_keys:
                 limits = np.array([tendon.max_tension for tendon in assignment.control.finger.tendon_list])
                 # 0.999: share of the greatest tension from which on a drive is at its limit: commands reach it to

@@ -28,7 +28,7 @@ class Outcome:
 
     @property
     def succeeded(self) -> bool:
-        """Turned if asked for, held from lift to lowering, and let go."""
+        """As `Verdict.succeeded`; false where there is no verdict."""
         return self.verdict is not None and self.verdict.succeeded
 
     @property
@@ -55,7 +55,7 @@ class Summary:
 
     plants: int  # number of plants
     held: int  # of those on which the object was never dropped
-    succeeded: int  # of those that also let it go in the end, and turned it before where that was asked for
+    succeeded: int  # of those that also let it go, did not trip, and turned it before where that was asked for
     force_error_median: float
     force_error_worst: float
     estimate_error_worst: float
@@ -112,7 +112,7 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored("friction", "(plant,)", "1", "friction of the object per that of the mission"),
         Stored("shift_x", "(plant,)", "m", "how far the object stands from where it should, world x"),
         Stored("shift_y", "(plant,)", "m", "the same, world y"),
-        Stored("succeeded", "(plant,)", "1", "whether the object was held and let go"),
+        Stored("succeeded", "(plant,)", "1", "whether the object was held and let go, without a trip"),
         Stored("held", "(plant,)", "1", "whether the object was never dropped"),
         Stored("released", "(plant,)", "1", "whether nothing of the finger touched it in the end"),
         Stored("sunk", "(plant,)", "m", "greatest height that it lost between lift and lowering"),
@@ -129,7 +129,9 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored(
             "turn_reason", "(plant,)", "text", "why it was not turned as asked; empty where it was, or not asked for"
         ),
+        Stored("tripped", "(plant,)", "text", "why a controller tripped; empty where none did"),
         Stored("refused", "(plant,)", "text", "why the object was not lifted; empty where it was"),
+        Stored("doubted", "(plant,)", "text", "what contradicted the lift; empty where nothing did"),
         Stored("slipped", "(plant,)", "text", "what was noticed of slip, and done about it; empty where nothing was"),
         Stored("drop", "(plant,)", "text", "why the object was dropped; empty where it was not"),
         Stored("error", "(plant,)", "text", "why there is no verdict"),
@@ -216,7 +218,11 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     x, y = variation.pop("shift")
     judged: dict[str, Any] = {}
     if (verdict := outcome.verdict) is not None:
-        judged = asdict(verdict) | dict.fromkeys(("refused", "slipped", "drop"), "") | verdict.explained
+        judged = (
+            asdict(verdict)
+            | dict.fromkeys(("tripped", "refused", "doubted", "slipped", "drop"), "")
+            | verdict.explained
+        )
         del judged["turned"]
         if (turned := verdict.turned) is not None:
             judged |= {"turn_error": turned.error, "turn_end_error": turned.end_error, "turn_reason": turned.reason}

@@ -27,8 +27,10 @@ _NOMINAL, _SQUEEZES, _HOLDS = range(3)
 """Limits of the command in a phase, as in ``c/mission.h``."""
 WAITS, LIFTS, LETS_GO = range(3)
 """Decisions before the lift, as in ``c/mission.h``."""
-UNKNOWN, BEARS, LACKS = range(3)
+UNKNOWN, BEARS, LACKS, DOUBTS = range(4)
 """Forces at the contacts of a finger, by the estimate."""
+_SEES, _CONTRADICTED, _BLIND = range(3)
+"""Worth of that estimate."""
 USUAL, FIRM, SETS_DOWN = range(3)
 """Grip of what is held."""
 NOTICED = ("", "sinks", "parts", "reported")
@@ -52,13 +54,17 @@ def certified_forces(assignments: Sequence[Assignment], of: Assignment) -> Array
     return np.array([np.nan if contact is None else contact.normal_force for contact in contacts])
 
 
-def blindness(command: Any) -> str:
-    """Why the forces that a controller estimates count for none, in words; empty where they count."""
+def sight(command: Any) -> tuple[int, str]:
+    """Worth of the forces that a controller estimates, as in ``c/mission.h``, and why they are in doubt, in words."""
     if Anomaly.BLIND in command.anomaly:
-        return "nothing was measured"
+        return _BLIND, "nothing was measured"
     if command.trip:
-        return f"the controller is tripped ({command.trip.name.lower()})"
-    return "a reading is frozen" if command.health is Health.FROZEN else ""
+        return _BLIND, f"the controller is tripped ({command.trip.name.lower()})"
+    if command.health is Health.FROZEN:
+        return _BLIND, "a reading is frozen"
+    if command.contradicted:
+        return _CONTRADICTED, f"{command.suspect} contradicts the model"
+    return _SEES, ""
 
 
 def mission_settings(
@@ -118,8 +124,11 @@ that it held lost 0.15 mm further at most while they were pulled, those that fel
 
 
 def _share(share: float, certified: Array) -> Array:
-    """Least normal forces (C,) [N] as a share of those in the certificate; of contacts that it does not have none."""
-    return np.where(np.isnan(certified), -ABSENT, share * np.nan_to_num(certified))
+    """Least normal forces (C,) [N] as a share of those in the certificate; none without a share, or a contact there.
+
+    Estimates of forces that are not there may be below zero.
+    """
+    return np.where(np.isnan(certified) | (share == 0.0), -ABSENT, share * np.nan_to_num(certified))
 
 
 def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Settings:
@@ -179,7 +188,7 @@ class Plan:
         self.duration = float(np.sum(settings["length"]))
         self._confirm, self._release = self.names.index("confirm"), self.names.index("release")
         self._reported, self._waits, self._grips, self._nr = reported, waits, grips, sizes["NR"]
-        inputs = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "blind": 1, "height": 1}
+        inputs = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "sight": 1, "height": 1}
         parts = dict.fromkeys(("phase", "changed", "decision", "bears", "grip", "noticed", "asks", "lost"), 1)
         parts |= {"weights": sizes["NR"]}
         parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
@@ -200,8 +209,8 @@ class Plan:
         goes_on = self._step(t, controller, plant.command, _DUE, height=self._height(plant))
         if self._asks:  # for forces, which take longest
             waited = self.current == self._confirm
-            felt, blind = command.contact_forces.force, bool(blindness(command))
-            goes_on = self._step(t, controller, plant.command, _BY_FORCES, felt, self._reported(), blind)
+            felt, worth = command.contact_forces.force, sight(command)[0]
+            goes_on = self._step(t, controller, plant.command, _BY_FORCES, felt, self._reported(), worth)
             if waited:
                 self._waits(t, command)
             elif (firmest := self._grips(t)) > self.grip:
@@ -224,11 +233,11 @@ class Plan:
         what: int,
         forces: ArrayLike = 0.0,
         reported: int = 0,
-        blind: bool = False,
+        worth: int = _SEES,
         height: float = math.nan,
     ) -> bool:
-        now, u, felt, word, unseen, at = self._c.given
-        now[0], u[:], felt[:], word[0], unseen[0], at[0] = t, before, forces, reported, blind, height
+        now, u, felt, word, seen, at = self._c.given
+        now[0], u[:], felt[:], word[0], seen[0], at[0] = t, before, forces, reported, worth, height
         c = self._c
         goes_on = bool(c.library.cg_step(c.address, c.input_address, what, c.output_address))
         output = c.output.copy()

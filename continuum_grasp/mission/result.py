@@ -16,7 +16,7 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import columns
 from continuum_grasp.mission.assignment import object_of
-from continuum_grasp.mission.lift import NotLifted, Slipped
+from continuum_grasp.mission.lift import Doubted, NotLifted, Slipped
 from continuum_grasp.mission.on_pads import reserved
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Span
@@ -80,11 +80,12 @@ class MissionRun(Record, MotionResult):
     """Each finger of the plant, with object and supports."""
     refused: NotLifted | None
     slipped: Slipped | None
+    doubted: Doubted | None
 
     @cached_property
     def verdict(self) -> Verdict:
         """Verdict on the mission."""
-        return judge(self, self.refused, self.slipped)
+        return judge(self, self.refused, self.slipped, self.doubted)
 
     @cached_property
     def exceeded(self) -> tuple[Exceeded, ...]:
@@ -118,13 +119,8 @@ class MissionRun(Record, MotionResult):
 
     @property
     def status(self) -> str:
-        """Status of the closed loops: tripped, if one of them did; not_lifted, if they let go before the lift;
-        set_down, if they did before the end because it slipped.
-        """
-        ends = [run.ended for run in self.runs]
-        if "tripped" in ends:
-            return "tripped"
-        return "not_lifted" if self.verdict.refused else "set_down" if self.verdict.set_down else ends[0]
+        """``stopped`` before its end, or the status of the verdict."""
+        return "stopped" if self.runs[0].ended == "stopped" else self.verdict.status
 
     @property
     def statistics(self) -> Mapping[str, Any]:

@@ -109,7 +109,7 @@ class MissionRunner:
         with interrupt.held(quietly=True) as pressed:
             by_finger = zip(self.assignments, runs, strict=True)
             contacts = ContactForces.joined({of.name: present(run.contacts) for of, run in by_finger})
-            scenes, found = tuple(model.scene for model in self._models), (check.refused, check.slipped)
+            scenes, found = tuple(model.scene for model in self._models), (check.refused, check.slipped, check.doubted)
             judged = MissionRun(self.assignments, check.timetable, asked, tuple(runs), contacts, scenes, *found)
             _ = judged.verdict, judged.exceeded
         if pressed() and error is None:

@@ -13,8 +13,8 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment, object_height, present
 from continuum_grasp.mission.budget import is_table
-from continuum_grasp.mission.causes import FALLEN, Drop, Turned, find_drop, find_turned
-from continuum_grasp.mission.lift import NotLifted, Slipped
+from continuum_grasp.mission.causes import FALLEN, Drop, Tripped, Turned, find_drop, find_tripped, find_turned
+from continuum_grasp.mission.lift import SOFT, Doubted, NotLifted, Slipped
 from continuum_grasp.mission.record import Record
 
 _SETTLED = 0.5
@@ -22,7 +22,14 @@ _SETTLED = 0.5
 _FALLBACKS = ("previous_plan", "safe_ramp")
 """Statuses of commands that are not of a new plan."""
 
-_WORDS = {"refused": "not lifted", "slipped": "slipped", "drop": "dropped", "turned": "turned"}
+_WORDS = {
+    "tripped": "tripped",
+    "refused": "not lifted",
+    "doubted": "lifted in doubt",
+    "slipped": "slipped",
+    "drop": "dropped",
+    "turned": "turned",
+}
 """Attributes of a verdict that explain something, and what that is called."""
 
 
@@ -52,11 +59,32 @@ class Verdict:
     """Slip that was noticed, and the answer; None where none was, or where it is not watched."""
     turned: Turned | None = None
     """Turn of the object before it was grasped; None where that was not asked for."""
+    tripped: Tripped | None = None
+    """The first controller that gave up; None where none did."""
+    doubted: Doubted | None = None
+    """A lift by forces that sensors contradicted; None where they agreed."""
+
+    @property
+    def status(self) -> str:
+        """``finished`` where it succeeded, or ``lifted_in_doubt``; else what prevented that: the first of
+        ``tripped``, ``not_lifted``, ``dropped``, ``stopped``, ``set_down``, ``not_released`` and ``not_turned``.
+        """
+        prevents = {
+            "tripped": self.tripped is not None,
+            "not_lifted": self.refused is not None,
+            "dropped": self.drop is not None,
+            "stopped": not self.held,
+            "set_down": self.set_down,
+            "not_released": not self.released,
+            "not_turned": self.turned is not None and not self.turned.achieved,
+            "lifted_in_doubt": self.doubted is not None,
+        }
+        return next((status for status, applies in prevents.items() if applies), "finished")
 
     @property
     def succeeded(self) -> bool:
-        """Turned if asked for, held from lift to lowering, and let go."""
-        return self.held and not self.set_down and self.released and (self.turned is None or self.turned.achieved)
+        """Turned if asked for, held from lift to lowering, and let go, by controllers that did not trip."""
+        return self.status in ("finished", "lifted_in_doubt")
 
     @property
     def set_down(self) -> bool:
@@ -65,19 +93,23 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """Outcome for the object, in a word."""
+        """Outcome for the object, in a word, with whether a controller tripped and whether the lift was in doubt."""
         if self.refused is not None:
             ending = "not lifted, released" if self.released else "not lifted, not released"
         else:
             end = "set down" if self.set_down else "held"
-            ending = "dropped" if not self.held else f"{end} and released" if self.released else f"{end}, not released"
-        if self.turned is None:
-            return ending
-        return f"turned, {ending}" if self.turned.achieved else f"not turned, {ending}"
+            ending = f"{end} and released" if self.released else f"{end}, not released"
+            if not self.held:
+                ending = "stopped" if self.drop is None else "dropped"
+        if self.turned is not None:
+            ending = f"{'turned' if self.turned.achieved else 'not turned'}, {ending}"
+        if self.doubted is not None:
+            ending = f"{ending}, lifted in doubt"
+        return ending if self.tripped is None else f"tripped, {ending}"
 
     @property
     def explained(self) -> dict[str, str]:
-        """Sentences on a refused lift, slip, a drop and a turn, by attribute; without those that there are not."""
+        """Sentences on a trip, a refused or doubted lift, slip, a drop and a turn, by attribute, where there is one."""
         return {name: getattr(self, name).text for name in _WORDS if getattr(self, name) is not None}
 
     @property
@@ -106,25 +138,30 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.1f} %"
 
 
-def judge(record: Record, refused: NotLifted | None = None, slipped: Slipped | None = None) -> Verdict:
+def judge(
+    record: Record,
+    refused: NotLifted | None = None,
+    slipped: Slipped | None = None,
+    doubted: Doubted | None = None,
+) -> Verdict:
     """The verdict on a mission, read off the plant; ``refused`` is why nothing was lifted, ``slipped`` what was noticed
-    of slip.
+    of slip, ``doubted`` what contradicted the lift.
     """
     contacts, pose, t = record.contacts, record.object_pose, record.t
     lift, hold, lower = (record.timetable.span(name) for name in ("lift", "hold", "lower"))
     carried = (t >= lift.start) & (t <= lower.start)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
-    # Of what was lifted: heights before the lift do not count.
-    lost, height = np.zeros(len(t)), object_height(record.mission, pose)
-    lost[carried] = height[carried][:1] - height[carried]
-    sunk = float(np.max(lost, initial=0.0))
+    # Of what was lifted, until it stands: heights before the lift do not count.
+    lost, height, until = np.zeros(len(t)), object_height(record.mission, pose), (t >= lift.start) & (t <= lower.end)
+    lost[until] = height[until][:1] - height[until]
+    sunk, slid = (float(np.max(lost[during], initial=0.0)) for during in (carried, until))
     if slipped is not None and slipped.down < np.inf:
-        until = (t >= lift.start) & (t <= lower.end)
-        slipped = replace(slipped, slid=float(np.max(height[until][:1] - height[until], initial=0.0)))
+        slipped = replace(slipped, slid=slid)
+    drop = find_drop(record, lost if slid > SOFT else np.where(carried, lost, 0.0))
     fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
     margins = _margins(record)
     return Verdict(
-        held=whole and sunk < FALLEN,
+        held=whole and drop is None,
         sunk=sunk,
         moved=float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0)),
         **_force_errors(record, (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)),
@@ -132,10 +169,12 @@ def judge(record: Record, refused: NotLifted | None = None, slipped: Slipped | N
         pulled_margin=_over(np.min, margins[(t > hold.end) & (t < lower.start)]),
         released=(whole or refused is not None) and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
         fallbacks=sum(word in _FALLBACKS for run in record.runs for word in run.status),
-        drop=find_drop(record, lost),
+        drop=drop,
         refused=refused,
         slipped=slipped,
         turned=find_turned(record),
+        tripped=find_tripped(record),
+        doubted=doubted,
     )
 
 

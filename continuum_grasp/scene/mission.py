@@ -58,8 +58,9 @@ class Phases(Value):
     """While the force is followed and the object still stands on the table [s]; 0: it is followed from the lift on."""
     lift_share: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.5, "50 %"]), Unit("1")] = 0.5
     """Share of its normal force in the certificate that each contact of a finger has to bear before the lift, by the
-    estimate: otherwise the fingers squeeze on for as long as ``squeeze``, following the force, and then let go. Before
-    the run the same is asked of the fingers on compliant pads. 0: the object is lifted whatever they bear [1]."""
+    estimate: otherwise, and while sensors contradict the finger's model, the fingers squeeze on for as long as
+    ``squeeze``, following the force, and then let go where it lacks. Before the run the same force is asked of the
+    fingers on compliant pads. 0: the object is lifted whatever they bear [1]."""
     lift: Duration = 0.3
     """While the table under the object sinks away [s]."""
     hold: Duration = 1.0

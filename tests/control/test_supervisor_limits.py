@@ -77,7 +77,7 @@ State = _structure(
 Evidence = _structure(
     "Evidence", a=("nis echo y expected verdict", ctypes.c_void_p), b=("implausible", INT), c=("elapsed distance", REAL)
 )
-Report = _structure("Report", a=("health sensor entry reason rung", INT), b=("mismatch activity", REAL))
+Report = _structure("Report", a=("health sensor entry reason rung contradicts", INT), b=("mismatch activity", REAL))
 
 
 @lru_cache
@@ -174,6 +174,7 @@ RAISED = {"rung": 1, "raises": 1}
 # Of a state: what is limited, its limit, calls until something happens below it and above (401: it does not).
 LIMITS = {
     "mismatch reported": (seen(health(Health.MISMATCH)), "mismatch", 2.5, 401, 1),
+    "mismatch that contradicts now": (seen(lambda r: r.contradicts, **RAISED), "mismatch", 2.5, 401, 1),
     "mismatch that lasts": (seen(raised, **ACTIVE), "mismatch", 3.0, 401, LONG),
     "severe mismatch": (seen(raised, **ACTIVE), "mismatch", 10.0, LONG, 1),
     "activity of a loop that is detuned": (seen(raised, **DOUBTED), "activity", 0.002, 401, LONG),

@@ -75,10 +75,9 @@ def test_a_mission_of_python_is_replayed(carried, package, tmp_path):
         stages.stage,
     )
     names, off = plan.names, []
+    well = {"trip": 0, "anomaly": Anomaly(0), "health": Health.OK, "contradicted": False}
+    command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.zeros(0)), **well)
     for k, y in enumerate(done.y):
-        command = SimpleNamespace(
-            contact_forces=SimpleNamespace(force=np.zeros(0)), trip=0, anomaly=Anomaly(0), health=Health.OK
-        )
         plant = SimpleNamespace(command=done.u[k - 1] if k else of.rest)
         plan.advance(k * period, controller, plant, command) if k else plan.enter(0.0, controller, plant)
         found = other.step(finger.Measurement(*y))
@@ -148,7 +147,7 @@ def test_fingers_lift_together_and_let_go_together(carried, tmp_path):
         for k, measured in enumerate(zip(*(done.y for done in mission.runs), strict=True)):
             reported = 2 if lacks else fingers[1].forces()
             if reported:
-                (fingers[0].others_bear if reported == 1 else fingers[0].others_lack)()
+                (fingers[0].others_bear, fingers[0].others_lack, fingers[0].others_doubt)[reported - 1]()
             for j, (one, y) in enumerate(zip(fingers, measured, strict=True)):
                 if j and fingers[0].decision():
                     (one.lift if fingers[0].decision() == 1 else one.let_go)()

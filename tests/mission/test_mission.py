@@ -20,7 +20,8 @@ from continuum_grasp.export.web.record import loop_record
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import run as runs
 from continuum_grasp.mission.assign import _control_scene, assign
-from continuum_grasp.mission.lift import NotLifted
+from continuum_grasp.mission.causes import Drop
+from continuum_grasp.mission.lift import Doubted, NotLifted, Slipped
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import MissionPlant, Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.record import Record
@@ -268,7 +269,7 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
 # -- the verdict ------------------------------------------------------------------------------------------------------
 
 
-def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, firmer=0.0):
+def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, firmer=0.0, incidents=(), slipped=None):
     """A closed loop by hand: one contact of the finger and a palm, a force of 5 N, from 2 s on firmer by a share; and
     the verdict on it.
     """
@@ -304,6 +305,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, 
         r_names=("contact_force_finger.1 [N]",),
         period=0.1,
         status=(status,) * (len(t) - 1),
+        incidents=incidents,
         touch_names=("finger.1",),
         contact_force_estimate=np.full((len(t) - 1, 1), 5.5),
         contact_force_std=std[:, None],
@@ -311,7 +313,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, 
     control = SimpleNamespace(contacts=(0.1,))
     held = {"contact": "finger.1", "force": 5.0, "forces": {"finger.1": 5.0}, "middles": ("finger.middle",)}
     work = SimpleNamespace(mission=asked, grasp=certified, name="finger", control=control, **held)
-    return judge(Record((work,), table, Variation(friction=0.8), (run,), contacts))
+    return judge(Record((work,), table, Variation(friction=0.8), (run,), contacts), slipped=slipped)
 
 
 INSTANTS = np.arange(0.0, 8.05, 0.1)
@@ -327,7 +329,9 @@ INSTANTS = np.arange(0.0, 8.05, 0.1)
         ({"shear": 1.0, "fall": 0.3}, {"slip_margin": 1.0 - 1.0 / (0.7 * 0.8 * 0.5 * 5.0)}),
         ({"height": lambda t: -0.999 * 0.005 * (t > 3.0)}, {"held": True, "sunk": 0.999 * 0.005}),
         ({"height": lambda t: -1.001 * 0.005 * (t > 3.0)}, {"held": False, "sunk": 1.001 * 0.005}),
-        ({"height": lambda t: -0.02 * (t > 6.5)}, {"held": True, "sunk": 0.0}),
+        ({"height": lambda t: -0.009 * (t > 6.5)}, {"held": True, "sunk": 0.0}),
+        ({"height": lambda t: -0.011 * (t > 6.5)}, {"held": False, "sunk": 0.0}),
+        ({"height": lambda t: -0.02 * (t > 7.0)}, {"held": True, "sunk": 0.0}),
         ({"status": "safe_ramp"}, {"fallbacks": 80}),
     ],
 )
@@ -336,9 +340,35 @@ def test_verdicts_of_closed_loops_by_hand(given, expected):
     assert {name: getattr(found, name) for name in expected} == pytest.approx(expected)
 
 
+@pytest.mark.parametrize(("slid", "held"), [(0.0099, True), (0.0101, False)])
+def test_what_falls_while_it_is_set_down_is_dropped(slid, held):
+    """Up to 10 mm it slides in the hand, as far as it would fall to 0.4 m/s."""
+    noticed = Slipped(5.0, "sinks", 1e-3, 0.2, down=6.0)
+    found = judged(INSTANTS, height=lambda t: -slid * (t > 6.5), slipped=noticed)
+    assert (found.held, found.sunk, found.slipped.slid) == (held, 0.0, pytest.approx(slid))
+    assert (found.word, found.status) == (("set down and released", "set_down") if held else ("dropped", "dropped"))
+    assert ("it slid by" if held else "it fell by") in found.texts["slipped"]
+    assert (found.drop is None) == held
+
+
+@pytest.mark.parametrize(
+    ("change", "status", "word"),
+    [
+        ({"doubted": Doubted(2.4, ("tip ...",))}, "lifted_in_doubt", "held and released, lifted in doubt"),
+        ({}, "finished", "held and released"),
+        ({"released": False}, "not_released", "held, not released"),
+        ({"held": False, "drop": Drop(3.0, "hold", ())}, "dropped", "dropped"),
+    ],
+)
+def test_a_status_says_what_prevents_success(change, status, word):
+    found = replace(judged(INSTANTS), **change)
+    assert (found.status, found.word) == (status, word)
+    assert found.succeeded == (status in ("finished", "lifted_in_doubt"))
+
+
 def test_a_mission_that_was_stopped_is_not_held():
     found = judged(INSTANTS[:15])
-    assert not found.held
+    assert (found.held, found.drop, found.word, found.status) == (False, None, "stopped", "stopped")
     assert np.isnan(found.force_error)
     assert np.isnan(found.slip_margin)
     assert not judged(INSTANTS[:65]).released
@@ -346,9 +376,21 @@ def test_a_mission_that_was_stopped_is_not_held():
 
 def test_what_was_not_lifted_says_so():
     found = replace(judged(INSTANTS), held=False, refused=NotLifted(2.4, (), "the drive is at its limit"))
-    assert (found.word, found.succeeded) == ("not lifted, released", False)
+    assert (found.word, found.status) == ("not lifted, released", "not_lifted")
     assert found.pairs()["not lifted"] == verdict_data(found)["refused"]["text"] == found.refused.text
     assert found.refused.text in Outcome(Variation(), found).text
+
+
+def test_what_a_controller_held_that_tripped_is_no_success():
+    """Limits of the phases keep a grip at the safe input: what is held is held, and the outcome says how."""
+    found = judged(INSTANTS, incidents=((1.4, "mismatch", "tip ..."), (1.8, "tripped", "tip contradicts the model")))
+    assert (found.held, found.released, found.succeeded) == (True, True, False)
+    assert (found.word, found.status) == ("tripped, held and released", "tripped")
+    said = "finger at 1.80 s: tip contradicts the model"
+    assert found.pairs()["tripped"] == verdict_data(found)["tripped"]["text"] == said
+    run = TrialsResult(load(MUG), (Outcome(Variation(), found), Outcome(Variation(), judged(INSTANTS))))
+    assert (run.summary.held, run.summary.succeeded, run.summary.failed) == (2, 1, (0,))
+    assert run.to_pandas()["tripped"].to_list() == [said, ""]
 
 
 def test_outcomes_are_counted_and_written(tmp_path):

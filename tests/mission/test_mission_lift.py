@@ -60,6 +60,7 @@ def test_one_that_bears_too_little_is_waited_for_then_all_let_go(low):
         ({"anomaly": Anomaly.BLIND}, "nothing was measured"),
         ({"trip": Trip.UNSEEN}, "the controller is tripped (unseen)"),
         ({"health": Health.FROZEN}, "a reading is frozen"),
+        ({"health": Health.DETUNED}, ""),
         ({"anomaly": Anomaly.OUTLIER}, ""),
     ],
 )
@@ -68,6 +69,44 @@ def test_forces_that_no_measurement_shows_lift_nothing(seen, why):
     assert ("lift" in [name for _, name in passed]) is (not why)
     assert (refused is None) is (not why)
     assert refused is None or (why in refused.text and "Look at the sensors" in refused.text)
+
+
+def test_without_a_share_it_is_lifted_whatever_the_estimate():
+    (of,) = fingers("finger")
+    of.mission.phases = of.mission.phases.replaced(lift_share=0.0)
+    run = carried_out([of], lambda t: [-0.5])
+    assert (run.check.refused, run.table.span("lift").start) == (None, pytest.approx(1.6))
+
+
+CONTRADICTED = {"health": Health.DETUNED, "contradicted": True, "suspect": "bending", "mismatch": 4.25}
+
+
+@pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
+@pytest.mark.parametrize(("until", "lift"), [(1.8, 1.8), (2.38, 2.38), (2.45, 2.4)])
+def test_a_lift_waits_until_sensors_agree_with_the_model(until, lift, names):
+    """With all forces there: as soon as they agree, else in doubt after the time of a squeeze."""
+    run = carried_out(
+        fingers(*names),
+        lambda t: [CERTIFIED] * len(names),
+        seen=lambda t: CONTRADICTED if t < until - STEP / 2 else {},
+    )
+    # Of several fingers the first decides with what the others estimated a period before.
+    late, doubted = STEP * (len(names) > 1 and lift == until), run.check.doubted
+    assert run.check.refused is None
+    assert run.table.span("lift").start == pytest.approx(lift + late)
+    assert (doubted is None) == (lift == until)
+    if doubted is not None:
+        assert doubted.time == pytest.approx(lift)
+        assert all(f"bending contradicts the model of {name} (mismatch 4.25)" in doubted.text for name in names)
+
+
+@pytest.mark.parametrize("low", [0, 1])
+def test_forces_that_are_doubted_and_too_low_lift_nothing(low):
+    forces = [1.0 if k == low else CERTIFIED for k in range(2)]
+    run = carried_out(fingers("lower", "upper"), lambda t: forces, seen=lambda t: CONTRADICTED)
+    assert run.check.doubted is None
+    assert "bears 1.00 +- 0.10 N" in run.check.refused.text
+    assert "bending contradicts the model, and what lower bears is not known" in run.check.refused.text
 
 
 @pytest.mark.parametrize("share", [0.999, 1.001])

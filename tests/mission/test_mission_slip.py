@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.status import Trip
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.plant import Timetable, Variation, reserve
@@ -167,6 +168,26 @@ def test_a_contact_that_parts_is_noticed_by_its_estimate(low, calls, noticed, do
         assert (check.slipped.noticed, check.slipped.lost) == ("parts", 0.0)
         assert check.slipped.time == pytest.approx(BEGINS + 3 * STEP)
         assert "a contact parted at 2.43 s" in check.slipped.text
+
+
+@pytest.mark.parametrize(
+    ("seen", "noticed"), [({"contradicted": True, "suspect": "tip"}, True), ({"trip": Trip.UNSEEN}, False)]
+)
+def test_sensors_that_contradict_the_model_still_show_that_a_contact_parts(seen, noticed):
+    """What parts may well contradict the model; forces of a tripped controller show nothing."""
+    in_hold = carried_out(
+        fingers("finger", slip=Slip()),
+        lambda t: [0.3 if t > BEGINS + STEP / 2 else CERTIFIED],
+        seen=lambda t: seen if t > 2.0 else {},
+    )
+    assert (in_hold.check.slipped is not None) == noticed
+
+
+def test_without_a_share_no_contact_parts():
+    assert (
+        watched(lambda t: math.nan, force=lambda t: CERTIFIED - 4.5 * (t > BEGINS), slip=Slip(parted=0.0))[0].slipped
+        is None
+    )
 
 
 def test_friction_falls_as_if_the_plant_had_less():

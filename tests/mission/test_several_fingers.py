@@ -77,6 +77,27 @@ def test_a_pinch_whose_friction_falls_is_held(grasp):
     assert verdict.sunk < 5e-4
 
 
+@pytest.mark.deep
+def test_a_pinch_lifts_only_where_its_models_agree_with_the_plant(grasp):
+    """Drives of 100 ms in place of 20 ms: tensions contradict the models until they have risen, and it lifts 0.6 s
+    late, by forces that are there. With 150 ms controllers trip and nothing is lifted: by the time of the lift forces
+    are estimated 28 % too high.
+    """
+    slow, slower = (
+        MissionRunner(assign(load(PINCH, [*COARSE, f"plant.time_constant={lag}"]), grasp)).run() for lag in (0.1, 0.15)
+    )
+    lift = slow.timetable.span("lift").start
+    assert lift > slow.timetable.span("squeeze").end + 0.3
+    for name, run in slow.fingers.items():
+        at = int(np.searchsorted(run.t, lift - 1e-9))
+        assert run.mismatch[at - 20] > 2.5 > run.mismatch[at]
+        felt = slow.contacts.normal_force[at, slow.contacts.names.index(f"{name}.tip")]
+        assert run.contact_force_estimate[at, 0] == pytest.approx(felt, abs=3.0 * run.contact_force_std[at, 0])
+    assert (slow.status, slow.verdict.succeeded) == ("finished", True)
+    assert (slower.status, slower.outcome) == ("tripped", "tripped, not lifted, released")
+    assert "tension contradicts the model by many" in slower.verdict.tripped.text
+
+
 def random_state(models, seed):
     """A common state at which all tips are pressed in, fingers and object move, and contacts have friction."""
     rng, shared, parts = np.random.default_rng(seed), SharedModel(models), []

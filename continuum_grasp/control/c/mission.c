@@ -68,13 +68,13 @@ void mission_start(mission_state *state, const mission_settings *o, real t, cons
 static int mission_decide(mission_state *state, const mission_settings *o, real since, const real *forces,
                           int reported)
 {
-  int bears = !state->blind;
-  for (int c = 0; c < MISSION_NC; ++c) bears &= forces[c] >= o->needed[c];      /* not those that are no numbers */
-  state->bears = bears ? MISSION_BEARS : MISSION_LACKS;
+  int enough = state->sight != MISSION_BLIND;
+  for (int c = 0; c < MISSION_NC; ++c) enough &= forces[c] >= o->needed[c];     /* not those that are no numbers */
+  state->bears = !enough ? MISSION_LACKS : state->sight == MISSION_SEES ? MISSION_BEARS : MISSION_DOUBTS;
   if (!o->leads) state->decision = reported;
-  else if (bears && reported == MISSION_BEARS) state->decision = MISSION_LIFTS;
+  else if (state->bears == MISSION_BEARS && reported == MISSION_BEARS) state->decision = MISSION_LIFTS;
   else if (since > o->patience - (real)1e-3 * o->period && reported != MISSION_UNKNOWN)
-    state->decision = MISSION_LETS_GO;
+    state->decision = enough && reported != MISSION_LACKS ? MISSION_LIFTS : MISSION_LETS_GO;
   return state->decision != MISSION_WAITS;
 }
 
@@ -115,7 +115,7 @@ static void mission_watch(mission_state *state, const mission_settings *o, real 
 {
   const int sinks = state->doubt >= 1;
   int open = 0;
-  for (int c = 0; c < MISSION_NC; ++c) open |= !state->blind && forces[c] < o->lost[c];
+  for (int c = 0; c < MISSION_NC; ++c) open |= state->sight != MISSION_BLIND && forces[c] < o->lost[c];
   state->open = open ? state->open + 1 : 0;
   if ((state->grip != MISSION_USUAL || !o->answers) && (sinks || state->open >= o->stays)) {
     if (state->grip == MISSION_USUAL) state->noticed = sinks ? MISSION_SINKS : MISSION_PARTS;

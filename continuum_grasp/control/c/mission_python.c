@@ -20,7 +20,7 @@ static void cg_state(const cg_object *o, double *out)
   cg_write(out, o->state.u_max, MISSION_NU);
 }
 
-/* in: t, command, forces, what is reported, whether it is blind, height of the object; what: a phase that begins, or
+/* in: t, command, forces, what is reported, what that is worth, height of the object; what: a phase that begins, or
  * -1: what is due, -2: by forces, -3: release, -4: abort, -5: squeeze */
 int cg_step(cg_object *o, const double *in, int what, double *out)
 {
@@ -29,7 +29,7 @@ int cg_step(cg_object *o, const double *in, int what, double *out)
   in = cg_read(forces, cg_read(u, in, MISSION_NU), MISSION_NC);
   int goes_on = 1;
   o->state.changed = 0;
-  o->state.blind = (int)in[1];
+  o->state.sight = (int)in[1];
   if (what == 0) mission_start(&o->state, &o->settings, t, u);
   if (what == 0 || what == -1) mission_see(&o->state, &o->settings, (real)in[2]);
   if (what > 0) mission_enter(&o->state, &o->settings, what, t, u);

@@ -215,8 +215,9 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
   report->activity = activity;
   report->rung = state->rung;
   report->reason = state->tripped;
+  report->contradicts = mismatch > (real)SUPERVISOR_NOTICE;
   report->health = state->tripped ? SUPERVISOR_TRIPPED : report->entry >= 0 ? SUPERVISOR_FROZEN
-                 : state->rung ? SUPERVISOR_DETUNED : mismatch > (real)SUPERVISOR_NOTICE ? SUPERVISOR_MISMATCH
+                 : state->rung ? SUPERVISOR_DETUNED : report->contradicts ? SUPERVISOR_MISMATCH
                  : SUPERVISOR_OK;
 }
 

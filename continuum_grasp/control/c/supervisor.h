@@ -99,6 +99,7 @@ typedef struct {
   int entry;                  /* a measurement that is frozen; -1: none */
   int reason;                 /* of a trip, or 0 */
   int rung;
+  int contradicts;            /* whether that device contradicts the model now, whatever the health */
   real mismatch, activity;
 } supervisor_report;
 

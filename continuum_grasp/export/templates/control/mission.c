@@ -48,6 +48,14 @@ static void estimated_forces(const <<p>>_controller *controller, <<p>>_real *for
 <<end>>  <<p>>_call_estimator_forces(arg, res);
 }
 
+/* Worth of the forces that are estimated. */
+static int sight(const <<p>>_loop_output *last)
+{
+  if (last->supervisor.reason || last->supervisor.entry >= 0 || (last->anomalies & <<P>>_ANOMALY_BLIND))
+    return <<P>>_PHASES_BLIND;
+  return last->supervisor.contradicts ? <<P>>_PHASES_CONTRADICTED : <<P>>_PHASES_SEES;
+}
+
 /* Time of the next call. */
 static <<p>>_real mission_now(const <<p>>_mission *mission) { return (<<p>>_real)mission->memory.calls * phase_settings.period; }
 
@@ -65,8 +73,7 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
     const <<p>>_real *before = mission->controller.memory.state.u;
     <<p>>_phases_advance(&next, &phase_settings, now, 0, before, 0);
     if (<<p>>_phases_asks(&next, &phase_settings)) {
-      next.blind = mission->controller.memory.last.supervisor.reason || mission->controller.memory.last.supervisor.entry >= 0
-                   || (mission->controller.memory.last.anomalies & <<P>>_ANOMALY_BLIND);
+      next.sight = sight(&mission->controller.memory.last);
       estimated_forces(&mission->controller, forces);
       <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if loop.phases.reported>>mission->memory.reported<<else>><<P>>_PHASES_BEARS<<end>>);
     }
