@@ -111,13 +111,17 @@ def checked(plan: Plan, motion: Motion) -> Plan:
     except NumericalError as error:
         if scene.transcription == "single_shooting":
             return replace(plan, status=PlanStatus.NOT_SOLVED, message=f"no plan: {error}")
-        return replace(plan, warnings=(*warnings, f"{error}: take more intervals or sub-steps, or collocation"))
+        warnings.append(f"{error}: take more intervals, or a higher solver.degree")
+        return replace(_departed(plan, str(error)), warnings=tuple(warnings))
     deviation = _deviation("the plan's model, finely integrated", model, plan, states)
     if deviation.tip > scene.check.tolerance * plan.length:
-        warnings.append(
+        off = (
             f"a fine simulation is up to {1e3 * deviation.tip:.3g} mm off the plan ({1e3 * deviation.final_tip:.3g} mm "
-            "at the end): take more intervals, or more solver.substeps"
+            "at the end)"
         )
+        finer_steps = "more solver.substeps" if scene.transcription == "single_shooting" else "a higher solver.degree"
+        warnings.append(f"{off}: take more intervals, or {finer_steps}")
+        plan = _departed(plan, off)
     reason = _not_reproduced(plan, model, states, deviation)
     if reason:
         advice = "take more solver.substeps, or more intervals"
@@ -130,9 +134,17 @@ def checked(plan: Plan, motion: Motion) -> Plan:
         plan = replace(plan, message=f"{plan.message}; {after}")
     finer = None
     if scene.check.finer is not None:
-        finer, found_there = _on_finer(scene, plan, path)
-        warnings += found_there
+        finer, off = _on_finer(scene, plan, path)
+        if off:
+            warnings.append(f"{off}: raise fidelity.elements")
+            plan = replace(plan, message=f"{plan.message}; {off}")
     return replace(plan, deviation=deviation, finer=finer, warnings=tuple(warnings))
+
+
+def _departed(plan: Plan, how: str) -> Plan:
+    """A plan of its grid alone, whose optimum says nothing of the motion."""
+    status = PlanStatus.FEASIBLE if plan.status == PlanStatus.OPTIMAL else plan.status
+    return replace(plan, status=status, message=f"{plan.message}, but {how}")
 
 
 def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Deviation) -> str:
@@ -190,8 +202,8 @@ def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Devia
     return Deviation(name, float(off.max()), float(off[-1]), float(np.abs(rates).max()), tuple(map(float, force)))
 
 
-def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | None, list[str]]:
-    """Deviation on the finer model, and warnings."""
+def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | None, str]:
+    """Deviation on the finer model, and how it departs from the plan; empty where it does not."""
     law = scene.check.contact_law or scene.contact_law
     # Not validated again: this law may have dry friction, which plans themselves cannot have.
     fine = scene.model_copy(update={"fidelity": scene.check.finer, "contact_law": law})
@@ -200,10 +212,7 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
     try:
         states = simulated(fine, model, path, first_state_of_plan(fine, model)[0], 1)
     except NumericalError as error:
-        return None, [f"on {name} {error}"]
+        return None, f"on {name} {error}"
     deviation = _deviation(name, model, plan, states)
-    if deviation.final_tip <= _FINER_OFF * plan.length:
-        return deviation, []
-    return deviation, [
-        f"on {name} the tip ends {1e3 * deviation.final_tip:.3g} mm from the plan: raise fidelity.elements"
-    ]
+    far = deviation.final_tip > _FINER_OFF * plan.length
+    return deviation, f"on {name} the tip ends {1e3 * deviation.final_tip:.3g} mm from the plan" if far else ""

@@ -37,7 +37,8 @@ class PlanStatus(StrEnum):
     OPTIMAL = "optimal"
     """A local optimum."""
     FEASIBLE = "feasible"
-    """All constraints are satisfied, but the solver stopped before the optimum, or the search before its end."""
+    """All constraints are satisfied, but the solver stopped before the optimum, or the search before its end, or a fine
+    simulation of the inputs is farther from the plan than ``check.tolerance``."""
     GOAL_MISSED = "goal_missed"
     """All constraints are satisfied, but a goal that has a weight is missed by more than its tolerance, or a setpoint
     that stood."""

@@ -46,6 +46,12 @@ _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
 _PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
 """Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
+_MOVING = {"mumps_pivtol": 1e-2, "perturb_always_cd": "yes"}
+"""Options of IPOPT with an object that moves, whose equations are nearly dependent where little touches it: singular
+values of the constraints' Jacobian span seven decades, and IPOPT reads the signs of rounding errors for curvature, and
+adds to the Hessian until no step is left. With greater pivots, and regularized from the beginning (by 1e-8), four
+pushes of a disc towards a gap took 58 to 173 iterations; by default none ended in 200. Plans that hold an object that
+stands were not solved when regularized (none of six)."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
@@ -92,6 +98,8 @@ class Search:
         # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
         # since the limits of a plan are reported as satisfied.
         ipopt = {"acceptable_iter": 20, "bound_relax_factor": 0.0, "mu_strategy": "adaptive"}
+        if scene.object_moves:
+            ipopt |= _MOVING
         # Constraints are met to 1e-8 also where the optimum is asked for less accurately.
         tolerance, iterations = options.tolerance, options.max_iterations
         self._solver = new_solver(

@@ -109,10 +109,42 @@ def test_starts_with_an_object_differ_by_when_their_inputs_rest():
 
 
 @pytest.mark.deep
+@pytest.mark.parametrize("stiffness", [1e3, 1e4])
+def test_a_disc_is_pushed_as_cheaply_as_one_that_stands_is_touched(stiffness):
+    """A gap that is to be closed costs what the way there costs, whether the disc then moves or not."""
+    disc = {"shape": "circle", "diameter": 0.04, "mass": 0.1, "position": (-0.07, 0.11)}
+    rod = {"length": 0.15, "linear_density": 0.03, "bending_stiffness": 0.01}
+    tendons = {"offset": 0.005, "max_tension": 40.0, "time_constant": 0.02}
+    law = {"stiffness": stiffness, "friction": 0.4, "dissipation": 1.0, "rounding": 2e-4, "slip_speed": 0.01}
+    stands = PlanScene(
+        finger={"rod": rod, "half_thickness": 0.005, "damping": {"material": 5e-5}, "tendons": tendons},
+        gravity=(0.0, 0.0),
+        object=disc,
+        contact_law=law,
+        fidelity={"family": "clothoid", "elements": 2},
+        input={"rate_max": 300.0},
+        objective="tracking",
+        cost={"gap": 1e4, "effort": 1e-3},
+        reference={"gap": (0.0,)},
+        goal={"end": "moving"},
+        duration=0.4,
+        intervals=20,
+    )
+    table = {"friction": 0.2, "friction_radius": 0.013}
+    touched, pushed = plan(stands), plan(stands.replaced(object_moves=True, out_of_plane_gravity=9.81, table=table))
+    for found in (touched, pushed):
+        assert found.statistics["starts"][0].split(": ")[1].startswith("Solve_Succeeded")
+    assert pushed.objective == pytest.approx(touched.objective, rel=1e-3)
+
+
+@pytest.mark.deep
 def test_a_plan_presses_as_near_to_its_grasp_as_one_moment_can():
     """Tensions that differ by 5 % hold the finger where its contacts press less as in the grasp."""
     found = plan(cg.load(ROOT / "configs/plan/close_on_mug.yaml"))
-    assert found.status == "optimal"
+    # What closes is a little coarse in time, at 0.3 mm of 180, and its status says so.
+    assert found.status == ("feasible" if found.deviation.tip > 1e-3 * found.length else "optimal")
+    assert ("but a fine simulation is up to" in found.message) is (found.status == "feasible")
+    assert found.objective == pytest.approx(1892.0, rel=5e-3)  # one of the grid alone takes 2540
     model, aim = found.prediction, np.array(found.scene.goal.contact_force.value)
 
     def missed(share):
