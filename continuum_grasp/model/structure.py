@@ -68,12 +68,13 @@ class Structure:
         elements = choices["elements"]
         if elements is not None:
             elements = int(elements) if isinstance(elements, Integral) else choices.numbers("elements")
-        profile = self.finger.profile
+        profile, input_rates = self.finger.profile, choices["input_rates"]
+        free_tip = bool(self.finger.free_tip_reasons) or (self.finger.moves_with_free_tip and not input_rates)
         self.lengths = element_lengths(profile, self.contacts, elements)
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            family = choices.family or default_family(free_tip=bool(self.finger.free_tip_reasons))
+            family = choices.family or default_family(free_tip=free_tip)
             # A couple that is an input bends by a known shape there: it needs no element of its own.
             known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
             loads = [load for load in (*self.loads, *held) if load not in known]
@@ -89,8 +90,7 @@ class Structure:
         self.accuracy = choices["accuracy"]
         if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
-        input_rates = choices["input_rates"]
-        self.family_name = choices.family or self._default_family(scene, input_rates)
+        self.family_name = choices.family or self._default_family(scene, input_rates, free_tip)
         commands = () if scene is None or scene.actuation is None else scene.actuation.values
         varies = self._tip_couple_varies() or any(isinstance(value, Samples) for value in commands)
         self.inputs = self._input_layout(input_rates, varies)
@@ -228,12 +228,12 @@ class Structure:
                 masses.append((name, place_at(mass.at, self.lengths)))
         return masses
 
-    def _default_family(self, scene: Scene | None, input_rates: bool | None) -> str:
+    def _default_family(self, scene: Scene | None, input_rates: bool | None, free_tip: bool) -> str:
         # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns. A bare finger leaves open
         # whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
         jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
-        reasons = self.finger.free_tip_reasons or self._runtime_at_tip or self._tip_couple_varies() or jumps or unknown
+        reasons = free_tip or self._runtime_at_tip or self._tip_couple_varies() or jumps or unknown
         return default_family(free_tip=bool(reasons))
 
     def _tip_couple_varies(self) -> bool:

@@ -165,9 +165,8 @@ class FingerScene(Configuration, Surroundings):
     REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals(
         """
         initial.reached_by without finger.has_friction: has no effect: neither tendons nor bending have friction
-        finger.damping.friction_cells without finger.damping.{dry_friction,quadratic} parameters=quadratic_damping
-            estimate.name=quadratic_damping:
-            has no effect: these are cells of finger.damping.dry_friction and finger.damping.quadratic
+        finger.damping.friction_cells without finger.damping.dry_friction:
+            has no effect: these are cells of finger.damping.dry_friction
         """
     )
 
