@@ -35,6 +35,12 @@ _CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: 
 _RATES = (
     beside("input_rates", lambda s: not s.matched, "needs family matched_clothoid"),
     beside("input_rates", lambda s: s.lagged, "and tendons.time_constant exclude each other: the lag gives the rates"),
+    beside(
+        "family",
+        lambda s: s.matched and s.lagged and s.tip_couple_varies,
+        "matched_clothoid moves with the rates of a moment on the tip, which one that varies beside drives with a "
+        "time_constant does not have: use clothoid",
+    ),
 )
 
 
@@ -92,7 +98,7 @@ class Structure:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
         self.family_name = choices.family or self._default_family(scene, input_rates, free_tip)
         commands = () if scene is None or scene.actuation is None else scene.actuation.values
-        varies = self._tip_couple_varies() or any(isinstance(value, Samples) for value in commands)
+        varies = self.tip_couple_varies or any(isinstance(value, Samples) for value in commands)
         self.inputs = self._input_layout(input_rates, varies)
         self.sources = self._sources()
         self.mesh = self._mesh()
@@ -233,17 +239,19 @@ class Structure:
         # whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
         jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
-        reasons = free_tip or self._runtime_at_tip or self._tip_couple_varies() or jumps or unknown
+        reasons = free_tip or self._runtime_at_tip or self.tip_couple_varies or jumps or unknown
         return default_family(free_tip=bool(reasons))
 
-    def _tip_couple_varies(self) -> bool:
+    @property
+    def tip_couple_varies(self) -> bool:
+        """Whether a moment that is an input varies in time."""
         couples = [load for load in self.loads if isinstance(load, MomentLoad) and self._is_input(load)]
         return any(isinstance(load.moment, Samples) for load in couples)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         self.finger.check_family("family", self.family_name, self._runtime_at_tip)
         for feature in _RATES:
-            feature.check(self, of={"input_rates": bool(input_rates)})
+            feature.check(self, of={"input_rates": bool(input_rates), "family": True})
         if input_rates is None:
             input_rates = self.matched and varies and not self.lagged
         names, tip = [], count(1)
