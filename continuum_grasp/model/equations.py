@@ -23,7 +23,7 @@ from continuum_grasp.model.family import Rod
 from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
 from continuum_grasp.model.laws.shortening import remaining_shares
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.link import EndBody, Section, ShortenedLink
+from continuum_grasp.model.link import Attached, Section, ShortenedLink
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
@@ -166,15 +166,17 @@ class Equations:
         if shares:
             whole = zip([*links, last], shares, strict=True)
             *links, last = [replace(loaded, link=ShortenedLink(loaded.link, share)) for loaded, share in whole]
-        return Chain([*links, replace(last, body=self.tip_body)], local, family.size)
+        bodies = tuple((1.0, body) for body in self.tip_bodies)
+        return Chain([*links, replace(last, attached=last.attached + bodies)], local, family.size)
 
     @property
-    def tip_body(self) -> EndBody | None:
+    def tip_bodies(self) -> list[Attached]:
+        """Bodies at the tip beside point masses: one or none."""
         if self._structure.finger.tip_body is None:
-            return None
+            return []
         mass, inertia, across, along = (self._par[f"tip_body_{key}"] for key in ("mass", "inertia", "across", "along"))
         # The chain's axes have X along the finger and -Y across.
-        return EndBody(mass, inertia, Vec(along, -across))
+        return [Attached(mass, inertia, Vec(along, -across))]
 
     @cached_property
     def turn(self) -> Rotation:

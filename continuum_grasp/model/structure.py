@@ -267,21 +267,15 @@ class Structure:
     def _sources(self) -> tuple[Source, ...]:
         """Sources of bending moments, one per shape."""
         length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.inputs.drives)
-        wound = bool(self.finger.winches)
-        separate = self.has_tendon_friction or wound
-        sources = []
+        wound, sources = bool(self.finger.winches), list[Source]()
         for k, channel in enumerate(self.channels):
             arms = (*channel.arms, *[0.0] * (drives - len(channel.arms)))
-            lag = channel.time_constant, channel.order
-            sources.append(Source(channel.shape, channel.to, arms, *lag, tendon=k if separate else None, wound=wound))
+            own = k if self.has_tendon_friction or wound else None
+            sources.append(Source(**vars(channel) | {"arms": arms}, tendon=own, wound=wound))
         for _, _, channel, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
             # Of the input, whose last entries are chambers: drives may be fewer than tendons.
             arms = ((0.0,) * drives + channel.arms)[-drives:]
-            sources.append(
-                Source(
-                    channel.shape, channel.to, arms, channel.time_constant, channel.order, channel.gain, chamber=True
-                )
-            )
+            sources.append(Source(**vars(channel) | {"arms": arms}, chamber=True))
         if not sources:
             sources = [Source(whole, length, (1.0,))]
         couples = [load for load in self.loads if self._is_input(load)]

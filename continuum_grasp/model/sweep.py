@@ -28,8 +28,8 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.laws.section import STATEFUL, Bend, Port, SectionLaw
-from continuum_grasp.model.link import EndBody
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
+from continuum_grasp.model.link import Attached
+from continuum_grasp.model.planar import Rotation, Scalar, Vec, column
 
 SECTION = 3
 """Entries of the velocity of a section: two of its position, one of its angle [1]."""
@@ -204,7 +204,7 @@ class Builder:
         eq, size = self.equations, SECTION + self._shared
         spin = self._symbols()[0]
         mass = sum((self._par[name] for name, place in self._made.masses() if place == self._made.tip), 0.0)
-        body = eq.tip_body or EndBody(0.0, 0.0, ZERO)
+        body = next(iter(eq.tip_bodies), Attached(0.0))
         first = body.center.scaled(body.mass)
         second = body.rotary_inertia + first.dot(body.center)
         total = mass + body.mass
