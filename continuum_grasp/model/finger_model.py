@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.backbone import Backbone
-from continuum_grasp.model.functions import Functions, function_names, named
+from continuum_grasp.model.functions import Functions, named
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
@@ -317,7 +317,3 @@ class FingerModel(Functions):
 def _slope(values: ca.SX, symbols: ca.SX) -> ca.SX:
     """Jacobian with respect to symbols."""
     return ca.SX(values.numel(), 0) if symbols.numel() == 0 else ca.jacobian(values, symbols)
-
-
-FUNCTIONS = function_names(FingerModel)
-"""Names of a model's functions."""

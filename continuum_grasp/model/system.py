@@ -15,7 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
-from continuum_grasp.model.functions import Functions, function_names, named
+from continuum_grasp.model.functions import Functions, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import Vec, column
@@ -254,10 +254,6 @@ class System(Functions):
         point=lambda eq: columns(pair.point for pair in eq.pairs),
         normal=lambda eq: columns(pair.normal for pair in eq.pairs),
     )
-
-
-SYSTEM_FUNCTIONS = function_names(System)
-"""Names of a system's functions."""
 
 
 def columns(vectors: Iterable[Vec]) -> ca.SX:
