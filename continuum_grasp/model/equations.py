@@ -28,7 +28,7 @@ from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.touching import Pair, Station
+from continuum_grasp.model.touching import Station
 from continuum_grasp.scene.loads import ForceLoad
 
 
@@ -335,11 +335,6 @@ class Equations:
             radius, moved = float(half(at)), self.turn.apply(velocity)
             stations.append((place, Station(name, center, radius, moved, spin if turns else 0.0, turns)))
         return stations
-
-    @property
-    def pairs(self) -> list[Pair]:
-        """Contact pairs: stations of the finger first, then supports, then the table."""
-        return self.contacts.pairs
 
     @cached_property
     def elastic(self) -> list[Scalar]:

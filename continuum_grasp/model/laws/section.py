@@ -100,8 +100,14 @@ def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
     """The curvature at ``count`` points of each part of an element between jumps of the rod or of curves, by Gauss
     quadrature, with the values of curves there.
     """
-    elements = enumerate(_parts(family.mesh, curves))
-    return tuple(port for k, parts in elements for part in parts for port in _gauss(family, k, *part, count, curves))
+    mesh, ports = family.mesh, list[Port]()
+    for element, h in enumerate(mesh.lengths):
+        start, end = mesh.span(element)
+        edges = [start, *_jumps(mesh, start, end, mesh.stiffness, mesh.rest, *curves), end]
+        # A whole element has the length that it is said to have, to the last bit.
+        parts = [(a, b - a) for a, b in pairwise(edges)] if len(edges) > 2 else [(start, h)]
+        ports += [port for part in parts for port in _gauss(family, element, *part, count, curves)]
+    return tuple(ports)
 
 
 def linear_points(family: Family) -> tuple[Port, ...]:
@@ -138,23 +144,6 @@ def _jumps(mesh: Mesh, start: float, end: float, *curves: Curve) -> list[float]:
     """Places between two others where curves jump [m], increasing."""
     least = SAME * mesh.ends[-1]
     return sorted({at for curve in curves for at in curve.jumps if start + least < at < end - least})
-
-
-def _parts(mesh: Mesh, curves: Sequence[Curve]) -> list[list[tuple[float, float]]]:
-    """Start and length [m] of the parts of each element between jumps: on all elements equally many."""
-    # Sweeps take elements that differ by numbers alone: where one has fewer jumps, its longest parts are halved.
-    inside = [_jumps(mesh, *span, mesh.stiffness, mesh.rest, *curves) for span in pairwise(mesh.ends)]
-    most = max(map(len, inside))
-    if not most:
-        return [[(start, h)] for start, h in zip(mesh.ends, mesh.lengths, strict=False)]
-    parts = []
-    for (start, end), marks in zip(pairwise(mesh.ends), inside, strict=True):
-        edges = [start, *marks, end]
-        while len(edges) < most + 2:
-            longest = int(np.argmax(np.diff(edges)))
-            edges.insert(longest + 1, 0.5 * (edges[longest] + edges[longest + 1]))
-        parts.append([(a, b - a) for a, b in pairwise(edges)])
-    return parts
 
 
 def _gauss(
