@@ -162,7 +162,7 @@ class LoadedLink:
     attached: tuple[tuple[Scalar, Attached], ...] = ()
 
     def _bodies(self) -> Iterator[tuple[Scalar, Attached, Section]]:
-        """Where each body is attached, it, and its center of mass as a section of the link."""
+        """Fraction at which each body is attached, the body, and its center of mass as a section of the link."""
         for fraction, body in self.attached:
             section = self.link.section(fraction)
             lever = section.rotation.apply(body.center)
