@@ -12,7 +12,6 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.family import Family, Rod, mean
-from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import collocation, node_count
 from continuum_grasp.scene.methods import CurvatureFamily
@@ -68,16 +67,13 @@ class QuadraticFamily(Family):
         rest = [mean(self.mesh, k, self.mesh.rest) for k in range(self.elements)]
         return (curvatures - np.array(rest)[:, None]).ravel()
 
-    def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
-        links = []
-        for k, (h, reach) in enumerate(zip(rod.lengths, self.mesh.ranges, strict=True)):
-            nodes = node_count(reach, self.accuracy or self.default_accuracy) + 2
-            rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
-            local = [q[a] + rest for a in self.local(k)]
-            rule = collocation(min(nodes, 16))
-            link = QuadraticLink(local, h, rod.linear_density, rod.rotary_inertia, _OVERSHOOT * reach, rule)
-            links.append(LoadedLink(link, tuple((at, mass) for element, at, mass in rod.masses if element == k)))
-        return links
+    def link(self, element: int, local: Sequence[Scalar], rod: Rod, end_mass: float) -> QuadraticLink:
+        reach = self.mesh.ranges[element]
+        nodes = node_count(reach, self.accuracy or self.default_accuracy) + 2
+        rest = mean(self.mesh, element, self.mesh.rest) if rod.rest is None else rod.rest
+        local, rule = [kappa + rest for kappa in local], collocation(min(nodes, 16))
+        length, reach = rod.lengths[element], _OVERSHOOT * reach
+        return QuadraticLink(local, length, rod.linear_density, rod.rotary_inertia, reach, rule, end_mass)
 
     def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
         return [[float(weight) * length for weight in row] for row in _GRAM]

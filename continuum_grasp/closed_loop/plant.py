@@ -328,7 +328,8 @@ def _section_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.S
     for plant_law, other in laws:
         if not plant_law.names(1):
             continue
-        edges, known = (np.cumsum([0.0, *(float(port.measure) for port in law.ports)]) for law in (plant_law, other))
+        sums = (np.cumsum([0.0, *(float(port.measure) for port in law.ports)]) for law in (plant_law, other))
+        edges, known = (each / each[-1] for each in sums)
         states = [[plant.named_states[name] for name in other.names(k + 1)] for k in range(len(other.ports))]
         for k, (start, end) in enumerate(pairwise(edges.tolist()), start=1):
             shares = np.clip(np.minimum(known[1:], end) - np.maximum(known[:-1], start), 0.0, None) / (end - start)

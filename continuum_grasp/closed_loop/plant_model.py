@@ -159,7 +159,7 @@ class PlantModel(Remade):
             return ChainSystem(unlagged, plant.guides, plant.axial_stiffness, *varied)
         # A matched tip moves with its moment: without a lag of second order it would jump.
         jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
-        family = plant.fidelity.family or default_family(free_tip=jumps or bool(finger.free_tip_reasons))
+        family = plant.fidelity.family or default_family(free_tip=jumps or finger.moves_with_free_tip)
         rates, (parameters, of_object) = FAMILIES[family].matches_tip or None, varied
         return System(unlagged, family=family, input_rates=rates, parameters=parameters, object_parameters=of_object)
 

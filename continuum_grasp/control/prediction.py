@@ -83,7 +83,7 @@ class Prediction(Remade):
         self._own_lag = scene.lag if "tip_moment" in finger.input_keys else None
         # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
         # neither.
-        family = fidelity.family or default_family(free_tip=bool(finger.free_tip_reasons) or scene.lag is None)
+        family = fidelity.family or default_family(free_tip=finger.moves_with_free_tip or scene.lag is None)
         matches_tip = FAMILIES[family].matches_tip
         self.system = System(
             finger,

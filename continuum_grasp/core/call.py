@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 from continuum_grasp.arguments import real_array
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
+from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.functions import MATRICES
-from continuum_grasp.model.system import SYSTEM_FUNCTIONS, System
 from continuum_grasp.scene.value import SAME
 
 DOUBLES = ctypes.POINTER(ctypes.c_double)
@@ -206,10 +205,6 @@ def check_moment(model: FingerModel, u: Array) -> None:
         "rates takes the moment to be constant): use family='clothoid', input_rates=True with rows of values, rates "
         "and accelerations, or tendons.time_constant"
     )
-
-
-def functions_of(given: FingerModel | System) -> tuple[str, ...]:
-    return SYSTEM_FUNCTIONS if isinstance(given, System) else FUNCTIONS
 
 
 def finite(name: str, array: Array) -> Array:

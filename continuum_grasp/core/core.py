@@ -20,7 +20,6 @@ from continuum_grasp.core.call import (
     Caller,
     check_moment,
     finite,
-    functions_of,
     section_check,
     shaped,
 )
@@ -31,7 +30,7 @@ from continuum_grasp.core.source import generated, rollout_source, rollouts_sour
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.labels import Summarized
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.functions import Remade
+from continuum_grasp.model.functions import Remade, function_names
 from continuum_grasp.scene.methods import INTEGRATORS, SIMULATION_METHODS
 
 _WARNED: set[str] = set()
@@ -99,7 +98,7 @@ class Core(Remade, Summarized):
 
     @check_arguments
     def __init__(self, model: FingerModel | System, *, compiled: bool = True) -> None:
-        self._names = functions_of(model)
+        self._names = function_names(type(model))
         self.model: Any = model
         self._compiler: Compiler | None = find_compiler() if compiled else None
         self._callers: dict[str, Caller] = {}

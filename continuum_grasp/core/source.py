@@ -203,19 +203,19 @@ def _in_lanes(function: ca.Function) -> str:
     return f"{lane_prelude('double')}\n{template('core', 'gather.c')}\n{lane_function(function, 'double')}"
 
 
-def _row_words(function: ca.Function) -> dict[str, object]:
-    """Words of calls of a function that is no straight-line function: its arguments, and its work space."""
+def _in_one_lane(function: ca.Function) -> str:
+    """A function with loops, branches or calls of its own, which lanes cannot take together, as one of lanes of one."""
     inputs, outputs = _sizes(function)
-    sizes = {"from": len(inputs), "to": len(outputs), "sizes": ", ".join(map(str, outputs))}
-    return {**sizes, "sz_w": max(function.sz_w(), 1), "sz_iw": max(function.sz_iw(), 1)}
+    sizes: dict[str, object] = {"from": len(inputs), "to": len(outputs), "sizes": ", ".join(map(str, outputs))}
+    sizes |= {"sz_w": max(function.sz_w(), 1), "sz_iw": max(function.sz_iw(), 1)}
+    lane = _fill("one_lane.c", **_names(function), **sizes, gather=template("core", "gather.c"))
+    return f"{generated(function.name(), function)}\n{lane}"
 
 
 def batch_source(function: ca.Function) -> str:
     """C of ``NAME_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
-    if not function.is_a("SXFunction"):  # has loops of its own, which lanes cannot take together
-        rows = _fill("rows.c", **_names(function), **_row_words(function))
-        return f"{generated(function.name(), function)}\n{rows}"
-    return f"{_in_lanes(function)}\n" + _fill("batch.c", **_names(function))
+    code = _in_lanes(function) if function.is_a("SXFunction") else _in_one_lane(function)
+    return f"{code}\n{_fill('batch.c', **_names(function))}"
 
 
 def scan_source(function: ca.Function) -> str:
@@ -224,11 +224,7 @@ def scan_source(function: ca.Function) -> str:
     ``function`` is (carry, *signals) -> (next carry, *results); see ``Scan`` of ``core.batches``.
     """
     lanes = in_lanes([function], "double")
-    if lanes:
-        code = f"{lanes}{template('core', 'gather.c')}"
-    else:
-        scan = _fill("one_lane.c", **_names(function), **_row_words(function), gather=template("core", "gather.c"))
-        code = f"{generated(function.name(), function)}\n{scan}"
+    code = f"{lanes}{template('core', 'gather.c')}" if lanes else _in_one_lane(function)
     return f"{code}\n{_fill('scan.c', **_names(function), carry=function.nnz_in(0))}"
 
 

@@ -237,7 +237,9 @@ class JointRange:
         elif model.structure.matched:
             use, text, notes, limits = _of_curvature(model, equations)
         # The height of a table, which a contact may depend on, is no number that every function takes.
-        gaps = [p.gap for p in equations.pairs if p.load is None and not ca.depends_on(ca.SX(p.gap), equations.w)]
+        gaps = [
+            p.gap for p in equations.contacts.pairs if p.load is None and not ca.depends_on(ca.SX(p.gap), equations.w)
+        ]
         if gaps:
             depth = functools.reduce(ca.fmax, [(-1.0 / pressed) * gap for gap in gaps], ca.SX(0.0))
             use = depth if use is None else ca.fmax(ca.fabs(use), depth)

@@ -19,7 +19,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.model.family import Family, Rod, mean
 from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
-from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section, is_end
+from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
 from continuum_grasp.model.stumpff import ROUNDING, stumpff
 from continuum_grasp.scene.methods import ONE_TURN
@@ -164,27 +164,18 @@ class ArcFamily(Family):
         rest = [h * mean(self.mesh, k, self.mesh.rest) for k, h in enumerate(self.mesh.lengths)]
         return np.asarray(bends - np.array(rest))
 
-    def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
-        accuracy = self.accuracy or self.default_accuracy
-        links = []
-        for k, (h, reach) in enumerate(zip(rod.lengths, self.mesh.ranges, strict=True)):
-            masses = tuple((fraction, mass) for element, fraction, mass in rod.masses if element == k)
-            constants = [self.mesh.constant(curve, k) for curve in (self.mesh.linear_density, self.mesh.rotary_inertia)]
-            link: Link
-            if None in constants:
-                shapes = self._shapes(k)
-                # 1e-6: accuracy of the evaluation of arcs whose mass is spread unevenly, where none is asked for: a
-                # thousandth of what 8 arcs are off by
-                rule = measured_rule(shapes, min(reach, ONE_TURN), self.accuracy or 1e-6)
-                link = GradedLink([q[k]], shapes, rod, reach, rule, 0.0)
-            else:
-                rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
-                density, rotary = (float(value or 0.0) for value in constants)
-                link = Arc(
-                    q[k] + h * rest, h, density * rod.linear_density, rotary * rod.rotary_inertia, reach, accuracy
-                )
-            links.append(LoadedLink(link, masses))
-        return links
+    def link(self, element: int, local: Sequence[Scalar], rod: Rod, end_mass: float) -> Link:
+        mesh, reach, h = self.mesh, self.mesh.ranges[element], rod.lengths[element]
+        density, rotary = (mesh.constant(curve, element) for curve in (mesh.linear_density, mesh.rotary_inertia))
+        if density is None or rotary is None:
+            shapes = self._shapes(element)
+            # 1e-6: accuracy of the evaluation of arcs whose mass is spread unevenly, where none is asked for: a
+            # thousandth of what 8 arcs are off by
+            rule = measured_rule(shapes, min(reach, ONE_TURN), self.accuracy or 1e-6)
+            return GradedLink(local, shapes, rod, reach, rule, 0.0)
+        rest = mean(mesh, element, mesh.rest) if rod.rest is None else rod.rest
+        theta, accuracy = local[0] + h * rest, self.accuracy or self.default_accuracy
+        return Arc(theta, h, density * rod.linear_density, rotary * rod.rotary_inertia, reach, accuracy)
 
     def _shapes(self, element: int) -> Shapes:
         """The shape of an arc whose mass is spread unevenly."""

@@ -23,12 +23,12 @@ from continuum_grasp.model.family import Rod
 from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
 from continuum_grasp.model.laws.shortening import remaining_shares
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.link import EndBody, Section, ShortenedLink
+from continuum_grasp.model.link import Attached, Section, ShortenedLink
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.touching import Pair, Station
+from continuum_grasp.model.touching import Station
 from continuum_grasp.scene.loads import ForceLoad
 
 
@@ -166,15 +166,17 @@ class Equations:
         if shares:
             whole = zip([*links, last], shares, strict=True)
             *links, last = [replace(loaded, link=ShortenedLink(loaded.link, share)) for loaded, share in whole]
-        return Chain([*links, replace(last, body=self.tip_body)], local, family.size)
+        bodies = tuple((1.0, body) for body in self.tip_bodies)
+        return Chain([*links, replace(last, attached=last.attached + bodies)], local, family.size)
 
     @property
-    def tip_body(self) -> EndBody | None:
+    def tip_bodies(self) -> list[Attached]:
+        """Bodies at the tip beside point masses: one or none."""
         if self._structure.finger.tip_body is None:
-            return None
+            return []
         mass, inertia, across, along = (self._par[f"tip_body_{key}"] for key in ("mass", "inertia", "across", "along"))
         # The chain's axes have X along the finger and -Y across.
-        return EndBody(mass, inertia, Vec(along, -across))
+        return [Attached(mass, inertia, Vec(along, -across))]
 
     @cached_property
     def turn(self) -> Rotation:
@@ -333,11 +335,6 @@ class Equations:
             radius, moved = float(half(at)), self.turn.apply(velocity)
             stations.append((place, Station(name, center, radius, moved, spin if turns else 0.0, turns)))
         return stations
-
-    @property
-    def pairs(self) -> list[Pair]:
-        """Contact pairs: stations of the finger first, then supports, then the table."""
-        return self.contacts.pairs
 
     @cached_property
     def elastic(self) -> list[Scalar]:

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.model.link import LoadedLink
+from continuum_grasp.model.link import Attached, Link, LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.profile import Curve, integral, smooth_parts
@@ -100,6 +100,7 @@ class Family(ABC):
     continuous: ClassVar[bool]  # whether the bending moment is continuous
     order: ClassVar[int]  # in the elements' length, with which the shape converges to that of the exact rod
     force_unit: ClassVar[str] = "N m2"  # of a generalized force: energy per coordinate
+    folds_masses: ClassVar[bool] = False  # whether links have masses at their ends among their constants
 
     def __init__(self, mesh: Mesh, accuracy: float | None) -> None:
         self.mesh = mesh
@@ -160,9 +161,24 @@ class Family(ABC):
     def coordinates(self, bends: Array, curvatures: Array) -> Array:
         """Full coordinates near a shape of bends (N,) [rad] and curvatures (N, degree + 1) [1/m] at the places."""
 
-    @abstractmethod
     def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
-        """The chain's links."""
+        """The chain's links, with the point masses that they carry."""
+        links = []
+        for k in range(self.elements):
+            # A numeric mass at the end of a numeric element costs no instruction: it goes into the link's constants.
+            folds = self.folds_masses and isinstance(rod.lengths[k], float) and isinstance(rod.linear_density, float)
+            carried, folded = list[tuple[Scalar, Attached]](), 0.0
+            for fraction, mass in ((fraction, mass) for element, fraction, mass in rod.masses if element == k):
+                if folds and fraction == 1.0 and isinstance(mass, float):
+                    folded += mass
+                else:
+                    carried.append((fraction, Attached(mass)))
+            links.append(LoadedLink(self.link(k, [q[a] for a in self.local(k)], rod, folded), tuple(carried)))
+        return links
+
+    @abstractmethod
+    def link(self, element: int, local: Sequence[Scalar], rod: Rod, end_mass: float) -> Link:
+        """The link of an element at its local coordinates; a mass at its end [kg] is among its constants."""
 
     @abstractmethod
     def block(self, element: int, length: Scalar) -> list[list[Scalar]]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.backbone import Backbone
-from continuum_grasp.model.functions import Functions, function_names, named
+from continuum_grasp.model.functions import Functions, named
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
@@ -37,8 +37,8 @@ class FingerModel(Functions):
     family : str, optional
         Curvature family: ``arc``, ``clothoid`` or ``matched_clothoid``. Default: ``matched_clothoid`` for a scene, and
         for a bare finger whose tendons have a time constant or whose ``input_rates`` are given; ``clothoid`` for other
-        bare fingers, whose tip moment may vary, with tendon friction, where a moment of the scene on the tip varies in
-        time, or where those at time zero do not fit the initial pose.
+        bare fingers, whose tip moment may vary, with tendon friction or quadratic damping, where a moment of the scene
+        on the tip varies in time, or where those at time zero do not fit the initial pose.
     elements : int or sequence of float, optional
         Number of elements, or their lengths [m]; a number is shared out by the length of bending waves, evenly on a
         uniform rod. Default: two, or one per segment between contacts and jumps of rest curvature, stiffness or density
@@ -317,7 +317,3 @@ class FingerModel(Functions):
 def _slope(values: ca.SX, symbols: ca.SX) -> ca.SX:
     """Jacobian with respect to symbols."""
     return ca.SX(values.numel(), 0) if symbols.numel() == 0 else ca.jacobian(values, symbols)
-
-
-FUNCTIONS = function_names(FingerModel)
-"""Names of a model's functions."""

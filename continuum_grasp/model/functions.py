@@ -195,6 +195,7 @@ class Functions(Remade, Summarized):
 
 
 def function_names(cls: type[Functions]) -> tuple[str, ...]:
+    """Names of the functions of a kind of model."""
     attributes = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
     return tuple(n for n, value in attributes.items() if isinstance(value, cached_property) and not n.startswith("_"))
 

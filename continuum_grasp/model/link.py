@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from continuum_grasp.model.planar import Rotation, Scalar, Vec
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
 
 
 def is_end(fraction: Scalar) -> bool:
@@ -146,76 +146,61 @@ class ShortenedLink(Link):
 
 
 @dataclass(frozen=True)
-class EndBody:
-    """A rigid body at the end section of a link, in the axes of that."""
+class Attached:
+    """A rigid body at a section, in the axes of that; without inertia and distance a point mass."""
 
     mass: Scalar  # [kg]
-    rotary_inertia: Scalar  # about its center of mass [kg m2]
-    center: Vec  # [m]
+    rotary_inertia: Scalar = 0.0  # about its center of mass [kg m2]
+    center: Vec = ZERO  # [m]
 
 
 @dataclass(frozen=True)
 class LoadedLink:
-    """A link with the point masses that it carries, (fraction of the length, mass [kg]), and a body at its end."""
+    """A link with the bodies that it carries, at fractions of its length."""
 
     link: Link
-    masses: tuple[tuple[Scalar, Scalar], ...]
-    body: EndBody | None = None
+    attached: tuple[tuple[Scalar, Attached], ...] = ()
 
-    def _carried(self) -> Iterator[tuple[Scalar, Scalar, Vec, tuple[Vec, ...]]]:
-        """Fraction, mass, position and arms of point masses, and of the body's center of mass."""
-        for fraction, mass in self.masses:
+    def _bodies(self) -> Iterator[tuple[Scalar, Attached, Section]]:
+        """Fraction at which each body is attached, the body, and its center of mass as a section of the link."""
+        for fraction, body in self.attached:
             section = self.link.section(fraction)
-            yield fraction, mass, section.position, section.arms
-        if self.body is not None:
-            end = self.link.end
-            lever = end.rotation.apply(self.body.center)
-            arms = tuple(arm + lever.scaled(angle) for arm, angle in zip(end.arms, end.angles, strict=True))
-            yield 1.0, self.body.mass, end.position + lever, arms
+            lever = section.rotation.apply(body.center)
+            arms = tuple(arm + lever.scaled(angle) for arm, angle in zip(section.arms, section.angles, strict=True))
+            yield fraction, body, replace(section, position=section.position + lever, arms=arms)
 
     def inertia(self) -> Inertia:
-        """Mass integrals with the point masses."""
+        """Mass integrals with the bodies."""
         total = self.link.inertia
-        for _, mass, position, moved in self._carried():
-            r, arms = position.scaled(mass), [arm.scaled(mass) for arm in moved]
-            pairs = range(len(arms))
+        for _, body, at in self._bodies():
+            turned, here = body.rotary_inertia, list(zip(at.arms, at.angles, strict=True))
+            r, arms = at.position.scaled(body.mass), [arm.scaled(body.mass) for arm in at.arms]
             total = Inertia(
-                mass=total.mass + mass,
+                mass=total.mass + body.mass,
                 first=total.first + r,
-                second=total.second + r.dot(position),
+                second=total.second + r.dot(at.position) + turned,
                 arms=tuple(a + b for a, b in zip(total.arms, arms, strict=True)),
-                swing=tuple(s + r.dot(arm) for s, arm in zip(total.swing, moved, strict=True)),
-                matrix=tuple(tuple(total.matrix[a][b] + arms[a].dot(moved[b]) for b in pairs) for a in pairs),
-            )
-        turned: Scalar = 0.0 if self.body is None else self.body.rotary_inertia
-        if not (isinstance(turned, float) and turned == 0.0):
-            angles = self.link.end.angles
-            total = replace(
-                total,
-                second=total.second + turned,
-                swing=tuple(s + turned * angle for s, angle in zip(total.swing, angles, strict=True)),
+                swing=tuple(s + r.dot(arm) + turned * turn for s, (arm, turn) in zip(total.swing, here, strict=True)),
                 matrix=tuple(
-                    tuple(entry + turned * a * b for entry, b in zip(row, angles, strict=True))
-                    for row, a in zip(total.matrix, angles, strict=True)
+                    tuple(m + pull.dot(arm) + turned * a * b for m, (arm, b) in zip(row, here, strict=True))
+                    for row, pull, a in zip(total.matrix, arms, at.angles, strict=True)
                 ),
             )
         return total
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        """Velocity-product terms with the point masses."""
+        """Velocity-product terms with the bodies."""
         total = self.link.bias(omega, rates)
-        for k, (fraction, mass, position, arms) in enumerate(self._carried()):
-            pulled = self.link.section_bias(fraction, omega, rates)
-            if self.body is not None and k == len(self.masses):
-                end = self.link.end
-                spin = sum((angle * rate for angle, rate in zip(end.angles, rates, strict=True)), omega)
-                pulled += end.rotation.apply(self.body.center).scaled(spin * spin)
-            force = pulled.scaled(mass)
+        for fraction, body, at in self._bodies():
+            lever = self.link.section(fraction).rotation.apply(body.center)
+            spin = sum((angle * rate for angle, rate in zip(at.angles, rates, strict=True)), omega)
+            pulled = self.link.section_bias(fraction, omega, rates) + lever.scaled(spin * spin)
+            force = pulled.scaled(body.mass)
             total = replace(
                 total,
                 force=total.force + force,
-                moment=total.moment + position.cross(force),
+                moment=total.moment + at.position.cross(force),
                 # perp(arm) . force = arm x force: why generalized forces are cross products of arms
-                generalized=tuple(q + arm.cross(force) for q, arm in zip(total.generalized, arms, strict=True)),
+                generalized=tuple(q + arm.cross(force) for q, arm in zip(total.generalized, at.arms, strict=True)),
             )
         return total

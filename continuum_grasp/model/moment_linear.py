@@ -19,7 +19,6 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.family import Family, Mesh, Rod, mean
 from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
-from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import collocation, node_count
 from continuum_grasp.scene.methods import ONE_TURN
@@ -64,6 +63,7 @@ class MomentLinearFamily(Family):
     degree = 1
     continuous = True
     order = 4
+    folds_masses = True
 
     def __init__(self, mesh: Mesh, accuracy: float | None) -> None:
         super().__init__(mesh, accuracy)
@@ -153,39 +153,19 @@ class MomentLinearFamily(Family):
         nodes = np.concatenate([after[:1], 0.5 * (last[:-1] + after[1:]), last[-1:]])
         return np.concatenate([nodes, np.zeros(len(self._left))])
 
-    def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
-        links = []
-        accuracy = self.accuracy or self.default_accuracy
-        for k, (h, reach) in enumerate(zip(rod.lengths, self.mesh.ranges, strict=True)):
-            # A numeric mass at the end of a numeric element costs no instruction: it goes into the link's constants.
-            folds, folded = isinstance(h, float) and isinstance(rod.linear_density, float), 0.0
-            carried = []
-            for element, fraction, mass in rod.masses:
-                if element == k and folds and fraction == 1.0 and isinstance(mass, float):
-                    folded += mass
-                elif element == k:
-                    carried.append((fraction, mass))
-            made, uniform, local = self._elements[k], self._are_clothoids[k], [q[a] for a in self.local(k)]
-            if uniform and reach <= ONE_TURN:
-                rule = collocation(node_count(reach, accuracy))
-            else:
-                rule = measured_rule(made, reach, accuracy)
-            link: CollocatedLink
-            if uniform:
-                rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
-                link = Clothoid(
-                    [kappa + rest for kappa in local],
-                    h,
-                    mean(self.mesh, k, self.mesh.linear_density) * rod.linear_density,
-                    mean(self.mesh, k, self.mesh.rotary_inertia) * rod.rotary_inertia,
-                    reach,
-                    rule,
-                    folded,
-                )
-            else:
-                link = GradedLink(local, made, rod, reach, rule, folded)
-            links.append(LoadedLink(link, tuple(carried)))
-        return links
+    def link(self, element: int, local: Sequence[Scalar], rod: Rod, end_mass: float) -> CollocatedLink:
+        mesh, reach, accuracy = self.mesh, self.mesh.ranges[element], self.accuracy or self.default_accuracy
+        made, uniform = self._elements[element], self._are_clothoids[element]
+        if uniform and reach <= ONE_TURN:
+            rule = collocation(node_count(reach, accuracy))
+        else:
+            rule = measured_rule(made, reach, accuracy)
+        if not uniform:
+            return GradedLink(local, made, rod, reach, rule, end_mass)
+        rest = mean(mesh, element, mesh.rest) if rod.rest is None else rod.rest
+        density = mean(mesh, element, mesh.linear_density) * rod.linear_density
+        rotary = mean(mesh, element, mesh.rotary_inertia) * rod.rotary_inertia
+        return Clothoid([kappa + rest for kappa in local], rod.lengths[element], density, rotary, reach, rule, end_mass)
 
     def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
         if not self._are_clothoids[element]:

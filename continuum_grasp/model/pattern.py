@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -80,4 +81,6 @@ def one_link_serves(made: Structure) -> bool:
         # A known moment that ends inside an element is a coordinate of that element alone.
         and len({len(made.family.local(k)) for k in range(len(made.lengths))}) == 1
         and all(is_end(at.fraction) and (at == made.tip or not runtime(name)) for name, at in made.masses())
+        # Elements in which the rod jumps have more ports of a law than others.
+        and all(len(set(Counter(port.element for port in law.ports).values())) == 1 for law in made.laws)
     )

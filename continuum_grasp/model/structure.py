@@ -35,6 +35,12 @@ _CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: 
 _RATES = (
     beside("input_rates", lambda s: not s.matched, "needs family matched_clothoid"),
     beside("input_rates", lambda s: s.lagged, "and tendons.time_constant exclude each other: the lag gives the rates"),
+    beside(
+        "family",
+        lambda s: s.matched and s.lagged and s.tip_couple_varies,
+        "matched_clothoid moves with the rates of a moment on the tip, which one that varies beside drives with a "
+        "time_constant does not have: use clothoid",
+    ),
 )
 
 
@@ -68,12 +74,13 @@ class Structure:
         elements = choices["elements"]
         if elements is not None:
             elements = int(elements) if isinstance(elements, Integral) else choices.numbers("elements")
-        profile = self.finger.profile
+        profile, input_rates = self.finger.profile, choices["input_rates"]
+        free_tip = bool(self.finger.free_tip_reasons) or (self.finger.moves_with_free_tip and not input_rates)
         self.lengths = element_lengths(profile, self.contacts, elements)
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            family = choices.family or default_family(free_tip=bool(self.finger.free_tip_reasons))
+            family = choices.family or default_family(free_tip=free_tip)
             # A couple that is an input bends by a known shape there: it needs no element of its own.
             known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
             loads = [load for load in (*self.loads, *held) if load not in known]
@@ -89,10 +96,9 @@ class Structure:
         self.accuracy = choices["accuracy"]
         if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
-        input_rates = choices["input_rates"]
-        self.family_name = choices.family or self._default_family(scene, input_rates)
+        self.family_name = choices.family or self._default_family(scene, input_rates, free_tip)
         commands = () if scene is None or scene.actuation is None else scene.actuation.values
-        varies = self._tip_couple_varies() or any(isinstance(value, Samples) for value in commands)
+        varies = self.tip_couple_varies or any(isinstance(value, Samples) for value in commands)
         self.inputs = self._input_layout(input_rates, varies)
         self.sources = self._sources()
         self.mesh = self._mesh()
@@ -228,22 +234,24 @@ class Structure:
                 masses.append((name, place_at(mass.at, self.lengths)))
         return masses
 
-    def _default_family(self, scene: Scene | None, input_rates: bool | None) -> str:
+    def _default_family(self, scene: Scene | None, input_rates: bool | None, free_tip: bool) -> str:
         # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns. A bare finger leaves open
         # whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
         jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
-        reasons = self.finger.free_tip_reasons or self._runtime_at_tip or self._tip_couple_varies() or jumps or unknown
+        reasons = free_tip or self._runtime_at_tip or self.tip_couple_varies or jumps or unknown
         return default_family(free_tip=bool(reasons))
 
-    def _tip_couple_varies(self) -> bool:
+    @property
+    def tip_couple_varies(self) -> bool:
+        """Whether a moment that is an input varies in time."""
         couples = [load for load in self.loads if isinstance(load, MomentLoad) and self._is_input(load)]
         return any(isinstance(load.moment, Samples) for load in couples)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         self.finger.check_family("family", self.family_name, self._runtime_at_tip)
         for feature in _RATES:
-            feature.check(self, of={"input_rates": bool(input_rates)})
+            feature.check(self, of={"input_rates": bool(input_rates), "family": True})
         if input_rates is None:
             input_rates = self.matched and varies and not self.lagged
         names, tip = [], count(1)
@@ -259,21 +267,15 @@ class Structure:
     def _sources(self) -> tuple[Source, ...]:
         """Sources of bending moments, one per shape."""
         length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.inputs.drives)
-        wound = bool(self.finger.winches)
-        separate = self.has_tendon_friction or wound
-        sources = []
+        wound, sources = bool(self.finger.winches), list[Source]()
         for k, channel in enumerate(self.channels):
             arms = (*channel.arms, *[0.0] * (drives - len(channel.arms)))
-            lag = channel.time_constant, channel.order
-            sources.append(Source(channel.shape, channel.to, arms, *lag, tendon=k if separate else None, wound=wound))
+            own = k if self.has_tendon_friction or wound else None
+            sources.append(Source(**vars(channel) | {"arms": arms}, tendon=own, wound=wound))
         for _, _, channel, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
             # Of the input, whose last entries are chambers: drives may be fewer than tendons.
             arms = ((0.0,) * drives + channel.arms)[-drives:]
-            sources.append(
-                Source(
-                    channel.shape, channel.to, arms, channel.time_constant, channel.order, channel.gain, chamber=True
-                )
-            )
+            sources.append(Source(**vars(channel) | {"arms": arms}, chamber=True))
         if not sources:
             sources = [Source(whole, length, (1.0,))]
         couples = [load for load in self.loads if self._is_input(load)]

@@ -28,8 +28,8 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.laws.section import STATEFUL, Bend, Port, SectionLaw
-from continuum_grasp.model.link import EndBody
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
+from continuum_grasp.model.link import Attached
+from continuum_grasp.model.planar import Rotation, Scalar, Vec, column
 
 SECTION = 3
 """Entries of the velocity of a section: two of its position, one of its angle [1]."""
@@ -204,7 +204,7 @@ class Builder:
         eq, size = self.equations, SECTION + self._shared
         spin = self._symbols()[0]
         mass = sum((self._par[name] for name, place in self._made.masses() if place == self._made.tip), 0.0)
-        body = eq.tip_body or EndBody(0.0, 0.0, ZERO)
+        body = next(iter(eq.tip_bodies), Attached(0.0))
         first = body.center.scaled(body.mass)
         second = body.rotary_inertia + first.dot(body.center)
         total = mass + body.mass
@@ -269,18 +269,24 @@ class Builder:
         forces -= bends * (per_arc * ca.dot(bends, qd))
         if not self._made.matched:
             forces += ca.mtimes(driven, drive)
-        # Of laws a moment per port, and its slope by the rates, which a step is implicit in.
-        steep, rest = ca.SX(size, size), par["rest_curvature"] if par.is_runtime("rest_curvature") else None
+        # Of laws a moment per port, and its slopes by the curvature and its rate, which a step is implicit in.
+        steep, stiff = ca.SX(size, size), ca.SX(size, size)
+        rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
         for law, numbers in self._at_ports:
             measure, shapes, (at_rest, *others) = numbers[0], numbers[1 : 1 + size], ca.vertsplit(numbers[1 + size :])
-            bend = Bend(ca.dot(shapes, q), at_rest if rest is None else rest, ca.dot(shapes, qd), others)
-            forces -= shapes * (measure * law.moment(bend))
-            steep += measure * law.damping(bend) * ca.mtimes(shapes, shapes.T)
+            there, square = ca.SX.sym("curvature"), ca.mtimes(shapes, shapes.T)
+            bend = Bend(there, at_rest if rest is None else rest, ca.dot(shapes, qd), others)
+            slope = ca.jacobian(law.moment(bend), there) if law.kind == "elastic" else 0.0
+            laws = [ca.SX(each) for each in (law.moment(bend), law.damping(bend), slope)]
+            moment, damped, bent = ca.substitute(laws, [there], [ca.dot(shapes, q)])
+            forces -= shapes * (measure * moment)
+            steep += measure * damped * square
+            stiff += measure * bent * square
         slowed = ca.SX(size, size)
         if self.implicit:
             slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T))
-            slowed += part * steep + part**2 * ((stiffness + self.equations.held_stiffness) * block)
-            forces -= part * stiffness * ca.mtimes(block, r)
+            slowed += part * steep + part**2 * ((stiffness + self.equations.held_stiffness) * block + stiff)
+            forces -= part * ca.mtimes(stiffness * block + stiff, r)
         spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, bias.end.perp()])]
         # What `_inward` reads: the link's own inertia, lower triangle by rows less that of its mass, then forces.
         body = [*_flat([inertia.first]), inertia.second]

@@ -15,7 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
-from continuum_grasp.model.functions import Functions, function_names, named
+from continuum_grasp.model.functions import Functions, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import Vec, column
@@ -141,7 +141,7 @@ class System(Functions):
             values |= {"object_mass": around.object.mass, "object_x": x, "object_y": y}
         more = {name: (OBJECT_PARAMETERS.get(name, "1"), values.get(name, 0.0)) for name in self.object_parameters}
         super().__init__(model.structure.beside(around, more))
-        self.touch_names = [pair.name for pair in self._equations.pairs]
+        self.touch_names = [pair.name for pair in self._equations.contacts.pairs]
 
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
         around = self.surroundings
@@ -245,19 +245,15 @@ class System(Functions):
 
     touch = named(
         "x u w p",
-        gap=lambda eq: [pair.gap for pair in eq.pairs],
-        normal_force=lambda eq: [pair.normal_force for pair in eq.pairs],
-        friction=lambda eq: [pair.tangential for pair in eq.pairs],
-        lift=lambda eq: [pair.lift for pair in eq.pairs],
+        gap=lambda eq: [pair.gap for pair in eq.contacts.pairs],
+        normal_force=lambda eq: [pair.normal_force for pair in eq.contacts.pairs],
+        friction=lambda eq: [pair.tangential for pair in eq.contacts.pairs],
+        lift=lambda eq: [pair.lift for pair in eq.contacts.pairs],
         # What touches the object bears ``pair.force``, the object its reaction.
-        force=lambda eq: columns(pair.force.scaled(-1.0) for pair in eq.pairs),
-        point=lambda eq: columns(pair.point for pair in eq.pairs),
-        normal=lambda eq: columns(pair.normal for pair in eq.pairs),
+        force=lambda eq: columns(pair.force.scaled(-1.0) for pair in eq.contacts.pairs),
+        point=lambda eq: columns(pair.point for pair in eq.contacts.pairs),
+        normal=lambda eq: columns(pair.normal for pair in eq.contacts.pairs),
     )
-
-
-SYSTEM_FUNCTIONS = function_names(System)
-"""Names of a system's functions."""
 
 
 def columns(vectors: Iterable[Vec]) -> ca.SX:

@@ -14,11 +14,11 @@ import numpy as np
 from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
 from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
-from continuum_grasp.core.call import check_moment, finite, functions_of, section_check
+from continuum_grasp.core.call import check_moment, finite, section_check
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.labels import Summarized
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.functions import MATRICES, Remade
+from continuum_grasp.model.functions import MATRICES, Remade, function_names
 from continuum_grasp.operators.derivatives import Operator, Point, Recursion, held_step
 from continuum_grasp.scene.methods import INTEGRATORS
 
@@ -38,7 +38,7 @@ class Operators(Remade, Summarized, ABC):
         compiled: bool = True,
     ) -> None:
         self._toolkit = toolkit(*self.TOOLKIT)
-        self._names = functions_of(model)
+        self._names = function_names(type(model))
         self.model: Any = model
         self.nonfinite = choice("nonfinite", nonfinite, ("raise", "nan"))
         self._core = Core(model, compiled=compiled)

@@ -171,7 +171,7 @@ SECTION_LAWS = {
     "finger.damping.relaxation": "a material that relaxes",
 }
 FIT_MATCHED_TIP = ("finger.damping.quadratic", "finger.gyration_radius")
-"""Laws under which the moment of the input alone gives the curvature at the tip."""
+"""Laws under which the moment of the input alone gives the curvature at the tip: with quadratic damping at rest."""
 
 
 def unknown_to(who: str, *known: str) -> dict[str, str]:

@@ -63,7 +63,7 @@ class Fidelity(Value):
     """Number of natural frequencies, from the first on, that must keep the tolerance where the scene moves."""
     family: FamilyName | None = None
     """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
-    (tendon friction, a moment on the tip that varies in time) or, at time zero, does not fit the initial pose."""
+    (tendon friction, quadratic damping, a moment on the tip that varies) or does not fit the pose at time zero."""
     elements: (
         Annotated[int, Field(ge=1, le=64)] | Annotated[ListOf[Length], Field(min_length=1, max_length=64)] | None
     ) = None
@@ -165,9 +165,8 @@ class FingerScene(Configuration, Surroundings):
     REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals(
         """
         initial.reached_by without finger.has_friction: has no effect: neither tendons nor bending have friction
-        finger.damping.friction_cells without finger.damping.{dry_friction,quadratic} parameters=quadratic_damping
-            estimate.name=quadratic_damping:
-            has no effect: these are cells of finger.damping.dry_friction and finger.damping.quadratic
+        finger.damping.friction_cells without finger.damping.dry_friction:
+            has no effect: these are cells of finger.damping.dry_friction
         """
     )
 

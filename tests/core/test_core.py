@@ -23,8 +23,7 @@ from continuum_grasp.core.cache import cache_folder, library_for
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.model.finger_model import FUNCTIONS
-from continuum_grasp.model.functions import MATRICES
+from continuum_grasp.model.functions import MATRICES, function_names
 from continuum_grasp.scene import Finger, PointMass, Tendons
 from continuum_grasp.scene.methods import INTEGRATORS, SIMULATION_METHODS
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
@@ -63,7 +62,7 @@ def inputs_of(model, name: str, at) -> list:
 # Functions.
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", function_names(cg.FingerModel))
 @pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
 def test_compiled_functions_are_those_of_the_virtual_machine(family, name):
     model, compiled, at = full(family)
@@ -106,7 +105,7 @@ def test_a_batch_is_its_states_one_by_one(family, count):
         assert relative_error(rows[k], compiled.forward_dynamics(x[k], at.u, w[k])) <= 1e-12, k
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", function_names(cg.FingerModel))
 def test_every_function_batches(name):
     model, compiled, at = full("arc")
     arguments = inputs_of(model, name, at)

@@ -10,6 +10,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.scene import BasePose, Damping, Finger, Rod
+from continuum_grasp.scene.finger import Softening, Stops
 from tests.finger_cases import relative_error
 from tests.rods import order
 
@@ -57,9 +58,18 @@ def test_explicit_steps_of_that_length_are_not_stable():
         core.rollout(np.zeros(core.model.nx), 400, SPAN / 400, method="rk4")
 
 
-@pytest.mark.parametrize(("family", "quadratic"), [("arc", 0.0), ("clothoid", 0.0), ("clothoid", 1e-5)])
-def test_a_step_by_sweeps_is_that_of_the_dense_matrices(family, quadratic):
-    finger = Finger(rod=CONE.model_copy(), damping=Damping(material=1e-4, per_arc=1e-5, quadratic=quadratic))
+LAWS = {
+    "none": {},
+    "drag": {"damping": Damping(material=1e-4, per_arc=1e-5, quadratic=1e-5)},
+    "stops": {"stops": Stops(curvature=4.0, stiffness_ratio=100.0)},
+    "softening": {"softening": Softening(curvature=4.0, stiffness_ratio=0.3)},
+}
+
+
+@pytest.mark.parametrize(("family", "law"), [("arc", "none"), *(("clothoid", law) for law in LAWS)])
+def test_a_step_by_sweeps_is_that_of_the_dense_matrices(family, law):
+    damped = {"damping": Damping(material=1e-4, per_arc=1e-5)}
+    finger = Finger(rod=CONE.model_copy(), **damped | LAWS[law])
     model = cg.FingerModel(finger, family=family, elements=16)
     assert model.sweeps
     n, rng, h = model.n, np.random.default_rng(1), 1e-3

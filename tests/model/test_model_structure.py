@@ -10,7 +10,7 @@ import pytest
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.finger_model import FUNCTIONS
+from continuum_grasp.model.functions import function_names
 from continuum_grasp.scene import (
     Damping,
     Fidelity,
@@ -207,7 +207,7 @@ def same_everywhere(runtime: FingerModel, folded: FingerModel, p: list) -> None:
     if states:  # where friction is a run-time argument alone, what does not have it has no states of it
         friction = [0.7, -1.2, 0.3, 1.1][:states]
         arguments |= {"x": [*at.x, *friction], "history": [*friction, 0.0]}
-    for name in (n for n in FUNCTIONS if n not in slow):
+    for name in (n for n in function_names(FingerModel) if n not in slow):
         one, other = getattr(runtime, name), getattr(folded, name)
         found = one.call([{**arguments, "p": p}[key] for key in one.name_in()])
         known = {**arguments, "p": [], "x": at.x if len(folded.friction_names) < states else arguments["x"]}
@@ -277,7 +277,7 @@ def test_names_fit_sizes(family, make):
     assert model.x_names[: model.n] == model.q_names
     assert model.n == len(model.lengths) + (family == "clothoid")
     assert model.nx == 2 * model.n + 2 * (finger.tendons is not None and finger.tendons.time_constant is not None)
-    for name in FUNCTIONS:
+    for name in function_names(FingerModel):
         assert getattr(model, name).name() == name
         assert getattr(model, name).is_a("SXFunction")
 

@@ -476,6 +476,17 @@ def test_a_kink_in_the_input_of_a_matched_tip_is_refused():
     assert simulate(nitinol("clothoid", duration=0.1, actuation=kinked)).status == "finished"
 
 
+def test_a_moment_on_a_matched_tip_that_varies_beside_drives_with_a_lag_is_refused():
+    """Its rates, which the lag gives of tensions alone, would be missing: two elements were 5 mm off."""
+    rising = {"kind": "moment", "at": 0.6, "moment": {"times": [0.0, 0.2], "values": [0.0, 0.05]}}
+    keys = {"finger": {"half_thickness": 0.01, "tendons": {"offset": 0.008, "max_tension": 30, "time_constant": 0.05}}}
+    keys |= {"duration": 0.01, "actuation": {"tensions": [1.0, 0.0]}, "loads": [rising]}
+    with pytest.raises(InputError, match="does not have: use clothoid") as caught:
+        simulate(nitinol("matched_clothoid", **keys))
+    assert caught.value.key == "fidelity.family"
+    assert simulate(nitinol(None, None, **keys)).model.family == "clothoid"
+
+
 def test_a_scene_without_time_is_refused():
     with pytest.raises(InputError, match="time"):
         simulate(rod_scene(UNIT))

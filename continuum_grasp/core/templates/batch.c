@@ -1,4 +1,4 @@
-int <<name>>_batch(long long count, const double *const *in, const long long *stride, double *const *out)
+void <<name>>_batch(long long count, const double *const *in, const long long *stride, double *const *out)
 {
 <<for k, size, least in inputs|\n>>  cg_lanes i<<k>>[<<least>>];<<end>>
 <<for k, size, least in outputs|\n>>  cg_lanes o<<k>>[<<least>>];<<end>>
@@ -10,5 +10,4 @@ int <<name>>_batch(long long count, const double *const *in, const long long *st
 <<end>><<end>>    <<name>>_lanes(vi, vo);
 <<for k, size, least in outputs>><<if size>>    cg_scatter(o<<k>>, <<size>>, m, <<size>>, out[<<k>>] + b * <<size>>);
 <<end>><<end>>  }
-  return 0;
 }

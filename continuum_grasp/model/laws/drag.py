@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, cells
+from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, points
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
 
@@ -35,4 +35,6 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
     """None without quadratic damping."""
     if not (finger.damping.quadratic > 0.0 or numbers.is_runtime("quadratic_damping")):
         return []
-    return [Drag(cells(family, finger.damping.friction_cells), coefficient=numbers["quadratic_damping"])]
+    # 3: points per part of an element: as good as dense ones. Mean rates of two cells lose an eighth of the moment of a
+    # rate that is linear from zero on.
+    return [Drag(points(family, 3), coefficient=numbers["quadratic_damping"])]

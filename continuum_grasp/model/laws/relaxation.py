@@ -14,7 +14,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, numbers_of_branches, points
+from continuum_grasp.model.laws.section import (
+    Bend,
+    Kind,
+    Number,
+    Numbers,
+    SectionLaw,
+    linear_points,
+    numbers_of_branches,
+)
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.finger import Finger
 
@@ -57,5 +65,4 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
         return []
     stiffness = numbers["bending_stiffness"] * float(family.mesh.stiffness(0.0))
     branches = tuple((numbers[f"{name}_share"] * stiffness, numbers[f"{name}_time"]) for name in names)
-    # As many ports as integrate products of the shapes exactly along a uniform rod.
-    return [Relaxation(points(family, family.degree + 1), branches=branches)]
+    return [Relaxation(linear_points(family), branches=branches)]

@@ -11,7 +11,7 @@ others are zero.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -20,11 +20,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.model.family import Family, gathered
+from continuum_grasp.model.family import Family, Mesh, gathered
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.scene.profile import Curve
-from continuum_grasp.scene.value import Value
+from continuum_grasp.scene.value import SAME, Value
 
 Kind = Literal["elastic", "damping", "friction", "relaxation"]
 
@@ -76,35 +76,86 @@ class Port:
 
 
 def cells(family: Family, count: int) -> tuple[Port, ...]:
-    """The mean curvature of equal parts, ``count`` on each element; of one where the curvature is constant."""
-    mesh, count = family.mesh, count if family.degree else 1
-    base, ports = float(mesh.stiffness(0.0)), list[Port]()
+    """The mean curvature of equal parts, ``count`` on each element, divided where the stiffness jumps; of the whole
+    element where the curvature is constant.
+    """
+    mesh, base, ports = family.mesh, float(family.mesh.stiffness(0.0)), list[Port]()
+    # By the stiffness as a weight, a soft part beside a stiff one would not be seen.
+    count, steps = (count, (mesh.stiffness,)) if family.degree else (1, ())
     for element in range(family.elements):
 
         def weighted(s: Array, element: int = element) -> Array:
             bent = family.shapes_at(element, s)
             return np.vstack([bent, np.ones_like(s)]) * (mesh.stiffness(s) / base)
 
-        for a, b in pairwise(np.linspace(*mesh.span(element), count + 1).tolist()):
-            *total, measure = mesh.integral(a, b, weighted, mesh.stiffness, mesh.rest).tolist()
-            *shapes, rest = (each / measure for each in total)
-            ports.append(Port(element, measure, _clean(np.array(shapes)), rest))
+        for start, end in pairwise(np.linspace(*mesh.span(element), count + 1).tolist()):
+            for a, b in pairwise([start, *_jumps(mesh, start, end, *steps), end]):
+                *total, measure = mesh.integral(a, b, weighted, mesh.stiffness, mesh.rest).tolist()
+                *shapes, rest = (each / measure for each in total)
+                ports.append(Port(element, measure, _clean(np.array(shapes)), rest))
     return tuple(ports)
 
 
 def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
-    """The curvature at ``count`` points of each element, by Gauss quadrature, with the values of curves there."""
+    """The curvature at ``count`` points of each part of an element between jumps of the rod or of curves, by Gauss
+    quadrature, with the values of curves there.
+    """
     mesh, ports = family.mesh, list[Port]()
-    nodes, weights = np.polynomial.legendre.leggauss(count)
     for element, h in enumerate(mesh.lengths):
-        s = mesh.ends[element] + 0.5 * h * (nodes + 1.0)
-        measures = 0.5 * h * weights * mesh.stiffness(s) / float(mesh.stiffness(0.0))
-        curve_values = np.array([curve(s) for curve in curves]).reshape(len(curves), count)
-        for measure, (*shapes, rest), numbers in zip(
-            measures, family.shapes_at(element, s).T, curve_values.T, strict=True
-        ):
-            ports.append(Port(element, float(measure), _clean(np.array(shapes)), float(rest), tuple(numbers.tolist())))
+        start, end = mesh.span(element)
+        edges = [start, *_jumps(mesh, start, end, mesh.stiffness, mesh.rest, *curves), end]
+        # A whole element has the length that it is said to have, to the last bit.
+        parts = [(a, b - a) for a, b in pairwise(edges)] if len(edges) > 2 else [(start, h)]
+        ports += [port for part in parts for port in _gauss(family, element, *part, count, curves)]
     return tuple(ports)
+
+
+def linear_points(family: Family) -> tuple[Port, ...]:
+    """Ports by which what is linear in the curvature acts as the elasticity does, one per coordinate of an element.
+
+    With the integrals G of B f f' and A of B s f f' over an element, of its stiffness B and its shapes f, they are the
+    solutions of A v = s G v: then G is the sum of G v v' G. Along a uniform rod these are Gauss's points and weights
+    (G. H. Golub, J. H. Welsch, Math. Comp. 23 (1969), doi:10.1090/S0025-5718-69-99647-1).
+    """
+    from scipy.linalg import eigh
+
+    mesh, ports = family.mesh, list[Port]()
+    for element, h in enumerate(mesh.lengths):
+        start, end = mesh.span(element)
+        if mesh.constant(mesh.stiffness, element) is not None:
+            ports += _gauss(family, element, start, h, family.degree + 1)
+            continue
+
+        def products(s: Array, element: int = element, start: float = start) -> Array:
+            bent = family.shapes_at(element, s)[:-1]
+            return (np.stack([np.ones_like(s), s - start])[:, None, None] * bent[:, None] * bent) * mesh.stiffness(s)
+
+        gram, first = mesh.integral(start, end, products, mesh.stiffness) / float(mesh.stiffness(0.0))
+        places, vectors = eigh(first, gram)
+        for place, share in zip(places, (gram @ vectors).T, strict=True):
+            *there, rest = family.shapes_at(element, np.array([start + place]))[:, 0].tolist()
+            # In units of the curvature there, whichever sign the vector has.
+            scale = float(np.dot(there, there) / np.dot(share, there))
+            ports.append(Port(element, scale**-2, _clean(scale * share), rest))
+    return tuple(ports)
+
+
+def _jumps(mesh: Mesh, start: float, end: float, *curves: Curve) -> list[float]:
+    """Places between two others where curves jump [m], increasing."""
+    least = SAME * mesh.ends[-1]
+    return sorted({at for curve in curves for at in curve.jumps if start + least < at < end - least})
+
+
+def _gauss(
+    family: Family, element: int, start: float, length: float, count: int, curves: Sequence[Curve] = ()
+) -> Iterator[Port]:
+    """Ports at Gauss's points of a part of an element."""
+    mesh, (nodes, weights) = family.mesh, np.polynomial.legendre.leggauss(count)
+    s = start + 0.5 * length * (nodes + 1.0)
+    measures = 0.5 * length * weights * mesh.stiffness(s) / float(mesh.stiffness(0.0))
+    numbers = np.array([curve(s) for curve in curves]).reshape(len(curves), count)
+    for measure, (*shapes, rest), own in zip(measures, family.shapes_at(element, s).T, numbers.T, strict=True):
+        yield Port(element, float(measure), _clean(np.array(shapes)), float(rest), tuple(own.tolist()))
 
 
 def _clean(shapes: Array) -> list[float]:
