@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import sys
 import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ import casadi as ca
 from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError, Report
+from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Real, Struct, identifiers
 from continuum_grasp.export.layer import DIMENSIONS, Contents
@@ -22,18 +24,6 @@ from continuum_grasp.export.part import Code
 from continuum_grasp.labels import name_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import check_folder, write_text
-
-FLAGS = {
-    "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
-    "gcc": ["-fexcess-precision=fast", "-fno-tree-vectorize"],
-}
-"""Flags with which results are the same to the last bit. Those of gcc: s390x would compute float in double, and 12.2
-fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-contract=off."""
-
-
-def strict_flags(version: str) -> list[str]:
-    """Strict flags of a compiler, by its version text."""
-    return FLAGS["strict"] + ([] if "clang" in version.lower() else FLAGS["gcc"])
 
 
 def manifest(
@@ -88,7 +78,7 @@ def _functions(contents: Contents, report: Report) -> dict[str, Any]:
             "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
             "output": call.output.name,
             "test_cases": report.cases.get(call.name, 0),
-            **_errors(report.errors.get(call.name, ()), "bound"),
+            **_errors(report.errors.get(call.name, ())),
         }
         for call in contents.calls
     }
@@ -97,7 +87,7 @@ def _functions(contents: Contents, report: Report) -> dict[str, Any]:
             "inputs": list(function.inputs),
             "output": function.output,
             "test_cases": report.cases[function.name],
-            **_errors(report.errors.get(function.name, ()), "greatest_seen"),
+            **_errors(report.errors.get(function.name, ())),
             "memory_bytes": {name: int(contents.words[f"{name}_bytes"]) for name in function.types},
         }
         for function in contents.stateful
@@ -162,17 +152,19 @@ def manifest_text(values: Mapping[str, Any]) -> str:
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
 
 
-def _errors(outputs: Sequence[OutputError], what: str) -> dict[str, Any]:
+def _errors(outputs: Sequence[OutputError]) -> dict[str, Any]:
     """Rounding errors of single precision by field; nothing in double precision."""
     if not outputs:
         return {}
-    return {
-        "relative_error": float(f"{max(output.relative for output in outputs):.1g}"),
-        "errors": {
-            output.name: {what: output.bound, "unit": output.unit, "greatest_value": output.greatest}
-            for output in outputs
-        },
-    }
+    errors = {}
+    for output in outputs:
+        values: dict[str, float | None] = {"bound": output.bound}
+        if output.any_call is not None:
+            values = {"usual_call": output.bound, "any_call": output.any_call, "over_the_run": output.over_run}
+        # JSON has no infinity, which is where one build alone gives an output.
+        seen = {name: value and min(value, sys.float_info.max) for name, value in values.items()}
+        errors[output.name] = {**seen, "unit": output.unit, "greatest_value": output.greatest}
+    return {"relative_error": float(f"{max(output.relative for output in outputs):.1g}"), "errors": errors}
 
 
 def entry(field: Field) -> dict[str, Any]:
@@ -192,14 +184,6 @@ def entry(field: Field) -> dict[str, Any]:
 
 
 MANIFEST = "MANIFEST.json"
-
-
-def write_files(folder: Path, files: Mapping[str, str]) -> None:
-    """Write files into a temporary folder, by their paths in it."""
-    for name, text in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
 
 
 def write_package(folder: Path, files: Mapping[str, str]) -> None:

@@ -151,6 +151,8 @@ class Call:
     """C that may return an error once its inputs are in range each."""
     codes: tuple[Code, ...] = ()
     """Warnings and errors that it may return beyond those of every function."""
+    compiled: Reference | None = None
+    """The reference of many rows by compiled C, of the same bits; None where it is no faster."""
 
 
 NUMBER = "number"

@@ -15,8 +15,8 @@ from continuum_grasp.core.compiler import check_tools, said_by, version_of
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.export.accuracy import Report
+from continuum_grasp.export.build import write_files
 from continuum_grasp.export.layer import Contents
-from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.parts.model import moment_note
 from continuum_grasp.export.subject import Subject

@@ -13,9 +13,9 @@ from pathlib import Path
 from continuum_grasp.core.cache import entry_for
 from continuum_grasp.core.compiler import TIMEOUT, said_by, version_of
 from continuum_grasp.errors import SolverError
+from continuum_grasp.export.build import write_files
 from continuum_grasp.export.fields import fill
 from continuum_grasp.export.layer import Contents
-from continuum_grasp.export.manifest import write_files
 
 # Those of templates/wasm/build.sh, so that pages have the bits of packages.
 _FLAGS = ("--target=wasm32", "-nostdlib", "-std=c99", "-O2", "-ffp-contract=off", "-fno-builtin", "-mbulk-memory")

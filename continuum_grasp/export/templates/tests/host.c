@@ -12,3 +12,26 @@ size_t host_size(int which)
   const size_t sizes[] = {<<for name in owners>>sizeof(<<p>>_<<name>>), <<end>>sizeof(check_memory)};
   return sizes[which];
 }
+
+/* Writes the numbers of a member behind each other, or takes them from there. */
+#define PASS(type, member) \
+  for (k = 0; k < sizeof at->member / sizeof(type); ++k, ++number) { \
+    if (taken) ((type *)&at->member)[k] = (type)*number; \
+    else *number = (double)((type *)&at->member)[k]; \
+  }
+#define PASS_STRUCT(type, member) number = pass_##type(&at->member, number, taken);
+
+<<for name, members in passed>>static double *pass_<<name>>(<<name>> *at, double *number, int taken)
+{
+  size_t k;
+<<members>>
+  return number;
+}
+
+<<end>>/* What all functions keep, as doubles: how many numbers. */
+size_t host_kept(check_memory *at, double *numbers, int taken)
+{
+  double *number = numbers;
+<<for type, member in kept>>  PASS_STRUCT(<<type>>, <<member>>)
+<<end>>  return (size_t)(number - numbers);
+}
