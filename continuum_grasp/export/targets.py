@@ -167,6 +167,7 @@ def readme(contents: Contents, report: Report, *, source: str, wasm: bool) -> st
         stateful=_stateful(contents),
         step="step" in names,
         mpc="mpc" in names,
+        springs=finger is not None and finger.structure.has_law("damping"),
         note=f"\n\n{textwrap.fill(note, 118)}" if note else "",
         wasm=wasm,
         cases=sum(report.cases.values()),
