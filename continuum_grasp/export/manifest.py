@@ -8,6 +8,7 @@ import math
 import sys
 import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def _functions(contents: Contents, report: Report) -> dict[str, Any]:
         function.name: {
             "inputs": list(function.inputs),
             "output": function.output,
-            "test_cases": report.cases[function.name],
+            "test_cases": report.cases.get(function.name, 0),
             **_errors(report.errors.get(function.name, ())),
             "memory_bytes": {name: int(contents.words[f"{name}_bytes"]) for name in function.types},
         }
@@ -186,14 +187,32 @@ def entry(field: Field) -> dict[str, Any]:
 MANIFEST = "MANIFEST.json"
 
 
-def write_package(folder: Path, files: Mapping[str, str]) -> None:
+@dataclass(frozen=True)
+class Package:
+    """A package that was written, of C or of functions that CasADi loads.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+    files : tuple of str
+        Paths in it.
+    manifest : dict
+        What ``MANIFEST.json`` holds.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    manifest: dict[str, Any]
+
+
+def write_package(folder: Path, others: Mapping[str, str], values: dict[str, Any]) -> Package:
     """Write every file whole, the manifest last; remove files of an earlier package that are of no more use.
 
     InputError, before anything is written, if a file of that name is there that no export wrote or that was changed. A
     file that an export was interrupted at, or that ends before the end of its text, is replaced.
     """
     check_folder(folder, "export")
-    earlier = _earlier(folder)
+    files, earlier = {**others, MANIFEST: manifest_text(values)}, _earlier(folder)
     for name, text in files.items():
         path = folder / name
         begun = path.is_file() and text.encode().startswith(path.read_bytes())
@@ -205,14 +224,11 @@ def write_package(folder: Path, files: Mapping[str, str]) -> None:
         if path.resolve().is_relative_to(folder.resolve()) and path.is_file() and _digest(path) in earlier[name]:
             path.unlink()
     # Until the end the manifest knows the files of both packages, so that the next export may replace either.
-    both = {
-        name: [*earlier.get(name, ()), hashlib.sha256(text.encode()).hexdigest()]
-        for name, text in files.items()
-        if name != MANIFEST
-    }
+    both = {name: [*earlier.get(name, ()), hashlib.sha256(text.encode()).hexdigest()] for name, text in others.items()}
     write_text(manifest_text({"configuration_hash": "unfinished", "sha256": both}), folder / MANIFEST)
     for name, text in files.items():
         write_text(text, folder / name)
+    return Package(folder, tuple(sorted(files)), values)
 
 
 def _earlier(folder: Path) -> dict[str, list[str]]:

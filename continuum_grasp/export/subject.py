@@ -280,10 +280,11 @@ def _greatest_rates(
 ) -> tuple[float, float]:
     """Greatest spectral radius of the linearized motion, and the rate that an accurate step resolves [1/s].
 
-    Taken at rest, with quadratic damping as the finger springs back, without forces, over shapes within the bending range and the corners of the ranges of the parameters
-    (some of them where they are many); without input, but with tendons that have friction or are wound up as tense as
-    they may be, and contacts open, and pressed in as far as they may be [m]. Friction of contacts is stiff, and need
-    not be resolved: what lands on their springs must be. NumericalError where it is not finite.
+    Taken at rest, with quadratic damping as the finger springs back, without forces, over shapes within the bending
+    range and the corners of the ranges of the parameters (some of them where they are many); without input, but with
+    tendons that have friction or are wound up as tense as they may be, and contacts open, and pressed in as far as they
+    may be [m]. Friction of contacts is stiff, and need not be resolved: what lands on their springs must be.
+    NumericalError where it is not finite.
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
     reach, radius, resolved = np.array([field.high for field in states[: model.n]]), 0.0, 0.0

@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.cost_terms import UNLIMITED
-from continuum_grasp.core.compiler import find_compiler, why_no_compiler
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.control.loop import Loop
@@ -41,29 +39,18 @@ _Call = tuple[int, Array]
 
 
 class _Host:
-    """The functions with memory, compiled on this machine with the strict flags, and run row by row.
-
-    ``sizes`` are the bytes of each type of their memory.
-    """
+    """The functions with memory, compiled on this machine with the strict flags, and run row by row."""
 
     def __init__(self, contents: Contents, files: Mapping[str, str]) -> None:
-        compiler = find_compiler()
-        if compiler is None:
-            raise InputError(f"the vectors of estimator and controller need a C compiler: {why_no_compiler()}")
         self.dtype, prefix = contents.subject.real.dtype, contents.subject.prefix
-        owners = list(dict.fromkeys(name for function in contents.stateful for name in function.types))
-        kept = [(f"{prefix}_{kind}_memory", at) for name in owners for kind, at in _KEPT.get(name, ())]
+        kept = [(f"{prefix}_{kind}_memory", at) for f in contents.stateful for kind, at in _KEPT[f.types[0]]]
         source = contents.fill(
             "tests/host.c",
-            functions=contents.stateful,
-            owners=owners,
             kept=kept,
             passed=_passed(files[f"include/{prefix}_memory.h"], prefix, [kind for kind, _ in kept]).items(),
         )
-        self._library = strict_library(compiler, {**files, "host.c": source})
-        self._library.host_size.restype = ctypes.c_size_t
-        self.sizes = {name: int(self._library.host_size(k)) for k, name in enumerate(owners)}
-        self._memory = ctypes.create_string_buffer(int(self._library.host_size(len(owners))))
+        self._library = strict_library({**files, "host.c": source})
+        self._memory = ctypes.create_string_buffer(ctypes.c_size_t.in_dll(self._library, "host_bytes").value)
 
     def run(self, name: str, row: Array, outputs: int) -> tuple[int, Array]:
         """Code and outputs of a row, after those before."""
@@ -367,18 +354,16 @@ _ROWS = {"mpc": _controller_rows, "estimator_step": _estimator_rows, "mission_st
 def stateful_vectors(
     contents: Contents, double: Contents | None, files: Mapping[str, str]
 ) -> tuple[list[Vectors], dict[str, tuple[OutputError, ...]]]:
-    """Vectors of all such functions by a build on this machine, and their rounding errors; adds the sizes to the words.
+    """Vectors of all such functions by a build on this machine, and their rounding errors.
 
     The error is the difference of the first outputs (command, estimate) from a build in ``double``, where there is one,
     that is called from the same memory: the greatest of the usual rows but for a share of ``_DECIDED``. It is no bound:
     where a measurement is left out by one build alone, or another active set ends the iterations, outputs jump.
     """
     loop, real = contents.subject.loop, contents.subject.real
-    if loop is None:
+    if loop is None or not contents.stateful:
         return [], {}
-    host = _Host(contents, files)
-    contents.words.update((f"{name}_bytes", str(size)) for name, size in host.sizes.items())
-    builds = host, None if double is None else _Host(double, library_files(double))
+    builds = _Host(contents, files), None if double is None else _Host(double, library_files(double))
     structs = {struct.name: struct for part in contents.parts for struct in part.structs}
     vectors, errors = list[Vectors](), dict[str, tuple[OutputError, ...]]()
     for function in contents.stateful:

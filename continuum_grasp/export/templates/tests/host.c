@@ -1,17 +1,13 @@
 #include <stddef.h>
 #include <string.h>
 #include "check.h"
-<<for f in functions|\n>><<f.runner>><<end>>
-<<for f in functions>>int host_<<f.name>>(check_memory *memory, const <<p>>_real *row, <<p>>_real *out)
+<<for f in contents.stateful|\n>><<f.runner>><<end>>
+<<for f in contents.stateful>>int host_<<f.name>>(check_memory *memory, const <<p>>_real *row, <<p>>_real *out)
 {
   return run_<<f.name>>(memory, row, out, 0, 0, 1);
 }
 <<end>>
-size_t host_size(int which)
-{
-  const size_t sizes[] = {<<for name in owners>>sizeof(<<p>>_<<name>>), <<end>>sizeof(check_memory)};
-  return sizes[which];
-}
+const size_t host_bytes = sizeof(check_memory);
 
 /* Writes the numbers of a member behind each other, or takes them from there. */
 #define PASS(type, member) \
