@@ -17,6 +17,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core.precision import check_solvable
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Field, Real, Struct, outside, to_digits
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Rows
@@ -136,6 +137,11 @@ class Subject:
     def system(self) -> System:
         finger, options = self.model.structure.asked
         return self.touching or System(finger, **options)
+
+    @cached_property
+    def control_files(self) -> tuple[dict[str, str], dict[str, str]]:
+        """Files of estimator and controller by path, and the declarations of each part; none without a loop."""
+        return ({}, {}) if self.loop is None else control_sources(self.loop, self.prefix, self.real)
 
     @property
     def start(self) -> list[float]:

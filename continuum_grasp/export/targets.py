@@ -108,15 +108,12 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     """Examples by path; those that step in time, and those that control, only where the package does."""
     subject, names = contents.subject, {part.name for part in contents.parts}
     core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
-    sources = {f"examples/baremetal/{name}": f"examples/baremetal/{name}" for name in _BARE_METAL}
-    files = {path: contents.fill(name, core=core) for path, name in sources.items()}
-    loop = subject.loop
+    files = {name: contents.fill(name, core=core) for name in (f"examples/baremetal/{name}" for name in _BARE_METAL)}
     if "step" in names:
         words = _step_words(subject)
-        sources = {name: name for name in ("examples/loop.c", "examples/cuda/batch.cu")}
-        files |= {path: contents.fill(name, **words) for path, name in sources.items()}
-    if "mpc" in names and loop is not None:
-        wanted = ", ".join(subject.real.literal(float(v)) for v in loop.wanted)
+        files |= {name: contents.fill(name, **words) for name in ("examples/loop.c", "examples/cuda/batch.cu")}
+    if "mpc" in names and subject.loop is not None:
+        wanted = ", ".join(subject.real.literal(float(v)) for v in subject.loop.wanted)
         sources = {"examples/control_loop.c": "examples/control/loop.c"}
         sources |= {"examples/mission_loop.c": "examples/control/mission.c"} if "mission" in names else {}
         read_line = contents.fill("examples/control/read_line.c")
