@@ -314,6 +314,20 @@ def test_calls_from_the_same_memory_agree_although_runs_part(packages):
         assert error["over_the_run"] < 1e-4 * error["greatest_value"]
 
 
+@pytest.mark.deep
+@needs("cc")
+def test_all_memory_is_copied_from_build_to_build():
+    """Every byte but those of interface, settings and parameters, which rows set, and at most three that pad."""
+    files, _, contents = package.package_files(scene("observed"), package.Asked("float"), tested=False)
+    one, other = (replay._Host(contents, files) for _ in range(2))
+    ctypes.memset(one._memory, 1, len(one._memory))
+    other.copy_memory(one)
+    loop, kept = contents.subject.loop, ("estimator", "controller")
+    count = sum(int(contents.words[f"{name}_bytes"]) - 4 - 4 * loop.known.size for name in kept)
+    count -= 4 * loop.settings.size
+    assert count - 3 <= bytes(other._memory).count(1) <= count
+
+
 def test_measurements_of_the_vectors_have_noise():
     """Of 0.1 mm and 1e-2 of other units, so that an estimator has something to do."""
     loop = Loop.of(hand_scene(), REALS["double"], ["estimator", "mpc"])
