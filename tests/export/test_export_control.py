@@ -322,8 +322,8 @@ def test_all_memory_is_copied_from_build_to_build():
     one, other = (replay._Host(contents, files) for _ in range(2))
     ctypes.memset(one._memory, 1, len(one._memory))
     other.copy_memory(one)
-    loop, kept = contents.subject.loop, ("estimator", "controller")
-    count = sum(int(contents.words[f"{name}_bytes"]) - 4 - 4 * loop.known.size for name in kept)
+    loop, owners = contents.subject.loop, ("estimator", "controller")
+    count = sum(int(contents.words[f"{name}_bytes"]) - 4 - 4 * loop.known.size for name in owners)
     count -= 4 * loop.settings.size
     assert count - 3 <= bytes(other._memory).count(1) <= count
 

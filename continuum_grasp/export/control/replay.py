@@ -43,11 +43,11 @@ class _Host:
 
     def __init__(self, contents: Contents, files: Mapping[str, str]) -> None:
         self.dtype, prefix = contents.subject.real.dtype, contents.subject.prefix
-        kept = [(f"{prefix}_{kind}_memory", at) for f in contents.stateful for kind, at in _KEPT[f.types[0]]]
+        retained = [(f"{prefix}_{kind}_memory", at) for f in contents.stateful for kind, at in _RETAINED[f.types[0]]]
         source = contents.fill(
             "tests/host.c",
-            kept=kept,
-            passed=_passed(files[f"include/{prefix}_memory.h"], prefix, [kind for kind, _ in kept]).items(),
+            retained=retained,
+            passed=_passed(files[f"include/{prefix}_memory.h"], prefix, [kind for kind, _ in retained]).items(),
         )
         self._library = strict_library({**files, "host.c": source})
         self._memory = ctypes.create_string_buffer(ctypes.c_size_t.in_dll(self._library, "host_bytes").value)
@@ -62,15 +62,15 @@ class _Host:
         """Keep the same numbers as another build."""
         numbers = np.zeros(len(other._memory))  # as many as there may be: none has less than a byte
         for host, taken in ((other, 0), (self, 1)):
-            host._library.host_kept(host._memory, ctypes.c_void_p(numbers.ctypes.data), taken)
+            host._library.host_retained(host._memory, ctypes.c_void_p(numbers.ctypes.data), taken)
 
 
-_KEPT = {
+_RETAINED = {
     "estimator": [("estimator", "estimator.memory")],
     "controller": [("controller", "controller.memory")],
     "mission": [("controller", "mission.controller.memory"), ("mission", "mission.memory")],
 }
-"""What functions keep beside what rows set: kind of memory and its place, by the type of their owner."""
+"""Memory that functions retain beside what rows set: its kind and its place, by the type of their owner."""
 _STRUCT = re.compile(r"^typedef struct \{\n(.*?)^\} (\w+);", re.MULTILINE | re.DOTALL)
 _COMMENT = re.compile(r"/\*.*?\*/", re.DOTALL)
 _MEMBERS = re.compile(r"^(#.*)$|(signed char|\w+) +(\w[^;]*);", re.MULTILINE)

@@ -24,10 +24,10 @@ const size_t host_bytes = sizeof(check_memory);
   return number;
 }
 
-<<end>>/* What all functions keep, as doubles: how many numbers. */
-size_t host_kept(check_memory *at, double *numbers, int taken)
+<<end>>/* What all functions retain, as doubles: how many numbers. */
+size_t host_retained(check_memory *at, double *numbers, int taken)
 {
   double *number = numbers;
-<<for type, member in kept>>  PASS_STRUCT(<<type>>, <<member>>)
+<<for type, member in retained>>  PASS_STRUCT(<<type>>, <<member>>)
 <<end>>  return (size_t)(number - numbers);
 }
