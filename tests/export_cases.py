@@ -63,8 +63,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "friction": {"substeps": 12},
     "winches": {"substeps": 16},
     "motor": {"substeps": 16},
-    # Commands of tendons that stick jump in single precision; what the drives feel does not.
-    "detector": {"error": 10.0},
     "implicit": {"what": ["implicit_step"], "substeps": 2},
     "seen": {"what": ["shape", "velocities", "contact"], "sections": 5},
     **{name: {"what": ["dynamics", "step"], "step": 1e-7} for name in MANY},

@@ -15,7 +15,7 @@ from continuum_grasp.cli.output import Output, one_of, out_option
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
-    from continuum_grasp.export import CasadiFiles, FunctionalMockupUnit, HingeChain, Package, Page
+    from continuum_grasp.export import FunctionalMockupUnit, HingeChain, Package, Page
 
 SUFFIXES = {"c": "", "fmu": "", "web": ".html", "mjcf": ".xml", "casadi": ""}
 """End of the name of what is written, by the word of ``--to``: folders, and files."""
@@ -236,7 +236,7 @@ def _report_chain(chain: HingeChain, output: Output) -> None:
     )
 
 
-def _report_functions(made: CasadiFiles, output: Output) -> None:
+def _report_functions(made: Package, output: Output) -> None:
     """Print where the functions are, and how one is loaded."""
     names = list(made.manifest["functions"])
     output.pairs(

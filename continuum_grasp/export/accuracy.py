@@ -33,9 +33,13 @@ class OutputError:
     name: str
     unit: str
     bound: float
-    """Greatest difference from double precision, in the unit of the field."""
+    """Greatest difference from double precision, in the unit of the field; of what keeps something, in usual calls."""
     greatest: float
     """Greatest absolute value within the ranges."""
+    any_call: float | None = None
+    """Greatest difference of any call from the same memory; None of what keeps nothing."""
+    over_run: float | None = None
+    """Greatest difference where each build goes on from its own memory."""
 
     @property
     def relative(self) -> float:
@@ -96,8 +100,8 @@ def _differences(narrow: Call, wide: Call, rows: Array, arguments: list[Argument
 
     Zero in rows that are refused, and in those of which a code warns that they are out of range or leave it.
     """
-    computed, codes = narrow.reference(split(rows, arguments))
-    true, _ = wide.reference(split(rows.astype(REALS["double"].dtype), arguments))
+    computed, codes = (narrow.compiled or narrow.reference)(split(rows, arguments))
+    true, _ = (wide.compiled or wide.reference)(split(rows.astype(REALS["double"].dtype), arguments))
     good = ((codes >= 0) & (codes != Code.WARN_LEFT_RANGE))[:, None]
     with np.errstate(invalid="ignore"):
         return np.where(good, np.abs(computed - true), 0.0), np.where(good, np.abs(true), 0.0)

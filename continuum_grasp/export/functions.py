@@ -6,45 +6,23 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.manifest import MANIFEST, manifest_text, model_description, write_package
+from continuum_grasp.export.manifest import Package, model_description, write_package
 from continuum_grasp.export.source import Given, chosen, source_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.functions import function_names
 from continuum_grasp.results.atomic import check_folder
 
 
-@dataclass(frozen=True)
-class CasadiFiles:
-    """Functions of a finger as files that CasADi loads in Python, C++, MATLAB and Octave.
-
-    Attributes
-    ----------
-    folder : pathlib.Path
-        Folder of the files.
-    files : tuple of str
-        Names of the files: one per function, and the manifest.
-    manifest : dict
-        Content of ``MANIFEST.json``: inputs and outputs of each function, names and units of their entries, nominal
-        parameters, and the version of CasADi, which reads files of its own version and of older ones.
-    """
-
-    folder: Path
-    files: tuple[str, ...]
-    manifest: dict[str, Any]
-
-
 @interrupt.computing()
 @check_arguments
-def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequence[str] | None = None) -> CasadiFiles:
+def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequence[str] | None = None) -> Package:
     """Write the functions of a finger as files of CasADi, for programs that have CasADi and not this package.
 
     ``casadi.Function.load("tip.casadi")`` in Python, ``casadi::Function::load`` in C++ and ``casadi.Function.load`` in
@@ -62,7 +40,9 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
 
     Returns
     -------
-    CasadiFiles
+    Package
+        One file per function; the manifest has inputs and outputs of each, names and units of their entries, nominal
+        parameters, and the version of CasADi, which reads files of its own version and of older ones.
 
     Raises
     ------
@@ -107,9 +87,7 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
         "configuration": source.configuration,
         "sha256": digests,
     }
-    files[MANIFEST] = manifest_text(values)
-    write_package(Path(folder), files)
-    return CasadiFiles(Path(folder), tuple(sorted(files)), values)
+    return write_package(Path(folder), files, values)
 
 
 def _stored(function: ca.Function) -> str:

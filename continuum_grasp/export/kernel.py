@@ -7,8 +7,10 @@ so that every compiler that keeps to IEEE 754 (and does not fuse multiplications
 
 from __future__ import annotations
 
+import ctypes
 from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import casadi as ca
@@ -16,10 +18,12 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.core.calls import straight_function
+from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.lanes import OPERATORS
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import Real
-from continuum_grasp.export.strict_math import FUNCTIONS, reference
+from continuum_grasp.export.build import strict_library
+from continuum_grasp.export.fields import Real, fill
+from continuum_grasp.export.strict_math import FUNCTIONS, c_source, reference
 
 _NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP_")}
 _C: dict[int, str] = OPERATORS | {
@@ -199,3 +203,22 @@ class Kernel:
                 else:
                     values[results[0]] = _NUMPY[operation](*(values[a] for a in arguments))
         return outputs
+
+    def compiled(self, real: Real) -> Callable[..., dict[str, Array]]:
+        """``evaluate`` by the C itself, in a quarter of the time for many rows; by numpy without a compiler."""
+        if find_compiler() is None:
+            return partial(self.evaluate, real)
+        arguments = [*self.inputs.items(), *self.outputs.items()]
+        source = f"{c_source(self.calls, real, 'c')}\n{self.c_source('c', real)}"
+        words = {"real": real.name, "source": source, "arguments": arguments, "kernel": self.name}
+        library = strict_library({"rows.c": fill("tests/rows.c", words)})
+
+        def evaluate(**rows: Array) -> dict[str, Array]:
+            count = len(rows[next(iter(self.inputs))])
+            outputs = {name: np.zeros((count, size), dtype=real.dtype) for name, size in self.outputs.items()}
+            given = [np.ascontiguousarray(rows[name], dtype=real.dtype) for name in self.inputs]
+            pointers = (ctypes.c_void_p(array.ctypes.data) for array in (*given, *outputs.values()))
+            library.rows(ctypes.c_long(count), *pointers)
+            return outputs
+
+        return evaluate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import textwrap
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from functools import cached_property
 
 from continuum_grasp import __version__
 from continuum_grasp.core.source import filled
+from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.fields import LINE, Struct, each_once, fill
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Call, Code, Part, Stateful
@@ -186,7 +188,6 @@ def _layer_source(contents: Contents) -> str:
     start = ", ".join(map(subject.real.literal, subject.start)) if begun else ""
     functions += [contents.fill("state.c", start=start)] if begun else []
     functions += [_function(contents, call) for call in calls]
-    functions += [part.definitions for part in contents.parts if part.definitions]
     return contents.fill(
         "layer.c",
         bounds="\n".join(struct.bounds(prefix, subject.real, f"{prefix.upper()}_API ") for struct in checked),
@@ -213,6 +214,16 @@ def library_files(contents: Contents) -> dict[str, str]:
         "tests/check.h": contents.fill("tests/check.h"),
         **sources,
     }
+
+
+def add_sizes(contents: Contents) -> None:
+    """Add the bytes of what functions keep and work in to the words, by the headers alone."""
+    types = [name for function in contents.stateful for name in function.types]
+    headers = {path: text for path, text in contents.sources.items() if path.startswith("include/")}
+    headers[f"include/{contents.subject.prefix}.h"] = _header(replace(contents, words={**contents.words, "hash": ""}))
+    library = strict_library({**headers, "sizes.c": contents.fill("tests/sizes.c", types=types)})
+    sizes = (ctypes.c_size_t * len(types)).in_dll(library, "sizes")
+    contents.words.update((f"{name}_bytes", str(size)) for name, size in zip(types, sizes, strict=True))
 
 
 def _function(contents: Contents, call: Call) -> str:

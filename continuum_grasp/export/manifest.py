@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import sys
 import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ import casadi as ca
 from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError, Report
+from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Real, Struct, identifiers
 from continuum_grasp.export.layer import DIMENSIONS, Contents
@@ -22,18 +25,6 @@ from continuum_grasp.export.part import Code
 from continuum_grasp.labels import name_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import check_folder, write_text
-
-FLAGS = {
-    "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
-    "gcc": ["-fexcess-precision=fast", "-fno-tree-vectorize"],
-}
-"""Flags with which results are the same to the last bit. Those of gcc: s390x would compute float in double, and 12.2
-fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-contract=off."""
-
-
-def strict_flags(version: str) -> list[str]:
-    """Strict flags of a compiler, by its version text."""
-    return FLAGS["strict"] + ([] if "clang" in version.lower() else FLAGS["gcc"])
 
 
 def manifest(
@@ -88,7 +79,7 @@ def _functions(contents: Contents, report: Report) -> dict[str, Any]:
             "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
             "output": call.output.name,
             "test_cases": report.cases.get(call.name, 0),
-            **_errors(report.errors.get(call.name, ()), "bound"),
+            **_errors(report.errors.get(call.name, ())),
         }
         for call in contents.calls
     }
@@ -96,8 +87,8 @@ def _functions(contents: Contents, report: Report) -> dict[str, Any]:
         function.name: {
             "inputs": list(function.inputs),
             "output": function.output,
-            "test_cases": report.cases[function.name],
-            **_errors(report.errors.get(function.name, ()), "greatest_seen"),
+            "test_cases": report.cases.get(function.name, 0),
+            **_errors(report.errors.get(function.name, ())),
             "memory_bytes": {name: int(contents.words[f"{name}_bytes"]) for name in function.types},
         }
         for function in contents.stateful
@@ -162,17 +153,19 @@ def manifest_text(values: Mapping[str, Any]) -> str:
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
 
 
-def _errors(outputs: Sequence[OutputError], what: str) -> dict[str, Any]:
+def _errors(outputs: Sequence[OutputError]) -> dict[str, Any]:
     """Rounding errors of single precision by field; nothing in double precision."""
     if not outputs:
         return {}
-    return {
-        "relative_error": float(f"{max(output.relative for output in outputs):.1g}"),
-        "errors": {
-            output.name: {what: output.bound, "unit": output.unit, "greatest_value": output.greatest}
-            for output in outputs
-        },
-    }
+    errors = {}
+    for output in outputs:
+        values: dict[str, float | None] = {"bound": output.bound}
+        if output.any_call is not None:
+            values = {"usual_call": output.bound, "any_call": output.any_call, "over_the_run": output.over_run}
+        # JSON has no infinity, which is where one build alone gives an output.
+        seen = {name: value and min(value, sys.float_info.max) for name, value in values.items()}
+        errors[output.name] = {**seen, "unit": output.unit, "greatest_value": output.greatest}
+    return {"relative_error": float(f"{max(output.relative for output in outputs):.1g}"), "errors": errors}
 
 
 def entry(field: Field) -> dict[str, Any]:
@@ -194,22 +187,32 @@ def entry(field: Field) -> dict[str, Any]:
 MANIFEST = "MANIFEST.json"
 
 
-def write_files(folder: Path, files: Mapping[str, str]) -> None:
-    """Write files into a temporary folder, by their paths in it."""
-    for name, text in files.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+@dataclass(frozen=True)
+class Package:
+    """A package that was written, of C or of functions that CasADi loads.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+    files : tuple of str
+        Paths in it.
+    manifest : dict
+        What ``MANIFEST.json`` holds.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    manifest: dict[str, Any]
 
 
-def write_package(folder: Path, files: Mapping[str, str]) -> None:
+def write_package(folder: Path, others: Mapping[str, str], values: dict[str, Any]) -> Package:
     """Write every file whole, the manifest last; remove files of an earlier package that are of no more use.
 
     InputError, before anything is written, if a file of that name is there that no export wrote or that was changed. A
     file that an export was interrupted at, or that ends before the end of its text, is replaced.
     """
     check_folder(folder, "export")
-    earlier = _earlier(folder)
+    files, earlier = {**others, MANIFEST: manifest_text(values)}, _earlier(folder)
     for name, text in files.items():
         path = folder / name
         begun = path.is_file() and text.encode().startswith(path.read_bytes())
@@ -221,14 +224,11 @@ def write_package(folder: Path, files: Mapping[str, str]) -> None:
         if path.resolve().is_relative_to(folder.resolve()) and path.is_file() and _digest(path) in earlier[name]:
             path.unlink()
     # Until the end the manifest knows the files of both packages, so that the next export may replace either.
-    both = {
-        name: [*earlier.get(name, ()), hashlib.sha256(text.encode()).hexdigest()]
-        for name, text in files.items()
-        if name != MANIFEST
-    }
+    both = {name: [*earlier.get(name, ()), hashlib.sha256(text.encode()).hexdigest()] for name, text in others.items()}
     write_text(manifest_text({"configuration_hash": "unfinished", "sha256": both}), folder / MANIFEST)
     for name, text in files.items():
         write_text(text, folder / name)
+    return Package(folder, tuple(sorted(files)), values)
 
 
 def _earlier(folder: Path) -> dict[str, list[str]]:

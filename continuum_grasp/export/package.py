@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,8 +19,8 @@ from continuum_grasp.export.control.loop import Loop, Phases
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
 from continuum_grasp.export.fields import REALS, Real
-from continuum_grasp.export.layer import Contents, abi_of, library_files
-from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
+from continuum_grasp.export.layer import Contents, abi_of, add_sizes, library_files
+from continuum_grasp.export.manifest import Package, manifest, write_package
 from continuum_grasp.export.part import Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
 from continuum_grasp.export.source import (
@@ -56,24 +56,6 @@ _LOOP = Consumer(
         "controller.deadline": "the caller has the clock, and says whether the last command was late",
     },
 )
-
-
-@dataclass(frozen=True)
-class Package:
-    """A package that was written.
-
-    Attributes
-    ----------
-    folder : pathlib.Path
-    files : tuple of str
-        Paths in it.
-    manifest : dict
-        What ``MANIFEST.json`` holds.
-    """
-
-    folder: Path
-    files: tuple[str, ...]
-    manifest: dict[str, Any]
 
 
 @interrupt.computing()
@@ -157,8 +139,7 @@ def export_c(
     check_folder(folder, "export")
     asked = Asked(real, what, prefix, target, ranges, step, substeps, sections, error, measured, finger)
     files, values, _ = package_files(given, asked)
-    write_package(Path(folder), files)
-    return Package(Path(folder), tuple(sorted(files)), values)
+    return write_package(Path(folder), files, values)
 
 
 class Asked(NamedTuple):
@@ -199,7 +180,6 @@ def package_files(
     if tested:
         files["README.md"] = readme(contents, report, source=source.name, wasm=target == "wasm")
     values = manifest(contents, report, target=target, files=files, configuration=source.configuration)
-    files[MANIFEST] = manifest_text(values)
     return files, values, contents
 
 
@@ -215,15 +195,14 @@ def _checked(
         for seed, (narrow, true) in enumerate(zip(contents.calls, double.calls, strict=True)):
             errors[narrow.name] = error_bounds(subject, narrow, true, seed)
         check_errors(subject.real, errors, limit)
-    vectors = vectors_of(subject, contents.calls) if tested else []
-    files = library_files(contents)
     if contents.stateful:
-        added, more = stateful_vectors(contents, double, files)
-        check_errors(subject.real, more, limit)
-        vectors += added
-        errors |= more
-        files = library_files(contents)  # again: now with the bytes of the memory
-    return vectors, files, errors
+        add_sizes(contents)
+    files = library_files(contents)
+    if not tested:
+        return [], files, errors
+    vectors, more = stateful_vectors(contents, double, files)
+    check_errors(subject.real, more, limit)
+    return [*vectors_of(subject, contents.calls), *vectors], files, errors | more
 
 
 def controller_of(scene: ControlScene, phases: Callable[[Stages], Phases] | None = None) -> tuple[Contents, Loop]:

@@ -151,6 +151,8 @@ class Call:
     """C that may return an error once its inputs are in range each."""
     codes: tuple[Code, ...] = ()
     """Warnings and errors that it may return beyond those of every function."""
+    compiled: Reference | None = None
+    """The reference of many rows by compiled C, of the same bits; None where it is no faster."""
 
 
 NUMBER = "number"
@@ -195,8 +197,6 @@ class Part:
     """C expressions of ``#define``s of the header, by name behind the prefix."""
     declarations: str = ""
     """C of the header behind the functions of ``calls``: further functions and what they need."""
-    definitions: str = ""
-    """C of the checked layer behind the functions of ``calls``."""
     sources: Mapping[str, str] = field(default_factory=dict)
     """Further files, by path in the package; C under ``src`` becomes part of the library."""
     further: tuple[Struct, ...] = ()

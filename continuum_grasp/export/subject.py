@@ -17,6 +17,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core.precision import check_solvable
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Field, Real, Struct, outside, to_digits
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Rows
@@ -32,7 +33,7 @@ from continuum_grasp.export.ranges import (
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.simulation.spectrum import SLIDING, spring_frequency
+from continuum_grasp.simulation.spectrum import SLIDING, rates_sprung_back, spring_frequency
 
 T = TypeVar("T")
 _NO_STATE, _NO_INPUT = Struct("state", "", ()), Struct("input", "", ())
@@ -136,6 +137,11 @@ class Subject:
     def system(self) -> System:
         finger, options = self.model.structure.asked
         return self.touching or System(finger, **options)
+
+    @cached_property
+    def control_files(self) -> tuple[dict[str, str], dict[str, str]]:
+        """Files of estimator and controller by path, and the declarations of each part; none without a loop."""
+        return ({}, {}) if self.loop is None else control_sources(self.loop, self.prefix, self.real)
 
     @property
     def start(self) -> list[float]:
@@ -280,10 +286,11 @@ def _greatest_rates(
 ) -> tuple[float, float]:
     """Greatest spectral radius of the linearized motion, and the rate that an accurate step resolves [1/s].
 
-    Taken at rest, without forces, over shapes within the bending range and the corners of the ranges of the parameters
-    (some of them where they are many); without input, but with tendons that have friction or are wound up as tense as
-    they may be, and contacts open, and pressed in as far as they may be [m]. Friction of contacts is stiff, and need
-    not be resolved: what lands on their springs must be. NumericalError where it is not finite.
+    Taken at rest, with quadratic damping as the finger springs back, without forces, over shapes within the bending
+    range and the corners of the ranges of the parameters (some of them where they are many); without input, but with
+    tendons that have friction or are wound up as tense as they may be, and contacts open, and pressed in as far as they
+    may be [m]. Friction of contacts is stiff, and need not be resolved: what lands on their springs must be.
+    NumericalError where it is not finite.
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
     reach, radius, resolved = np.array([field.high for field in states[: model.n]]), 0.0, 0.0
@@ -292,6 +299,7 @@ def _greatest_rates(
         for shape in _shapes(reach, rng):
             for rest, u in _driven(model, shape, p[: model.np]):
                 x = np.concatenate([shape, np.zeros(model.n), rest])
+                x[model.n : 2 * model.n] = rates_sprung_back(model, x, u, p[: model.np])
                 slopes = _slopes(moving, x, u, p, pressed)
                 if not np.isfinite(slopes).all():
                     raise NumericalError(

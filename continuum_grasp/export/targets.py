@@ -15,8 +15,8 @@ from continuum_grasp.core.compiler import check_tools, said_by, version_of
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.export.accuracy import Report
+from continuum_grasp.export.build import write_files
 from continuum_grasp.export.layer import Contents
-from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.parts.model import moment_note
 from continuum_grasp.export.subject import Subject
@@ -108,15 +108,12 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     """Examples by path; those that step in time, and those that control, only where the package does."""
     subject, names = contents.subject, {part.name for part in contents.parts}
     core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
-    sources = {f"examples/baremetal/{name}": f"examples/baremetal/{name}" for name in _BARE_METAL}
-    files = {path: contents.fill(name, core=core) for path, name in sources.items()}
-    loop = subject.loop
+    files = {name: contents.fill(name, core=core) for name in (f"examples/baremetal/{name}" for name in _BARE_METAL)}
     if "step" in names:
         words = _step_words(subject)
-        sources = {name: name for name in ("examples/loop.c", "examples/cuda/batch.cu")}
-        files |= {path: contents.fill(name, **words) for path, name in sources.items()}
-    if "mpc" in names and loop is not None:
-        wanted = ", ".join(subject.real.literal(float(v)) for v in loop.wanted)
+        files |= {name: contents.fill(name, **words) for name in ("examples/loop.c", "examples/cuda/batch.cu")}
+    if "mpc" in names and subject.loop is not None:
+        wanted = ", ".join(subject.real.literal(float(v)) for v in subject.loop.wanted)
         sources = {"examples/control_loop.c": "examples/control/loop.c"}
         sources |= {"examples/mission_loop.c": "examples/control/mission.c"} if "mission" in names else {}
         read_line = contents.fill("examples/control/read_line.c")
@@ -167,6 +164,7 @@ def readme(contents: Contents, report: Report, *, source: str, wasm: bool) -> st
         stateful=_stateful(contents),
         step="step" in names,
         mpc="mpc" in names,
+        springs=finger is not None and finger.structure.has_law("damping"),
         note=f"\n\n{textwrap.fill(note, 118)}" if note else "",
         wasm=wasm,
         cases=sum(report.cases.values()),

@@ -486,6 +486,19 @@ def test_steps_that_the_return_of_dry_friction_does_not_allow_are_refused(tmp_pa
     export_c(scene("arcs"), tmp_path / "without", what=["step"], step=0.004, substeps=1)
 
 
+def test_steps_bear_the_quadratic_damping_of_a_finger_that_springs_back():
+    """From half of its bending range, from which sub-steps for a finger at rest end in numbers that are not finite."""
+    given = scene("arcs").changed({"finger.damping.quadratic": 1e-5})
+    subject = Subject.of(FingerModel(given), "finger", REALS["double"], {}, longest=1e-3)
+    rows = {"p": np.zeros((1, 0)), "u": np.zeros((1, 2)), "w": np.zeros((1, 0)), "h": np.full((1, 1), 1e-3)}
+    x = np.zeros((1, subject.model.nx))
+    x[0, :2] = bend = 0.5 * np.array([field.high for field in subject.state.fields[:2]])
+    for _ in range(3):
+        x, codes = PARTS["step"](subject).calls[0].reference({**rows, "x": x})
+        assert codes[0] >= 0
+    assert 0.5 * bend.sum() < x[0, :2].sum() < bend.sum()
+
+
 def test_a_parameter_of_zero_needs_its_range(tmp_path):
     model = FingerModel(scene("tendons").finger, family="arc", parameters=("per_arc_damping",))
     with pytest.raises(InputError, match="per_arc_damping: its nominal value is zero"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import math
 import warnings
 from functools import lru_cache
@@ -14,7 +15,7 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
-from continuum_grasp.export import export_c
+from continuum_grasp.export import export_c, package
 from continuum_grasp.export.control import replay
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS, identifiers, unit_of
@@ -276,6 +277,55 @@ def test_parts_may_be_chosen(what, tmp_path):
     (program,) = compile_programs("cc", tmp_path, tmp_path, "main", *STRICT, *WARNINGS, "-O1")
     assert " 0 of" in run(program)
     assert "finger_" not in "".join(path.read_text() for path in (tmp_path / "src").iterdir())
+
+
+FAULTS = {
+    "a constant": ("kernels", "0.09f * ", "0.1f * "),
+    "a term": ("control", "memcpy(z[k + 1], o->defect[at],", "memset(z[k + 1], 0,"),
+}
+"""What is wrong in single precision: the file, what stands there, and what instead."""
+
+
+@needs("cc")
+@pytest.mark.parametrize("fault", few([*FAULTS], 1))
+def test_a_build_in_single_precision_that_is_wrong_is_refused(fault, monkeypatch, tmp_path):
+    file, was, instead = FAULTS[fault]
+    library_files = package.library_files
+
+    def broken(contents):
+        files = library_files(contents)
+        assert was in files[f"src/finger_{file}.c"]
+        return files | {f"src/finger_{file}.c": files[f"src/finger_{file}.c"].replace(was, instead)}
+
+    monkeypatch.setattr(package, "library_files", broken)
+    with pytest.raises(InputError, match="float gives mpc a relative error of"):
+        export_c(scene("given"), tmp_path, real="float")
+
+
+@pytest.mark.deep
+@needs("cc")
+def test_calls_from_the_same_memory_agree_although_runs_part(packages):
+    """Of a controller for which rounding decides now and then whether a tendon sticks."""
+    functions = json.loads((packages("detector", "float") / "MANIFEST.json").read_text())["functions"]
+    (command,) = functions["mpc"]["errors"].values()
+    assert command["usual_call"] < 1e-5 * command["greatest_value"]
+    assert min(command["any_call"], command["over_the_run"]) > 0.1 * command["greatest_value"]
+    for error in functions["estimator_step"]["errors"].values():
+        assert error["over_the_run"] < 1e-4 * error["greatest_value"]
+
+
+@pytest.mark.deep
+@needs("cc")
+def test_all_memory_is_copied_from_build_to_build():
+    """Every byte but those of interface, settings and parameters, which rows set, and at most three that pad."""
+    files, _, contents = package.package_files(scene("observed"), package.Asked("float"), tested=False)
+    one, other = (replay._Host(contents, files) for _ in range(2))
+    ctypes.memset(one._memory, 1, len(one._memory))
+    other.copy_memory(one)
+    loop, owners = contents.subject.loop, ("estimator", "controller")
+    count = sum(int(contents.words[f"{name}_bytes"]) - 4 - 4 * loop.known.size for name in owners)
+    count -= 4 * loop.settings.size
+    assert count - 3 <= bytes(other._memory).count(1) <= count
 
 
 def test_measurements_of_the_vectors_have_noise():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import zipfile
 from hashlib import sha256
 
@@ -65,14 +64,13 @@ def test_a_chain_replaces_its_own_files_and_no_foreign_table(tmp_path):
 def test_what_was_torn_or_interrupted_does_not_block_the_next_export(tmp_path, monkeypatch):
     def files(a, b):
         digests = {name: sha256(text.encode()).hexdigest() for name, text in (("src/a.c", a), ("b.c", b))}
-        manifest = json.dumps({"configuration_hash": a, "sha256": digests})
-        return {"src/a.c": a, "b.c": b, "MANIFEST.json": manifest}
+        return {"src/a.c": a, "b.c": b}, {"configuration_hash": a, "sha256": digests}
 
     first = files("int a;\nint b;\n", "int c;\n")
-    write_package(tmp_path, first)
+    write_package(tmp_path, *first)
     (tmp_path / "src/a.c").write_text("int a;\nin")  # as a full disk leaves it
-    write_package(tmp_path, first)
-    assert (tmp_path / "src/a.c").read_text() == first["src/a.c"]
+    write_package(tmp_path, *first)
+    assert (tmp_path / "src/a.c").read_text() == first[0]["src/a.c"]
     second, third = files("2;\n", "-2;\n"), files("3;\n", "-3;\n")
 
     def stopped(text, path):
@@ -83,10 +81,10 @@ def test_what_was_torn_or_interrupted_does_not_block_the_next_export(tmp_path, m
     with monkeypatch.context() as patched:
         patched.setattr("continuum_grasp.export.manifest.write_text", stopped)
         with pytest.raises(KeyboardInterrupt):
-            write_package(tmp_path, second)
-    assert ((tmp_path / "src/a.c").read_text(), (tmp_path / "b.c").read_text()) == ("2;\n", first["b.c"])
-    write_package(tmp_path, third)
+            write_package(tmp_path, *second)
+    assert ((tmp_path / "src/a.c").read_text(), (tmp_path / "b.c").read_text()) == ("2;\n", first[0]["b.c"])
+    write_package(tmp_path, *third)
     assert (tmp_path / "b.c").read_text() == "-3;\n"
     (tmp_path / "b.c").write_text("-3; /* mine */\n")
     with pytest.raises(InputError, match="is not as an export left it"):
-        write_package(tmp_path, second)
+        write_package(tmp_path, *second)

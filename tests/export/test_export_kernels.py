@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.manifest import FLAGS
 from continuum_grasp.export.strict_math import reference
 from tests.export_cases import STRICT, needs, run
 

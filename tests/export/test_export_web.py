@@ -17,10 +17,10 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.build import wasm_module
 from continuum_grasp.export.web.page import plant_exports
 from continuum_grasp.export.web.plant import PUSHED, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import loop_record, trajectory_record
-from continuum_grasp.export.web.wasm import compiled
 from continuum_grasp.results.motion import MotionResult
 from tests.export_cases import loop_scene, needs
 
@@ -109,7 +109,7 @@ def test_a_hand_pushes_where_it_is(release, tmp_path):
 def test_the_same_bits_in_webassembly(tmp_path):
     plant = plant_of_scene(cg.load("configs/simulate/close_on_mug.yaml"))
     library, arrays = native(plant, tmp_path)
-    (tmp_path / "plant.wasm").write_bytes(compiled({"plant.c": plant.source}, plant_exports(plant)))
+    (tmp_path / "plant.wasm").write_bytes(wasm_module({"plant.c": plant.source}, plant_exports(plant)))
     (tmp_path / "run.mjs").write_text(
         """
 import { readFile } from "node:fs/promises";

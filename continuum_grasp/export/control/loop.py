@@ -19,6 +19,7 @@ from continuum_grasp.control.parts import ControlParts, Settings, free_ranges
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.control.status import CALL_RATE
+from continuum_grasp.export.control.kernels import Adapter, adapters_of
 from continuum_grasp.export.fields import Field, Real, Struct, identifiers, named_fields, unit_of
 from continuum_grasp.scene.control import ControlScene
 
@@ -267,6 +268,11 @@ class Loop(ControlParts):
     def nominal_settings(self) -> Array:
         """Values of ``settings`` that the scene gives."""
         return np.concatenate([np.ravel(getattr(self.stages, member)) for member in CHANGEABLE])
+
+    @cached_property
+    def adapters(self) -> list[Adapter]:
+        """Kernels of ``functions`` and of those that they call, and how C calls them."""
+        return adapters_of(self.functions)
 
     @cached_property
     def functions(self) -> tuple[ca.Function, ...]:

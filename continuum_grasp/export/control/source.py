@@ -18,7 +18,6 @@ from continuum_grasp.control.rti.source import dimensions, iteration_bodies, tem
 from continuum_grasp.control.status import ANOMALY_TEXTS, MEASUREMENT_TEXTS, Anomaly, Verdict
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.precision import TOKEN, literal
-from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import DIAGNOSIS, Loop
 from continuum_grasp.export.fields import Real, each_once, fill, identifiers
 from continuum_grasp.export.strict_math import c_source
@@ -174,7 +173,7 @@ class _Writer:
     # -- the source ---------------------------------------------------------------------------------------------------
 
     def adapters(self) -> str:
-        texts = [adapter.c_source(self.prefix) for adapter in adapters_of(self.loop.functions)]
+        texts = [adapter.c_source(self.prefix) for adapter in self.loop.adapters]
         texts += [calls_source(f, "real", repr) for f in self.loop.functions if not f.is_a("SXFunction")]
         return self.renamed("\n".join(texts))
 

@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
+from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.fields import Field, identifiers, named_fields
-from continuum_grasp.export.manifest import FLAGS
 from continuum_grasp.export.package import Asked, package_files
 from continuum_grasp.export.parts.seen import TOUCH
 

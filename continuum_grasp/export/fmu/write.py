@@ -23,12 +23,13 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.compiler import LONG, CompileError, find_compiler, quick_compile, why_no_compiler
 from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.build import strict_flags, write_files
 from continuum_grasp.export.fields import fill
 from continuum_grasp.export.fmu.controller import controller_unit
 from continuum_grasp.export.fmu.description import model_description
 from continuum_grasp.export.fmu.plant import finger_unit, loop_plant_unit
 from continuum_grasp.export.fmu.variable import Unit
-from continuum_grasp.export.manifest import check_file, is_unit, manifest_text, strict_flags, write_files
+from continuum_grasp.export.manifest import check_file, is_unit, manifest_text
 from continuum_grasp.export.source import chosen, names_of, prefix_of
 from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.results.atomic import replacing

@@ -8,9 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import cast
 
-from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Struct, fill
 from continuum_grasp.export.part import NUMBER, ROW_FLAGS, Code, Method, Part, Stateful
 from continuum_grasp.export.subject import Subject
@@ -99,7 +97,7 @@ def _methods(header: str, prefix: str, owner: str, step: str) -> tuple[Method, .
 
 def _part(subject: Subject, name: str, structs: Sequence[Struct], codes: tuple[Code, ...], function: Stateful) -> Part:
     loop = _loop(subject)
-    files, declared = control_sources(loop, subject.prefix, subject.real)
+    files, declared = subject.control_files
     methods = _methods(declared[name], subject.prefix, function.types[0], function.name)
     constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
     if name == "mpc":
@@ -107,7 +105,7 @@ def _part(subject: Subject, name: str, structs: Sequence[Struct], codes: tuple[C
         constants["NODES"] = f"{loop.nodes} /* {nodes} */"
     return Part(
         name,
-        [adapter.kernel for adapter in adapters_of(loop.functions) if adapter.kernel is not None],
+        [adapter.kernel for adapter in loop.adapters if adapter.kernel is not None],
         (),
         constants,
         declarations=declared[name],

@@ -6,6 +6,7 @@ A step is one of the classical Runge-Kutta method of order 4, which calls the dy
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
@@ -220,20 +221,25 @@ def moment_note(subject: Subject) -> str:
     return ""
 
 
+Steps = Callable[[Rows], tuple[Array, Array, Array]]
+
+
 def stepping(
     subject: Subject,
     name: str,
     text: str,
     longest: float,
     body: str,
-    steps: Callable[[Rows], tuple[Array, Array, Array]],
+    steps: Steps,
+    compiled: Steps | None = None,
 ) -> Call:
     """A public function of steps up to the longest [s].
 
-    ``steps`` are rows of results, codes of results themselves, and which steps are too long to be accurate.
+    ``steps`` gives rows of results, codes of results themselves, and which steps are too long to be accurate;
+    ``compiled`` does the same by C.
     """
 
-    def reference(rows: Rows) -> tuple[Array, Array]:
+    def reference(rows: Rows, steps: Steps = steps) -> tuple[Array, Array]:
         result, codes, coarse = steps(rows)
         codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes)
         codes = np.where((codes == Code.OK) & coarse, Code.WARN_COARSE_STEP, codes)
@@ -251,9 +257,12 @@ def stepping(
         reference,
         subject.guard_source,
         (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
+        compiled and partial(reference, steps=compiled),
     )
 
 
+_MANY = 8
+"""Sub-steps from which compiling the dynamics takes less time than rows of steps by numpy [1]."""
 _STEP = "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4."
 
 
@@ -262,7 +271,7 @@ def step(subject: Subject) -> Part:
     kernel, real = _dynamics_kernel(subject), subject.real
     coarse, longest = subject.accurate_step, subject.longest_step
 
-    def runge_kutta(rows: Rows) -> tuple[Array, Array, Array]:
+    def runge_kutta(rows: Rows, evaluate: Callable[..., dict[str, Array]]) -> tuple[Array, Array, Array]:
         # The order of operations is that of step.c, for the same bits.
         t = real.dtype
         x, part = rows["x"], rows["h"] / t(subject.substeps)
@@ -271,7 +280,7 @@ def step(subject: Subject) -> Part:
             for _ in range(subject.substeps):
                 point, total = x, np.zeros_like(x)
                 for weight, ahead in ((1, half), (2, half), (2, part), (1, half)):
-                    rate = kernel.evaluate(real, **{**rows, "x": point})["xd"]
+                    rate = evaluate(**{**rows, "x": point})["xd"]
                     total = total + t(weight) * rate
                     point = x + ahead * rate
                 x = x + sixth * total
@@ -285,7 +294,16 @@ def step(subject: Subject) -> Part:
         **{name: real.literal(value) for name, value in numbers.items()},
         "left_range": subject.left_range("result"),
     }
-    call = stepping(subject, "step", _STEP, longest, fill("step.c", words), runge_kutta)
+    compiled = cache(partial(kernel.compiled, real))
+    call = stepping(
+        subject,
+        "step",
+        _STEP,
+        longest,
+        fill("step.c", words),
+        partial(runge_kutta, evaluate=partial(kernel.evaluate, real)),
+        None if subject.substeps < _MANY else lambda rows: runge_kutta(rows, compiled()),
+    )
     constants = {
         "SUBSTEPS": str(subject.substeps),
         "LONGEST_STEP": real.literal(longest),

@@ -8,7 +8,9 @@ import html
 import json
 import math
 import os
-from collections.abc import Callable, Sequence
+import re
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -27,16 +29,16 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.compiler import check_tools
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
+from continuum_grasp.export.build import clang, wasm_module, write_files
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import fill, identifiers
-from continuum_grasp.export.layer import library_files
+from continuum_grasp.export.layer import Contents, library_files
 from continuum_grasp.export.manifest import check_file
 from continuum_grasp.export.package import controller_of
 from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.source import assigned, phases_of
 from continuum_grasp.export.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
-from continuum_grasp.export.web.wasm import add_sizes, compiled
 from continuum_grasp.labels import name_of
 from continuum_grasp.mission.assignment import Assignment, object_height
 from continuum_grasp.mission.plant import Timetable, mission_plant_model
@@ -156,14 +158,14 @@ def page_of(
             package, loop = controller_of(scene, None if mission is None else partial(phases_of, [mission], mission))
             files = {Path(name).name: text for name, text in library_files(package).items() if name != _TESTED}
             # Compiled while the plant is written.
-            modules["controller"] = pool.submit(compiled, files, ["__heap_base", *wasm_exports(package)])
-            plan = add_sizes(package, files)
+            modules["controller"] = pool.submit(wasm_module, files, ["__heap_base", *wasm_exports(package)])
+            plan = _add_sizes(package, files)
             wrapper = wasm_files(package)["wasm/finger.mjs"]
             plant, sensors = plant_of_loop(scene, plant_model)
             controller = _controller(scene, loop, sensors) | {"plan": plan, "mission": _mission(loop, mission, plant)}
         else:
             plant = plant_of_scene(scene)
-        modules["plant"] = pool.submit(compiled, {"plant.c": plant.source}, plant_exports(plant))
+        modules["plant"] = pool.submit(wasm_module, {"plant.c": plant.source}, plant_exports(plant))
         played = None if record is None else record(plant, loop)
         if controller is not None and played is not None and played.reference is not None:
             controller["reference"] |= {"dt": played.dt, "rows": played.reference}
@@ -210,6 +212,26 @@ def page_of_loop(run: ControlRun, changes: Callable[[Stages], Sequence[Any]] = l
         return loop_record(run, plant, () if loop is None else changes(loop.stages))
 
     return page_of(run.scene, record, run.readings.plant)
+
+
+def _add_sizes(contents: Contents, files: Mapping[str, str]) -> tuple[int, int]:
+    """Add the bytes of a package's memory to its words; ``files`` are its headers by their names.
+
+    Returns the place of the plan within the controller, or within its mission, [bytes] and the number of its nodes.
+    """
+    prefix = contents.subject.prefix
+    owned = [name for function in contents.stateful for name in function.types]
+    sizes = ", ".join(f"sizeof({prefix}_{name})" for name in owned)
+    with tempfile.TemporaryDirectory() as folder:
+        owner, plan = ("mission", "controller.") if "mission" in owned else ("controller", "")
+        plan, states = f"{plan}memory.state.plan.x", f"(({prefix}_controller *)0)->memory.state.plan.x"
+        sizes += f", __builtin_offsetof({prefix}_{owner}, {plan}), sizeof {states} / sizeof {states}[0]"
+        source = f'#include "{prefix}.h"\nconst unsigned int sizes[] = {{{sizes}}};\n'
+        write_files(Path(folder), {**files, "sizes.c": source})
+        assembly = clang(Path(folder), "-I.", "-S", "sizes.c", "-o", "-")
+    numbers = re.findall(r"^\s*\.int32\s+(\d+)", assembly, re.MULTILINE)
+    contents.words.update((f"{name}_bytes", size) for name, size in zip(owned, numbers, strict=False))
+    return int(numbers[-2]), int(numbers[-1])
 
 
 def _packed(binary: bytes) -> str:

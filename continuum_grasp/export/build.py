@@ -1,0 +1,84 @@
+"""C of packages on this machine: libraries by the flags with which every bit is the same, and WebAssembly by clang."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from continuum_grasp.core.cache import entry_for
+from continuum_grasp.core.compiler import TIMEOUT, find_compiler, said_by, version_of, why_no_compiler
+from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.export.fields import fill
+
+FLAGS = {
+    "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
+    "gcc": ["-fexcess-precision=fast", "-fno-tree-vectorize"],
+}
+"""Flags with which results are the same to the last bit. Those of gcc: s390x would compute float in double, and 12.2
+fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-contract=off."""
+
+
+def strict_flags(version: str) -> list[str]:
+    """Strict flags of a compiler, by its version text."""
+    return FLAGS["strict"] + ([] if "clang" in version.lower() else FLAGS["gcc"])
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write files into a temporary folder, by their paths in it."""
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+
+def strict_library(files: Mapping[str, str]) -> ctypes.CDLL:
+    """Compile the C among files of a package, with the strict flags, and load it; InputError without a compiler."""
+    compiler = find_compiler()
+    if compiler is None:
+        raise InputError(f"memory and vectors of estimator and controller need a C compiler: {why_no_compiler()}")
+    # Windows removes no library that is loaded.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as work:
+        write_files(Path(work), files)
+        flags = [*strict_flags(compiler.version), "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]
+        compiler.run([*flags, *(name for name in files if name.endswith(".c")), "-o", "host.so"], Path(work))
+        return ctypes.CDLL(str(Path(work) / "host.so"))
+
+
+# Those of templates/wasm/build.sh, so that pages have the bits of packages.
+_WASM = ("--target=wasm32", "-nostdlib", "-std=c99", "-O2", "-ffp-contract=off", "-fno-builtin", "-mbulk-memory")
+_LINKED = ("-Wl,--no-entry", "-Wl,--strip-all")
+
+
+def wasm_module(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
+    """A module of C files and headers by their names, with functions that it exports; from the cache where it is there.
+
+    Sources are compiled side by side, on all processors.
+    """
+    files = {**files, **{name: fill(f"wasm/{name}", {}) for name in ("string.h", "string.c")}}
+    linked = [*_LINKED, *(f"-Wl,--export={name}" for name in exports)]
+    version = f"{shutil.which('clang')} {version_of('clang')}"
+
+    def build(work: Path) -> Path:
+        write_files(work, files)
+        sources = [name for name in files if name.endswith(".c")]
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(lambda name: clang(work, "-I.", "-c", name, "-o", f"{name}.o"), sources))
+        clang(work, *linked, *(f"{name}.o" for name in sources), "-o", "module.wasm")
+        (work / "module.wasm").chmod(0o600)
+        return work / "module.wasm"
+
+    identity = "\0".join([version, *_WASM, *linked, *(part for item in sorted(files.items()) for part in item)])
+    return entry_for(identity, ".wasm", build, version).read_bytes()
+
+
+def clang(folder: Path, *arguments: str) -> str:
+    """Run clang for WebAssembly in a folder and return its output; SolverError if it fails."""
+    done = said_by(["clang", *_WASM, *arguments], folder, TIMEOUT)
+    if done.returncode != 0:
+        raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
+    return done.stdout

@@ -1,0 +1,5 @@
+#include <stddef.h>
+
+#include "<<p>>.h"
+
+const size_t sizes[] = {<<for name in types|, >>sizeof(<<p>>_<<name>>)<<end>>};
