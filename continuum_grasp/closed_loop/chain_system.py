@@ -149,7 +149,7 @@ class ChainSystem(Functions):
             u=self._u,
             w=self._w,
             p=self._p,
-            pairs=touched.pairs,
+            contacts=touched,
             tip_position=self._at(self.length)[0],
             curvature=bend / self.pitch,
             range_use=ca.fabs(bend) / (0.5 * np.pi),  # per that at which neighboring bars are at a right angle

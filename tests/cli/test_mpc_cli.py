@@ -113,7 +113,7 @@ def test_a_loop_that_does_not_finish_at_its_setpoint_has_failed(outcome, code, c
     ],
 )
 def test_a_plan_that_ends_far_from_a_setpoint_which_stood_is_no_optimum(goal, code, status, tmp_path):
-    changes = ["objective=tracking", "duration=0.6", "intervals=12", "goal={}", "check.finer=null"]
+    changes = ["objective=tracking", "duration=0.6", "intervals=12", "goal={}", "check={finer: null, tolerance: 1 %}"]
     changes += ["cost={tip: 2e4, effort: 1e-3, input_rate: 5e-4}", *goal]
     config = ROOT / "configs/plan/tip_to_point.yaml"
     sets = [word for change in changes for word in ("--set", change)]
