@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from continuum_grasp.mission.lift import Shortfall as Shortfall
     from continuum_grasp.mission.outcomes import Outcome as Outcome
     from continuum_grasp.mission.outcomes import TrialsResult as TrialsResult
+    from continuum_grasp.mission.plant import Variation as Variation
     from continuum_grasp.mission.precheck import Exceeded as Exceeded
     from continuum_grasp.mission.precheck import check_mission as check_mission
     from continuum_grasp.mission.result import MissionRun as MissionRun

@@ -14,6 +14,7 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import FALL, PlantModel, plant_scene
 from continuum_grasp.closed_loop.shared_object import WRENCH
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.errors import InputError
 from continuum_grasp.mission.assignment import Assignment, object_height, object_of
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
@@ -26,19 +27,61 @@ MOVES = 0.75
 """Share of a stroke in which the setpoint of the angle moves, and of a squeeze in which inputs grow; in the rest object
 and fingers come to rest."""
 
+_FACTORS = {
+    **dict.fromkeys(("stiffness", "mass"), (1e-12, 1e12)),
+    **dict.fromkeys(("damping", "friction", "tendon_friction"), (0.0, 1e12)),
+    "friction_fall": (0.0, 1.0),
+}
+"""Least and greatest factors of a plant [1]; a scene's numbers have the same bounds."""
+
 
 @dataclass(frozen=True)
 class Variation:
-    """Difference of one plant from another; None: as the mission's ``plant`` says."""
+    """A plant that differs from the one of the mission, by factors.
 
-    stiffness: float | None = None  # per that of the controller's finger [1]
-    damping: float | None = None  # per that of the controller's finger [1]
-    mass: float = 1.0  # of the object, per that of the mission [1]
-    friction: float = 1.0  # of all contacts of the object, per that of the mission [1]
-    shift: tuple[float, float] = (0.0, 0.0)  # of the object's place, world x, y [m]
-    seed: int | None = None  # of the measurement noise
-    tendon_friction: float = 1.0  # of the tendons, per that of the plant [1]
-    friction_fall: float = 0.0  # share of ``friction`` that all contacts lose from the middle of the hold on [1]
+    Attributes
+    ----------
+    stiffness, damping : float, optional
+        Of the fingers, per that of the controllers' models [1]; None: as the mission's ``plant`` says.
+    mass, friction : float
+        Of the object and of all its contacts, per that of the mission [1].
+    shift : tuple of two floats
+        Of the object's place, world x, y [m].
+    seed : int, optional
+        Of the measurement noise; None: that of the mission's ``plant``.
+    tendon_friction : float
+        Per that of the plant [1].
+    friction_fall : float
+        Share of ``friction`` that all contacts lose from the middle of the hold on [1].
+
+    Raises
+    ------
+    InputError
+        A number is negative, or zero where nothing would be left, not finite, or a share above one.
+
+    Examples
+    --------
+    >>> from continuum_grasp.mission import Variation
+    >>> Variation(mass=1.1, friction=0.8).friction_fall
+    0.0
+    """
+
+    stiffness: float | None = None
+    damping: float | None = None
+    mass: float = 1.0
+    friction: float = 1.0
+    shift: tuple[float, float] = (0.0, 0.0)
+    seed: int | None = None
+    tendon_friction: float = 1.0
+    friction_fall: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, (least, most) in _FACTORS.items():
+            value = getattr(self, name)
+            if value is not None and not least <= value <= most:
+                raise InputError(f"expected a number from {least:g} to {most:g}, got {value}", key=name)
+        if not np.isfinite(self.shift).all():
+            raise InputError(f"expected a distance in x and in y [m], got {self.shift}", key="shift")
 
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:

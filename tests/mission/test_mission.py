@@ -63,6 +63,17 @@ def held(runner):
     return runner.run()
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("stiffness", 0.0), ("mass", -1.0), ("friction", -0.1), ("friction_fall", 1.1), ("damping", np.nan)],
+)
+def test_a_plant_that_cannot_be_is_refused_by_name(name, value):
+    with pytest.raises(InputError, match=rf"^{name}: expected a number from .* got {value}"):
+        Variation(**{name: value})
+    with pytest.raises(InputError, match=r"^shift: .* got \(0.0, inf\)"):
+        Variation(shift=(0.0, np.inf))
+
+
 # -- what is to be done -----------------------------------------------------------------------------------------------
 
 
