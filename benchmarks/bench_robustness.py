@@ -1,4 +1,4 @@
-"""Every shipped loop on plants that differ in values, drive, wiring, sensors and call rate.
+"""Every shipped loop of a tip on plants that differ in values, drive, wiring, sensors and call rate.
 
 A loop has to stay near the ideal one, which is the loop on the plant that its scene describes, or to reach a safe state
 that has a name; and its command must not swing. A loop that does neither without a word is silent, the worst of all.
@@ -27,7 +27,8 @@ from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.errors import NumericalError
 
-LOOPS = tuple(sorted(path.stem for path in (CONFIGS / "mpc").glob("*.yaml")))
+LOOPS = tuple(path.stem for path in sorted((CONFIGS / "mpc").glob("*.yaml")) if cg.load(path).reference.tip is not None)
+"""Those whose tip has a setpoint, by which they are judged."""
 DURATION = {"nitinol_moment": 12.0}
 """Of a run [s]; the rod, whose first mode is six times slower, has eight seconds after its last step."""
 OTHERS, DRIFTING = 5.0, 5.0
