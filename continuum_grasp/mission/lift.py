@@ -92,11 +92,14 @@ class NotLifted:
         Contacts that bear too little, by their estimated forces.
     cause : str
         What keeps the fingers from squeezing harder.
+    known : bool
+        Whether sensors tell what the contacts bear; not where one is silent or contradicts the model.
     """
 
     time: float
     shortfalls: tuple[Shortfall, ...]
     cause: str
+    known: bool = True
 
     @property
     def text(self) -> str:
@@ -105,7 +108,7 @@ class NotLifted:
             "Try stiffer pads (contact_law.stiffness), more tension (drive_tension), more time (phases.settle), or a "
             "grasp with its object, base or contacts elsewhere"
         )
-        if not self.shortfalls:
+        if not self.known:
             advice = "Look at the sensors and at the controller's health"
         why = "; ".join([*(shortfall.text for shortfall in self.shortfalls), self.cause])
         return f"not lifted at {self.time:.2f} s: {why}. {advice}"
@@ -203,7 +206,7 @@ class LiftCheck:
         decision = self._plans[0].decision
         self._over = decision != WAITS and finger == 0
         if self._over and decision == LETS_GO:
-            self.refused = NotLifted(t, self._lacking(), self._cause())
+            self.refused = NotLifted(t, self._lacking(), self._cause(), known=not self._doubts())
         elif self._over and DOUBTS in [plan.bears for plan in self._plans]:
             self.doubted = Doubted(t, self._doubts())
         self.timetable.resume(t if self._over else self.timetable.latest, "release" if decision == LETS_GO else "lift")

@@ -37,7 +37,7 @@ _BANDS = {
     "turn": "#EFE6F5",
     **dict.fromkeys(("lift", "lower"), "#FBEFD5"),
     **dict.fromkeys(("hold", "rest"), "#E3F3EA"),
-    "squeeze": "#D3E5F5",
+    **dict.fromkeys(("squeeze", "confirm"), "#D3E5F5"),
     "pull": "#F8DDD2",
 }
 """Pale, since curves are drawn on them; phases that undo each other share one."""

@@ -107,6 +107,7 @@ def test_forces_that_are_doubted_and_too_low_lift_nothing(low):
     assert run.check.doubted is None
     assert "bears 1.00 +- 0.10 N" in run.check.refused.text
     assert "bending contradicts the model, and what lower bears is not known" in run.check.refused.text
+    assert "Look at the sensors" in run.check.refused.text
 
 
 @pytest.mark.parametrize("share", [0.999, 1.001])
