@@ -41,7 +41,7 @@ class Wrong:
     fault: str = ""
     """What becomes of them: swapped, stuck, drift, missing, outliers."""
     commands: str = ""
-    """swapped: the two tensions, or the sign of a moment."""
+    """swapped: in reverse order, or the sign of the only one."""
     period: float = 1.0
     """Time between two calls of the controller, in periods."""
     clock: bool = False
@@ -53,10 +53,12 @@ class Wrong:
 def wrongs(scene: ControlScene) -> list[Wrong]:
     """All of them that a scene's finger can have; the first is the plant as the scene has it."""
     tendons, measured = scene.finger.tendons is not None, scene.estimator is not None and scene.estimator.measured
-    drive = ("tension_1", "tension_2") if tendons else ("tip_moment",)
+    drive = tuple(entry.name for entry in scene.finger.inputs)[:2]
     found = [Wrong("as shipped", "as shipped", mild=True)]
-    found += [Wrong("drive", f"lag x {k:g}", {"lag": k}, mild=0.5 <= k <= 2.0) for k in (0.25, 0.5, 2.0, 4.0)]
-    found += [Wrong("drive", f"order 1, lag x {k:g}", {"lag": k, "drive_order": 1}, mild=True) for k in (0.5, 1.0, 2.0)]
+    if not scene.finger.winches:
+        found += [Wrong("drive", f"lag x {k:g}", {"lag": k}, mild=0.5 <= k <= 2.0) for k in (0.25, 0.5, 2.0, 4.0)]
+        order = {"drive_order": 1}
+        found += [Wrong("drive", f"order 1, lag x {k:g}", {"lag": k, **order}, mild=True) for k in (0.5, 1.0, 2.0)]
     found += [Wrong("delay", f"{k:+d} period(s)", {"extra_delay": k}) for k in (-1, 1, 2, 3)]
     found += [
         Wrong("stiffness", f"x {k:g}", {"stiffness": k}, mild=0.5 <= k <= 1.5) for k in (0.5, 0.75, 1.25, 1.5, 2.0)
@@ -69,10 +71,10 @@ def wrongs(scene: ControlScene) -> list[Wrong]:
     several = {"stiffness": 1.5, "lag": 0.5, "extra_delay": 1}
     found.append(Wrong("several", "lag x 0.5, stiffness x 1.5, +1 period", several))
     found.append(Wrong("wiring", "tip x and y swapped", readings=("tip_x", "tip_y"), fault="swapped"))
-    if tendons:
-        found.append(Wrong("wiring", "tension readings swapped", readings=drive, fault="swapped"))
-    found.append(Wrong("wiring", "commands swapped" if tendons else "command reversed", commands="swapped"))
-    for one in (("tip_x",), ("tip_x", "tip_y"), drive[:1], *([drive] if tendons else [])):
+    if len(drive) > 1:
+        found.append(Wrong("wiring", "readings of the drives swapped", readings=drive, fault="swapped"))
+    found.append(Wrong("wiring", "commands swapped or reversed", commands="swapped"))
+    for one in dict.fromkeys((("tip_x",), ("tip_x", "tip_y"), drive[:1], drive)):
         found.append(Wrong("sensor", f"{', '.join(one)} stuck", readings=one, fault="stuck"))
     for one in (("tip_x",), drive[:1]):
         found.append(Wrong("sensor", f"{one[0]} drifts", readings=one, fault="drift"))
@@ -109,14 +111,17 @@ class Bench:
     def _scene(self, wrong: Wrong, seed: int) -> ControlScene:
         """The scene with the plant's values in absolute terms."""
         scene, asked = self.scene, dict(wrong.plant)
-        lag, delay = scene.lag, 0.0 if scene.estimator is None else scene.estimator.delay
+        # Winches have a lag of their own, which no key of the plant changes.
+        lag = None if scene.finger.winches else scene.lag
+        delay = 0.0 if scene.estimator is None else scene.estimator.delay
         changes: dict[str, Any] = {"seed": seed, "time_constant": scene.plant.time_constant or lag}
         length, share = scene.finger.rod.length, asked.pop("tip_masses", 1.0)
         masses = [m.model_copy(update={"mass": share * m.mass}) if m.at == length else m for m in scene.finger.masses]
-        if "lag" in asked and lag is not None:
-            changes["time_constant"] = lag * asked.pop("lag")
+        factor = asked.pop("lag", None)
+        if lag is not None and factor is not None:
+            changes["time_constant"] = factor * lag
         changes["delay"] = delay + asked.pop("extra_delay", 0) * scene.controller.step
-        changes["fidelity"] = scene.plant.fidelity.model_copy(update={"elements": _ELEMENTS})
+        changes["fidelity"] = scene.plant.fidelity.model_copy(update={"elements": _ELEMENTS, "family": "clothoid"})
         finger, plant = scene.finger, scene.plant.model_copy(update={**changes, **asked})
         return scene.model_copy(update={"finger": finger.model_copy(update={"masses": tuple(masses)}), "plant": plant})
 
@@ -156,5 +161,5 @@ class _Wired(Plant):
     def advance(self, u: ArrayLike) -> Array:
         command = np.asarray(u, dtype=float)
         if self._wrong.commands:
-            command = command[::-1] if command.size == 2 else -command
+            command = command[::-1] if command.size > 1 else -command
         return super().advance(command)

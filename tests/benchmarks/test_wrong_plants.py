@@ -63,7 +63,7 @@ def test_wires_and_sensors_fail_as_they_say():
     names = [name.split(" ")[0] for name in plant.sensors.names]
     at = {name: k for k, name in enumerate(names)}
     tip, tensions = [at["tip_x"], at["tip_y"]], [at["tension_1"], at["tension_2"]]
-    for name, columns in (("tip x and y swapped", tip), ("tension readings swapped", tensions)):
+    for name, columns in (("tip x and y swapped", tip), ("readings of the drives swapped", tensions)):
         wrong, _ = measured(named(name), 20)
         assert np.array_equal(wrong[:, columns], right[:20, columns[::-1]])
         others = [k for k in range(right.shape[1]) if k not in columns]
