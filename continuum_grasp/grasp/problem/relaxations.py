@@ -105,7 +105,8 @@ def changed_numbers(old: object, new: object, path: str = "") -> Iterator[tuple[
         parts = [(f"{path}[{k}]", value, other) for k, (value, other) in enumerate(zip(old, new, strict=False))]
     else:
         parts = []
-        if isinstance(new, float) and new != old:
+        # What has no number, such as a bending range that the program chooses, has no key to be changed.
+        if isinstance(old, float) and isinstance(new, float) and new != old:
             yield path, new
     for key, value, other in parts:
         if value is not other:
