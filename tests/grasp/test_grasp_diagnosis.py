@@ -334,7 +334,7 @@ def test_repairs_are_keys_of_the_scene(config, changes):
 
 
 def test_a_repair_says_that_its_grasp_is_unstable():
-    """Two fingers below a disc, which rolls off them; stable ones come first, and nothing is said where they need not
+    """Two fingers below a disc, which rolls off them; stable ones come first, and there is no note where they need not
     be.
     """
     scene, arrays = cases.two_fingers_below()

@@ -33,7 +33,7 @@ class Relaxation:
     relaxed: Callable[[GraspScene, float], GraspScene] = lambda scene, amount: scene
     """The scene with its limit relaxed by an amount."""
     repair: str = "{key} = {needed:.3g} {unit}"
-    """What to do where no numbers of a scene change; ``{key}``, ``{needed}`` and ``{unit}`` stand for these."""
+    """Advice where no numbers of a scene change; ``{key}``, ``{needed}`` and ``{unit}`` stand for these."""
     most: Callable[[GraspScene], float] = lambda scene: math.inf  # amount from which on a relaxation makes no sense
     size: int = 1  # components of the relaxation; beyond one, the amount is their norm
     additive: bool = True  # whether the amount has the unit of the limit; False: it is a part of it
