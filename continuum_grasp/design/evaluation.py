@@ -82,13 +82,14 @@ class CaseValues:
 
 @dataclass(frozen=True)
 class Row:
-    """A number that the optimizer deals with: value and derivatives (n + m,)."""
+    """A number that the optimizer deals with: value and derivatives (n + m,), of limits as parts of ``size``."""
 
     name: str
     case: str
     signs: Signs
     value: float
     slope: Array
+    size: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -175,6 +176,7 @@ class DesignProblem:
         self._grasps: dict[tuple[Signs, str], CaseGrasps] = {}
         self._at: Array | None = None
         self._tangents: dict[tuple[Signs, str], list[dict[str, Array]]] = {}
+        self._sizes: dict[str, float] = {}
 
     def values(self, coordinates: Sequence[float]) -> list[float]:
         return [
@@ -235,6 +237,8 @@ class DesignProblem:
     def _evaluated(self, at: Array, search: bool) -> Evaluation:
         try:
             cases = tuple(self._case(case, at, signs, search) for signs in self.scenarios for case in self.space.cases)
+            values = self.values(at.tolist())
+            evaluation = Evaluation(at, self._costs(cases, values), self._limits(cases, values), cases)
         except StructureChanges:
             raise
         except InputError as error:
@@ -244,8 +248,7 @@ class DesignProblem:
             self.effort.lost += 1
             raise
         self._at = at
-        values = self.values(at.tolist())
-        return Evaluation(at, self._costs(cases, values), self._limits(cases, values), cases)
+        return evaluation
 
     def _case(self, case: str, at: Array, signs: Signs, search: bool) -> CaseValues:
         scene = self.scene(case, at.tolist(), signs)
@@ -299,8 +302,10 @@ class DesignProblem:
                 quantities[coordinate.way.name] = value
                 slopes[coordinate.way.name] = coordinate.way.slope(value) * direction
         expression = self.expressions[text]
-        slope = expression.gradient(quantities, slopes)
-        return Row(text, values.case, values.signs, expression.value(quantities), slope)
+        value, slope = expression.value(quantities), expression.gradient(quantities, slopes)
+        if not (np.isfinite(value) and np.isfinite(slope).all()):
+            raise LostGrasp(f"{values.case}: {text} or its slope is not a finite number there ({value:g})")
+        return Row(text, values.case, values.signs, value, slope)
 
     def _costs(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
         """Per combination of errors, the cost of the worst case or the mean."""
@@ -315,16 +320,21 @@ class DesignProblem:
         return tuple(costs)
 
     def _limits(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
-        """Distances from the limits, as parts of them."""
-        limits = []
+        """Distances from the limits, as parts of them; of a limit of zero, as parts of the other one, or of what the
+        expression has and may change by at the first design.
+        """
+        limits, n = [], len(self.space.coordinates)
         for text, limit in self.space.design.limits.items():
             for case in cases:
                 row = self._row(text, case, chosen)
                 for bound, side, word in ((limit.min, 1.0, "at least"), (limit.max, -1.0, "at most")):
-                    if bound is not None:
-                        scale = side / max(abs(bound), 1e-9)
-                        name = f"{text} {word} {bound:g}"
-                        limits.append(
-                            replace(row, name=name, value=scale * (row.value - bound), slope=scale * row.slope)
-                        )
+                    if bound is None:
+                        continue
+                    size = max(abs(bound), 1e-9)
+                    if bound == 0.0:
+                        change = max(abs(row.value), float(np.abs(row.slope[:n]).max()))
+                        size = max(limit.max or 0.0, -(limit.min or 0.0)) or self._sizes.setdefault(text, change or 1.0)
+                    name, scale = f"{text} {word} {bound:g}", side / size
+                    value, slope = scale * (row.value - bound), scale * row.slope
+                    limits.append(replace(row, name=name, value=value, slope=slope, size=size))
         return tuple(limits)

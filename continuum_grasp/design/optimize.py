@@ -188,7 +188,9 @@ class _DesignSearch:
         """Search, and judge what was found."""
         self._start()
         if self.best is None:
-            return self._result(Status.NO_GRASP, f"no grasp at any of the designs tried: {self._why}", ())
+            return self._result(
+                Status.NO_GRASP, f"none of the designs tried has all its grasps and numbers: {self._why}", ()
+            )
         settled, worst = False, tuple[WorstCase, ...]()
         for number in range(self.options.max_rounds):
             self._round = number + 1
@@ -202,7 +204,7 @@ class _DesignSearch:
         best = self._best
         if best.violation > HOLDS:
             row = min(best.limits, key=lambda limit: limit.value)
-            message = f"no design satisfies {row.name} ({row.case}): off by {best.violation:.3g} of it at the closest"
+            message = f"no design satisfies {row.name} ({row.case}): off by {-row.size * row.value:.3g} at the closest"
             return self._result(Status.LIMITS_VIOLATED, message, worst)
         status = Status.OPTIMAL if settled and self._converged else Status.FEASIBLE
         message = f"cost {best.cost:.6g}, from {(self._first or best).cost:.6g} at the start"

@@ -141,6 +141,8 @@ class Reason:
         What to do about it.
     also : tuple of Reason
         Other limits that must be changed with it; ``text`` and ``repair`` are then about all of them.
+    stable : bool
+        Whether the grasp that confirms it is stable, where the scene requires that; ``repair`` says so where it is not.
     """
 
     name: str
@@ -151,6 +153,7 @@ class Reason:
     text: str
     repair: str
     also: tuple[Reason, ...] = ()
+    stable: bool = True
 
     @property
     def title(self) -> str:

@@ -172,14 +172,14 @@ def check_pads(assignments: Sequence[Assignment]) -> None:
     where = []
     for shortfall in lacking:
         k = best.names.index(shortfall.contact)
-        touch = f"{1e3 * best.gap[k]:.2g} mm short of the object, " if best.gap[k] > 0.0 else ""
+        touch = f"{1e3 * best.gap[k]:.3g} mm short of the object, " if best.gap[k] > 0.0 else ""
         where.append(
-            f"{shortfall.text} with {best.tension:.3g} N of tension: it comes to lie {touch}{1e3 * best.away[k]:.2g} "
-            f"mm from its place in the grasp; on pads of {_STIFFER * law.stiffness:.3g} N/m it bears "
+            f"{shortfall.text} with {best.tension:.3g} N of tension: it comes to lie {touch}{1e3 * best.away[k]:.3g} "
+            f"mm from its place in the grasp; on pads of {_STIFFER * law.stiffness:g} N/m it bears "
             f"{firm.normal_force[k]:.2f} N"
         )
     raise SolverError(
-        f"the grasp is not reached on pads of {law.stiffness:.3g} N/m, on which the object gives way by "
+        f"the grasp is not reached on pads of {law.stiffness:g} N/m, on which the object gives way by "
         f"({1e3 * x:+.2g}, {1e3 * y:+.2g}) mm and turns by {math.degrees(angle):+.2g} deg: "
         f"{', '.join(shortfall.contact for shortfall in lacking)} would not be loaded at the lift",
         status="not_loaded",

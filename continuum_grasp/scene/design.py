@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -141,6 +142,11 @@ class Design(Varied):
             if variable.name is not None and names.count(variable.name) > 1:
                 raise ValueError(f"variables: {key!r} shares the name {variable.name!r} with another one")
         self.check_follow(self.variables)
+        for name in self.cases:
+            if not re.fullmatch(r"[\w .,+%=-]{1,60}", name):
+                raise ValueError(
+                    f"cases: {name!r} cannot name a folder: expected letters, digits, blanks and _ . , + - = % alone"
+                )
         for key in self.tolerances:
             if key in self.follow:
                 raise ValueError(f"tolerances: {key!r} follows {self.follow[key].key!r}; state the error of that key")

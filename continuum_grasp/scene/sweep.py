@@ -252,7 +252,7 @@ class Sweep(Varied):
     sample: Sample | None = None
     """Random draws of keys; None: none."""
     record: Annotated[ListOf[str], Field(max_length=40)] = ()
-    """More columns of the table: numbers of the result, such as ``quality.epsilon`` or ``statistics.starts``."""
+    """More columns of the table: numbers of the result, such as ``quality.epsilon_l1`` or ``statistics.iterations``."""
     maps: ListOf[Map] = ()
     """Pictures of one quantity over two keys."""
     pareto: ListOf[Front] = ()

@@ -47,6 +47,7 @@ def file(tmp_path):
         ("minimize", "tolerances: {finger.tendons.offset: {amount: 1 mm, share: 0.1}}\nminimize", 5, "exactly one of"),
         ("minimize", "tolerances: {object.shape: {share: 0.1}}\nminimize", 5, "no number there, but 'circle'"),
         ("minimize", "cases: {heavy: {object.mas: 1.0}}\nminimize", 5, "unknown key; did you mean 'mass'?"),
+        ("minimize", "cases: {a/../b: {object.mass: 0.3}}\nminimize", 5, "'a/../b' cannot name a folder: expected"),
         ("minimize", "follow: {object.mass: {key: object.diameter}}\nminimize", 5, "which is not varied"),
         ("name: e", "name: payload", 4, "'payload' has a meaning in expressions already"),
     ],

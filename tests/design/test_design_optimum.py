@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from itertools import product
 
 import numpy as np
@@ -66,11 +67,32 @@ def test_a_limit_decides(moment):
     assert found.active == ("tension at most 50 (scene)",)
 
 
+def test_a_limit_of_zero_is_that_of_a_number(moment):
+    """A billion times its amount, it acted nowhere: the optimum had a slope left, and its message said so."""
+    found = designed(minimize="e", limits={"tension - 50": {"max": 0.0}})
+    assert found.status is Status.OPTIMAL
+    assert found.values[OFFSET] == pytest.approx(moment / (50.0 - 2.0 * LEAST), rel=1e-6)
+    assert found.active == ("tension - 50 at most 0 (scene)",)
+    assert found.gradient == pytest.approx([0.0], abs=1e-6)
+
+
 @pytest.mark.deep
-def test_limits_that_no_design_satisfies():
-    with pytest.raises(SolverError, match="no design satisfies tension at most 20") as caught:
-        designed(limits={"tension": {"max": 20.0}})
+@pytest.mark.parametrize(("expression", "limit"), [("tension", 20.0), ("tension - 20", 0.0)])
+def test_limits_that_no_design_satisfies(moment, expression, limit):
+    with pytest.raises(SolverError, match=f"no design satisfies {expression} at most {limit:g}") as caught:
+        designed(limits={expression: {"max": limit}})
     assert caught.value.result.status is Status.LIMITS_VIOLATED
+    off = float(re.search(r"off by ([\d.]+) at the closest", str(caught.value))[1])
+    assert off == pytest.approx(moment / 0.006 + 2.0 * LEAST - 20.0, rel=0.01)
+
+
+@pytest.mark.parametrize("cost", ["tension / (e - 0.005)", "log(e - 0.005)", "tension + sqrt(e - 0.005)"])
+def test_a_cost_that_is_no_number_is_no_design(cost):
+    """At the start e is 5 mm: infinite, no number, and of infinite slope."""
+    with pytest.raises(SolverError, match="not a finite number") as caught:
+        designed(minimize=cost)
+    found = caught.value.result
+    assert (found.status, found.influences, found.values) == (Status.NO_GRASP, (), {})
 
 
 def test_the_worst_case_and_the_mean_of_cases():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +19,7 @@ from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp, solve
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach, part_of
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_reach, part_of
 from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.values import Reason
@@ -26,6 +27,7 @@ from continuum_grasp.nlp import Violation
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
 from continuum_grasp.scene.load import load
+from tests import certificate_cases as cases
 
 
 def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
@@ -298,7 +300,52 @@ def test_a_repair_goes_beyond_what_is_needed_and_says_what_goes_with_it():
     friction = next(limit for limit in rubber.limits if limit.name == "friction")
     little = part_of(rubber, friction, Repair({friction: 1e-6}, {}, None))
     assert little.text == "friction is too low: coefficient 0.25, 0.250001 needed"
-    assert little.repair == "contacts.friction = 0.253, all others by as much more"
+    assert little.repair == "contacts.friction = 0.253, supports.palm.friction = 0.803"
+
+
+@pytest.mark.parametrize(
+    ("config", "changes"),
+    [
+        ("wrap", {}),  # three fingers
+        ("pinch", {"fingers.left.contacts": {"friction": 0.4, "normal_force_max": 5.0}, "fidelity.bending_range": 2.0}),
+        ("spirob_cup", {"supports.palm.friction": 0.8}),  # a list of tendons
+        ("mug_motor", {}),  # 70 N, of which the motors pull up 62.25 N
+        ("mug_motor", {"finger.tendons.drive.torque_max": 2.0}),
+        ("mug_motor", {"finger.tendons.drive.arrangement": "one_pulley"}),
+    ],
+)
+def test_repairs_are_keys_of_the_scene(config, changes):
+    """Written back into the scene as they stand, they leave every limit as far away as is needed, or farther."""
+    scene = load(CONFIGS / f"{config}.yaml").changed(changes)
+    repairs = Repairs(scene, SimpleNamespace())
+    for limit in (one for one in repairs.limits if one.limit is not None):
+        stated = part_of(repairs, limit, Repair({limit: 0.1}, {}, None))
+        pairs = re.findall(r"([a-z_.\[\]0-9]+) = ([\d.]+\d)", stated.repair)
+        assert stated.key == pairs[0][0]
+        repaired = scene.changed({key: float(number) for key, number in pairs})
+        way = 1.0 if stated.needed > stated.limit else -1.0
+        assert way * limit.limit(repaired) >= way * stated.needed
+        just = limit.relaxed(scene, 0.1 * limit.start(scene))
+        for enough, needed in zip(repaired.setups, just.setups, strict=True):
+            assert enough.max_tension >= needed.max_tension
+            assert enough.friction >= needed.friction
+            assert enough.normal_force_max >= needed.normal_force_max
+            assert enough.bending_range >= needed.bending_range
+
+
+def test_a_repair_says_that_its_grasp_is_unstable():
+    """Two fingers below a disc, which rolls off them; stable ones come first, and there is no note where they need not
+    be.
+    """
+    scene, arrays = cases.two_fingers_below()
+    for stability, stable in (("require", False), ("ignore", True)):
+        repairs = Repairs(scene.changed({"stability": stability}), SimpleNamespace())
+        limit = next(one for one in repairs.limits if one.name == "tension")
+        reason = repairs._reason(Repair({limit: 0.5}, arrays, SimpleNamespace(optimal=True)))
+        assert reason.stable == stable
+        assert reason.repair.endswith("where the grasp found is unstable") == (not stable)
+    worse = replace(reason, limit=1.0, needed=1e3)
+    assert ordered([replace(reason, stable=False), worse])[0] is worse
 
 
 def test_of_what_many_disturbances_break_the_worst_is_named():

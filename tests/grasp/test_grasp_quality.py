@@ -213,6 +213,7 @@ def test_quality_gathers_the_indices():
     names = [row[0] for row in quality.rows()]
     assert names[0] == "disturbance_margin"
     assert len(set(names)) == len(names) == 5
+    assert all(getattr(quality, name) == value for name, value, _ in quality.rows())
     data = json.loads(json.dumps(plain(quality.data()), allow_nan=False))
     assert data["epsilon_l1"] == quality.epsilon_l1
     assert len(data["resistance"]["factors"]) == 6

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -32,11 +32,8 @@ class Relaxation:
     """The limit of a scene. None: no key of the scene holds one, and the amount itself is the number to report."""
     relaxed: Callable[[GraspScene, float], GraspScene] = lambda scene, amount: scene
     """The scene with its limit relaxed by an amount."""
-    repair: str = (
-        "{key} = {enough:.3g} {unit}"  # what to do; ``{key}``, ``{needed}``, ``{enough}``, ``{unit}`` stand for these
-    )
-    beside: Callable[[GraspScene, GraspScene], str] = lambda scene, relaxed: ""
-    """Other changes, in words, from a scene to the one with its limit relaxed."""
+    repair: str = "{key} = {needed:.3g} {unit}"
+    """Advice where no numbers of a scene change; ``{key}``, ``{needed}`` and ``{unit}`` stand for these."""
     most: Callable[[GraspScene], float] = lambda scene: math.inf  # amount from which on a relaxation makes no sense
     size: int = 1  # components of the relaxation; beyond one, the amount is their norm
     additive: bool = True  # whether the amount has the unit of the limit; False: it is a part of it
@@ -90,20 +87,30 @@ def _tension(scene: GraspScene, amount: float) -> GraspScene:
         law, more = setup.drive, setup.finger.with_tendons(max_tension=setup.tendons.max_tension + amount)
         if law is None or not isinstance(law.drive, MotorDrive):
             return more
-        stronger = law.drive.replaced(torque_max=law.drive.torque_max + law.radius * amount)
-        return more.with_tendons(drive=stronger)
+        # Motors that are strong enough stay; those of a pulley pull with a difference, which may need all of it.
+        most = law.greatest if law.pulley else setup.max_tension
+        torque = max(law.drive.torque_max, law.drive.coulomb_friction + law.radius * (most + amount))
+        return more.with_tendons(drive=law.drive.replaced(torque_max=torque))
 
     return _fingers(scene, stronger)
 
 
-def _stronger_motors(scene: GraspScene, relaxed: GraspScene) -> str:
-    """The torque with which motors pull up more than they can in a scene."""
-    torques = []
-    for old, new in zip(scene.setups, relaxed.setups, strict=True):
-        motor = None if new.drive is None else new.drive.drive
-        if isinstance(motor, MotorDrive) and old.drive is not None and new.max_tension > old.drive.greatest:
-            torques.append(motor.torque_max)
-    return f", drive.torque_max = {max(torques):.4g} N m" if torques else ""
+def changed_numbers(old: object, new: object, path: str = "") -> Iterator[tuple[str, float]]:
+    """Keys at which a scene, or part of one, has numbers that another has not, and these numbers."""
+    if isinstance(old, Value) and isinstance(new, Value):
+        parts = [(f"{path}.{name}" if path else name, value, getattr(new, name, None)) for name, value in old]
+    elif isinstance(old, dict) and isinstance(new, dict):
+        parts = [(f"{path}.{name}", value, new.get(name)) for name, value in old.items()]
+    elif isinstance(old, tuple) and isinstance(new, tuple):
+        parts = [(f"{path}[{k}]", value, other) for k, (value, other) in enumerate(zip(old, new, strict=False))]
+    else:
+        parts = []
+        # What has no number, such as a bending range that the program chooses, has no key to be changed.
+        if isinstance(old, float) and isinstance(new, float) and new != old:
+            yield path, new
+    for key, value, other in parts:
+        if value is not other:
+            yield from changed_numbers(value, other, key)
 
 
 def with_contacts_changed(scene: GraspScene, key: str, change: Callable[[float], float]) -> GraspScene:
@@ -116,17 +123,6 @@ def with_contacts_changed(scene: GraspScene, key: str, change: Callable[[float],
     fingers = _fingers(scene, lambda setup: _with(setup.finger, contacts=changed(setup.finger.contacts)))
     supports = {name: changed(support) for name, support in scene.supports.items()}
     return _with(fingers, contacts=changed(scene.contacts), supports=supports)
-
-
-def _others(key: str) -> Callable[[GraspScene, GraspScene], str]:
-    """Says that limits of other contacts go with the least one, where there are others."""
-
-    def beside(scene: GraspScene, relaxed: GraspScene) -> str:
-        places = (scene.contacts, *(setup.finger.contacts for setup in scene.setups), *scene.supports.values())
-        numbers = {getattr(place, key, None) for place in places} - {None}
-        return ", all others by as much more" if len(numbers) > 1 else ""
-
-    return beside
 
 
 def _strain(scene: GraspScene, amount: float) -> GraspScene:
@@ -144,7 +140,10 @@ def with_bending_range(scene: GraspScene, least: float, more: float = 0.0) -> Gr
         range_ = max(setup.bending_range + more, least)
         return _with(setup.finger, fidelity=_with(setup.finger.fidelity or scene.fidelity, bending_range=range_))
 
-    return _fingers(scene, wider)
+    fidelity, given = scene.fidelity, scene.fidelity.bending_range
+    if given is not None:  # of fingers that have none of their own
+        fidelity = _with(fidelity, bending_range=max(given + more, least))
+    return _with(_fingers(scene, wider), fidelity=fidelity)
 
 
 def gives_bending_range(scene: GraspScene) -> bool:
@@ -189,7 +188,6 @@ RELAXATIONS = (
         start=_max_tension,
         limit=_max_tension,
         relaxed=_tension,
-        beside=_stronger_motors,
         bounds_shape=False,
     ),
     Relaxation(
@@ -200,7 +198,6 @@ RELAXATIONS = (
         start=lambda s: 0.5,
         limit=lambda s: min([setup.friction for setup in s.setups] + [s.contacts.friction]),
         relaxed=lambda s, amount: with_contacts_changed(s, "friction", lambda friction: friction + amount),
-        beside=_others("friction"),
         most=lambda s: 20.0,
         bounds_shape=False,
     ),
@@ -212,7 +209,6 @@ RELAXATIONS = (
         start=_normal_max,
         limit=_normal_max,
         relaxed=lambda s, amount: with_contacts_changed(s, "normal_force_max", lambda force: force + amount),
-        beside=_others("normal_force_max"),
         bounds_shape=False,
     ),
     Relaxation(

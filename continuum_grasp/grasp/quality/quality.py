@@ -55,6 +55,11 @@ class Quality:
         """Greatest multiples of the scene's disturbances that fingers and tendons resist."""
         return resistance(self.response)
 
+    @property
+    def disturbance_margin(self) -> float:
+        """Least of these multiples; infinite where nothing limits any [1]."""
+        return self.resistance.least
+
     @cached_property
     def resistance_polygon(self) -> Array:
         """Greatest pure forces at the center of mass, in 36 directions from +x counter-clockwise, shape (36, 2) [N]."""
@@ -95,7 +100,11 @@ class Quality:
         held, per = self.resistance, f"moments per {self.torque_scale:.3g} m"
         tendons = "tensions chosen anew" if held.tendons == "retensioned" else "tendons locked"
         return (
-            ("disturbance_margin", held.least, f"least multiple of the disturbances that is resisted; {tendons}"),
+            (
+                "disturbance_margin",
+                self.disturbance_margin,
+                f"least multiple of the disturbances that is resisted; {tendons}",
+            ),
             ("friction_margin", self.friction_margin, "share of the friction cone that is left, worst contact"),
             ("tension_margin", self.tension_margin, "share of the greatest tension that is left, worst tendon"),
             ("normal_force_spread", self.normal_force_spread, "(greatest - least) / greatest normal force"),

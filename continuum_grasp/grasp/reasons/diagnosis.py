@@ -18,14 +18,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.certificate.certificate import certify_reached
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation, changed_numbers
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
 from continuum_grasp.grasp.search import CLOSEST, FIRST_CAP, HELD, Search
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.grasp.values import NEAR, Reason
+from continuum_grasp.grasp.values import NEAR, UNSTABLE, Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.shapes import greatest_shift
 
@@ -34,14 +35,15 @@ CLEAR = 0.03
 of a scan are off by less."""
 
 
-def rank(reason: Reason) -> tuple[int, bool, bool, float]:
-    """Single limits come before several, a friction that few surfaces have after the others, and before it limits that
-    the scene has no number for; the least product of the factors that limits are off comes first.
+def rank(reason: Reason) -> tuple[bool, int, bool, bool, float]:
+    """Stable grasps come before others, single limits before several, a friction that few surfaces have after the
+    others, and before it limits that the scene has no number for; the least product of the factors that limits are off
+    comes first.
     """
     parts = (reason, *reason.also)
     factors = [part.needed / part.limit for part in parts if part.limit > 0.0 and part.needed > 0.0]
     size = sum(abs(math.log(factor)) for factor in factors)
-    return len(parts), any(map(is_rare, parts)), len(factors) < len(parts), size
+    return not reason.stable, len(parts), any(map(is_rare, parts)), len(factors) < len(parts), size
 
 
 def ordered(reasons: Iterable[Reason]) -> list[Reason]:
@@ -52,7 +54,7 @@ def ordered(reasons: Iterable[Reason]) -> list[Reason]:
     result: list[Reason] = []
     tied: list[Reason] = []
     for reason in sorted(reasons, key=rank):
-        if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > NEAR):
+        if tied and (rank(reason)[:-1] != rank(tied[0])[:-1] or rank(reason)[-1] - rank(tied[0])[-1] > NEAR):
             result, tied = result + tied, []
         tied = sorted([*tied, reason], key=lambda ranked: [names.index(part.name) for part in (ranked, *ranked.also)])
     return result + tied
@@ -87,14 +89,21 @@ def part_of(elastic: Elastic, limit: Relaxation, repair: Repair) -> Reason:
     others = {other: part for other, part in repair.parts.items() if other is not limit}
     scene, amount = elastic.relaxed(others, spare=1.0), repair.parts[limit] * limit.start(elastic.scene)
     bound, needed = limit.value(scene, 0.0), limit.value(scene, amount)
-    more = amount if limit.limit is None else limit.enough(scene, amount)
     # As many digits as tell the two apart.
     digits = next(digits for digits in range(4, 17) if digits == 16 or f"{bound:.{digits}g}" != f"{needed:.{digits}g}")
     text = limit.needed.format(limit=bound, needed=needed, digits=digits)
-    unit = "" if limit.unit == "1" else limit.unit
-    advice = limit.repair.format(key=limit.key, needed=needed, enough=limit.value(scene, more), unit=unit).strip()
-    advice += limit.beside(scene, limit.relaxed(scene, more))
-    return Reason(limit.name, limit.key, limit.unit, bound, needed, text, advice)
+    eased = limit.relaxed(scene, amount if limit.limit is None else limit.enough(scene, amount))
+    changed = dict(changed_numbers(scene, eased))
+    # The key whose number is the limit; fingers and supports may have limits of their own, which go with it.
+    stated = limit.value(scene, amount) if limit.limit is None else limit.limit(eased)
+    key = next((key for key, number in changed.items() if number == stated), next(iter(changed), limit.key))
+    unit = "" if limit.unit == "1" else f" {limit.unit}"
+    advice = ", ".join(
+        f"{each} = {changed[each]:.{3 if each == key else 4}g}{' N m' if each.endswith('torque_max') else unit}"
+        for each in sorted(changed, key=lambda each: each != key)
+    )
+    advice = advice or limit.repair.format(key=key, needed=stated, unit=limit.unit).strip()
+    return Reason(limit.name, key, limit.unit, bound, needed, text, advice)
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
@@ -185,7 +194,11 @@ class Repairs(Elastic):
             if max(repair.parts.values()) < NEAR and not (tried and tried.verified):
                 # The solver may leave a narrow feasible set that relaxed limits had led to.
                 self.search.adopt(attempt)
-        return reason
+        if self.scene.stability == "ignore" or any(limit.excuses is not None for limit in repair.parts):
+            return reason
+        if certify_reached(self.relaxed(repair.parts), repair.arrays).stability.stable:
+            return reason
+        return replace(reason, repair=f"{reason.repair}, where the grasp found is {UNSTABLE}", stable=False)
 
     # -- one limit ---------------------------------------------------------------------------------------------
 
