@@ -230,8 +230,8 @@ class ControlScene(CommandedScene):
     def predicted_finger(self) -> Finger:
         """The finger with servos that do not saturate.
 
-        A stage does not resolve how one that saturates catches up within milliseconds: two iterations of an implicit step
-        from there end anywhere. Plans are bounded by what motors have instead.
+        A stage does not resolve how one that saturates catches up within milliseconds: two iterations of an implicit
+        step from there end anywhere. Plans are bounded by what motors have instead.
         """
         return self.finger.with_drives(_never_saturates)
 

@@ -138,7 +138,7 @@ def test_functions_of_time_are_asked_as_far_as_the_horizon_when_it_is_due(two):
     for k in range(3):
         asked.clear()
         command = named.step([0.0, 0.6])
-        assert max(asked) == pytest.approx(k * period + ahead) and min(asked) == pytest.approx(k * period)
+        assert (min(asked), max(asked)) == pytest.approx((k * period, k * period + ahead))
         assert bool(command.anomaly & Anomaly.BAD_SETPOINTS) == (k * period + ahead >= 0.25)
 
 
