@@ -66,7 +66,7 @@ class Command(Summarized):
     u : (nu,) ndarray
         Inputs to apply until the next command, of a finger tip moment [N m], tensions [N], or what its drives take;
         finite, within the rate limit, and within the limits of the input unless ``Anomaly.BEYOND_LIMIT`` reports that
-        one was moved past the last command.
+        ``change`` moved one past the last command, or that ``reset`` was given an input beyond one.
     status : Status
         What the command comes from: a new plan, the previous one, or the safe ramp.
     health : Health

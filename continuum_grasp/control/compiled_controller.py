@@ -120,8 +120,8 @@ class CompiledController(Remade, Summarized):
                 rows: Any = self._scheduled()
             elif isinstance(reference, Mapping):
                 # In this step alone.
-                asked = self._following().replaced(reference, self._now, self.stages.stage)
-                rows = asked.rows(self._now + self._ahead)
+                asked = self._following().replaced(reference, self._now, self.stages.stage, check=False)
+                rows = asked.rows(self._now + self._ahead, check=False)
             else:
                 rows = reference
             _copy(self._setpoints, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
@@ -249,11 +249,13 @@ class CompiledController(Remade, Summarized):
         Raises
         ------
         InputError
-            If nothing with a setpoint has the name, or the number of entries differs.
+            If nothing with a setpoint has the name, the number of entries differs, or numbers are not finite or out of
+            reach.
 
         Notes
         -----
-        ``current_setpoints`` shows what holds. A step that is given its own ``reference`` follows that one alone.
+        Functions are asked in every step, for the instants of its horizon. ``current_setpoints`` shows what holds. A
+        step that is given its own ``reference`` follows that one alone.
 
         Examples
         --------
@@ -281,7 +283,7 @@ class CompiledController(Remade, Summarized):
         """Setpoints, by name, that the next step follows at its first node where it is given no ``reference``, by
         name.
         """
-        row = self._following().rows(self._now)[0]
+        row = self._following().rows(self._now, check=False)[0]
         return {key: row[part] for key, part in self._following().parts.items()}
 
     @property
@@ -305,10 +307,13 @@ class CompiledController(Remade, Summarized):
 
     def _scheduled(self) -> Array:
         following = self._following()
-        chunk, at = divmod(self._step, _CHUNK)
+        # Functions may be defined as far as the horizon alone, or show what is now.
+        size = 1 if following.by_functions else _CHUNK
+        chunk, at = divmod(self._step, size)
         if self._chunk != chunk:
-            times = self.period * (chunk * _CHUNK + np.arange(_CHUNK))[:, None] + self._ahead
-            self._rows: Array = following.rows(times.ravel()).reshape(_CHUNK, len(self._ahead), self.stages.nr)
+            times = self.period * (chunk * size + np.arange(size))[:, None] + self._ahead
+            rows_at = following.rows(times.ravel(), check=False)
+            self._rows: Array = rows_at.reshape(size, len(self._ahead), self.stages.nr)
             self._chunk = chunk
         rows: Array = self._rows[at]
         return rows

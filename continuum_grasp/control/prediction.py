@@ -74,7 +74,7 @@ class Prediction(Remade):
     @check_arguments
     def __init__(self, scene: CommandedScene) -> None:
         self.scene = scene
-        finger, fidelity = scene.finger, scene.fidelity
+        finger, fidelity = scene.predicted_finger, scene.fidelity
         self._couple = "tip_moment" in scene.disturbances
         tip_force = bool(scene.contacts) or "tip_force" in scene.disturbances
         moved = "object_position" in scene.disturbances

@@ -113,7 +113,7 @@ ANOMALY_TEXTS = {
     Anomaly.NOT_SOLVED: "the real-time iteration failed",
     Anomaly.INPUT_LIMITED: "the planned input was outside its limits",
     Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows in a stage",
-    Anomaly.BEYOND_LIMIT: "the command is beyond a limit that was moved past it, and approaches it as fast as allowed",
+    Anomaly.BEYOND_LIMIT: "the command before was beyond a limit, which this one approaches as fast as allowed",
     Anomaly.PLAN_GAPS: "the plan was no motion of the model: replaced, or integrated anew",
 }
 

@@ -10,7 +10,9 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
 from continuum_grasp.scene.cost import tracked
+from continuum_grasp.scene.drives import MotorDrive, WinchDrive
 from continuum_grasp.scene.estimator import Estimator, Mounting
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity
@@ -49,6 +51,12 @@ def _rigid(scene: ControlScene) -> bool:
 def _jumps(scene: ControlScene) -> bool:
     """Whether the plant's tensions, or its tip moment, follow commands at once."""
     return bool(scene.finger.winches) or (scene.lag is None and scene.plant.time_constant is None)
+
+
+def _never_saturates(drive: WinchDrive | None) -> WinchDrive | None:
+    # 1e12: the greatest number that a scene has [N m]
+    servo = isinstance(drive, MotorDrive) and drive.position_gain is not None
+    return drive.replaced(torque_max=1e12) if drive and servo else drive
 
 
 class ControlScene(CommandedScene):
@@ -217,6 +225,15 @@ class ControlScene(CommandedScene):
     def bench_mounting(self) -> Mounting | None:
         """True mounting of the plant's bench: where it states none, the one that the controller knows."""
         return self.mounting if self.plant.mounting is None else self.plant.mounting
+
+    @property
+    def predicted_finger(self) -> Finger:
+        """The finger with servos that do not saturate.
+
+        A stage does not resolve how one that saturates catches up within milliseconds: two iterations of an implicit
+        step from there end anywhere. Plans are bounded by what motors have instead.
+        """
+        return self.finger.with_drives(_never_saturates)
 
     @property
     def disturbances(self) -> frozenset[str]:

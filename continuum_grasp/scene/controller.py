@@ -205,6 +205,11 @@ class CommandedScene(FingerScene):
         return self.parameters
 
     @property
+    def predicted_finger(self) -> Finger:
+        """Finger of the model."""
+        return self.finger
+
+    @property
     def disturbances(self) -> frozenset[str]:
         """Disturbances that are parameters of the model: tip_force, tip_moment, object_position, contact_friction."""
         return frozenset()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
@@ -389,10 +390,17 @@ class Finger(Value):
 
     def with_tendons(self, **changes: Any) -> Self:
         """A copy of the finger with changes of every tendon; a finger without tendons is returned as it is."""
+        return self._with_each(lambda tendon: tendon.replaced(**changes))
+
+    def with_drives(self, changed: Callable[[Any], Any]) -> Self:
+        """A copy of the finger with what is changed of the drive of every tendon, if there are tendons."""
+        return self._with_each(lambda tendon: tendon.replaced(drive=changed(tendon.drive)))
+
+    def _with_each(self, changed: Callable[[Any], Any]) -> Self:
         tendons = self.tendons
         if isinstance(tendons, tuple):
-            return self.replaced(tendons=tuple(tendon.replaced(**changes) for tendon in tendons))
-        return self if tendons is None else self.replaced(tendons=tendons.replaced(**changes))
+            return self.replaced(tendons=tuple(map(changed, tendons)))
+        return self if tendons is None else self.replaced(tendons=changed(tendons))
 
     def with_lags(self, time_constant: float | None) -> Self:
         """A copy whose tensions and pressures lag by a time constant [s]; None: they follow at once."""

@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, TypedDict
 
@@ -24,7 +24,6 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer
 from continuum_grasp.scene.drives import LengthDrive
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
@@ -260,7 +259,7 @@ def at_start(scene: Scene, model: FingerModel, **search: Any) -> Equilibrium:
     if angles is None:
         signals, friction = Signals(scene, model), friction_of(scene.initial, model)
         return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **friction, **search)
-    motors, finger = model.structure.motors, with_drives(scene.finger, _locked)
+    motors, finger = model.structure.motors, scene.finger.with_drives(_locked)
     wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
     # Chambers beside the tendons have their pressures.
     pressures = scene.actuation.values[len(wound) :] if scene.actuation else (0.0,) * len(finger.chambers)
@@ -289,15 +288,6 @@ def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> Fi
     return FingerModel(
         scene, family=model.family, elements=model.lengths, accuracy=accuracy, loads=loads, input_rates=False
     )
-
-
-def with_drives(finger: Finger, changed: Callable[[Any], Any]) -> Finger:
-    tendons: Any = finger.tendons
-    if tendons is None:
-        return finger
-    listed = tendons if isinstance(tendons, tuple) else (tendons,)
-    replaced = tuple(tendon.replaced(drive=changed(tendon.drive)) for tendon in listed)
-    return finger.replaced(tendons=replaced if isinstance(tendons, tuple) else replaced[0])
 
 
 def following(drive: Any) -> LengthDrive:

@@ -422,6 +422,15 @@ def test_a_limit_moved_past_the_command_is_approached_at_the_rate_and_said():
     assert Anomaly.BEYOND_LIMIT in control.step(None, np.full(3, np.nan)).anomaly
 
 
+@pytest.mark.parametrize("applied", [0.55, -0.55])
+def test_no_command_follows_what_was_applied_beyond_the_limits(applied):
+    control = Controller(swing_scene(**GIVEN), deadline=math.inf)
+    for _ in range(6):
+        command = bad(control, applied=[applied])
+        assert Anomaly.BAD_APPLIED not in command.anomaly
+        assert abs(command.u[0]) <= MOST
+
+
 @pytest.mark.deep
 def test_few_factorizations_command_as_well_as_many():
     """A QP that ends at its limit goes on from there at the next call: errors of the tip are those of solved ones."""

@@ -107,3 +107,31 @@ def test_lengths_and_tensions_alone_show_the_angle_of_the_tip(guides):
         bends = np.array(own.prediction.bending(found.z[: own.prediction.nx], [0.0, 0.0], own.prediction.p_nominal))
         wrong.append(float(bends.sum()) - chain.angle)
     assert np.abs(wrong[5:]).max() < 0.03
+
+
+@pytest.mark.parametrize("periods", [0, 1, 2])
+def test_a_torque_that_arrives_late_is_that_of_the_command_of_then(periods):
+    """A servo's torque jumps with its command; a reading is taken before the command of its instant is sent."""
+    own = Estimator(
+        driven_scene(
+            "servos",
+            estimator={"measured": {"angle": 1e-3, "torque": 1e-3}, "delay": 0.01 * periods},
+            tendons={"friction": 0.0},
+        )
+    )
+    p, substeps = own.prediction.p_nominal, int(own.settings["substeps"])
+    angle, rate = own.names.index("motor_angle_1 [rad]"), own.names.index("motor_angle_1_rate [rad/s]")
+    rest = np.array(own.scene.rest_input)
+    z, read = own.first, [outputs(own, own.first, rest)]
+    commands = rest + np.random.default_rng(5).uniform(-0.05, 0.05, (8, 2))
+    torque = own.measurement_names.index("motor_torque_1 [N m]")
+    own.step(read[0], rest)
+    for k, u in enumerate(commands):
+        for _ in range(substeps):
+            z = np.array(own.estimation.flow(z, u, p, own.period / substeps)).ravel()
+        y = outputs(own, z, u)
+        # The law of the servo, without the estimator's outputs.
+        assert y[torque] == pytest.approx(2.0 * (u[0] - z[angle]) - 0.01 * z[rate], rel=1e-9)
+        read.append(y)
+        found = own.step(read[max(k + 1 - periods, 0)], u)
+        assert np.abs(found.innovation).max() < 1e-9

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp.control.prediction import Prediction, first_state
@@ -20,7 +23,10 @@ EACH = ("winches", "torques", "servos")
 def test_motion_is_that_of_the_simulation(name):
     scene = driven_scene(name)
     model = Prediction(scene)
-    simulated = cg.System(scene.finger, family="clothoid", elements=2, gravity=(0, 0))
+    # Plans of servos are bounded by the torque that motors have, and do not saturate.
+    drive = DRIVES[name][0] | ({"torque_max": 1e6} if "servo" in name else {})
+    finger = scene.finger.with_tendons(drive=drive)
+    simulated = cg.System(finger, family="clothoid", elements=2, gravity=(0, 0))
     assert list(model.x_names) == simulated.x_names
     quantity = model.u_names[0].split("_")[0]
     assert list(model.u_names) == [f"{quantity}_{k + 1} [{UNITS[quantity]}]" for k in range(2 if name in EACH else 1)]
@@ -104,3 +110,29 @@ def test_fastest_rate_bounds_random_linearizations(name):
         rate = lambda at: np.array(model.dynamics(at, scene.rest_input, [])).ravel()  # noqa: E731
         slope = differences(rate, x, 1e-7 * np.maximum(1.0, np.abs(x)))
         assert np.abs(np.linalg.eigvals(slope)).max() < 1.2 * most
+
+
+@pytest.mark.parametrize("name", ["servos", "servo"])
+def test_a_plan_of_servos_is_a_motion_of_motors_that_saturate(name):
+    """A setpoint that jumps asks for all the torque there is; a first stage by another integrator, which has it."""
+    scene = driven_scene(name, controller={"start_iterations": 20}, tendons={"friction": 0.0})
+    control = cg.Controller(scene, deadline=math.inf)
+    command = control.step(control.first, {"tip": (-0.12, 0.10)})
+    assert not command.violated
+    model = cg.System(scene.finger, gravity=scene.gravity, family="clothoid", elements=2)
+    drive = scene.finger.tendons.drive
+    p, x, u = model.p_nominal, command.plan.x, command.plan.u
+    angles = [k for k, label in enumerate(model.x_names) if label.startswith("motor_angle") and "rate" not in label]
+    torque = drive.position_gain * (u - x[:-1, angles]) - drive.rate_gain * x[:-1, [k + 1 for k in angles]]
+    assert np.abs(torque).max() == pytest.approx(drive.torque_max, rel=1e-6)
+    for k in range(3):
+        found = solve_ivp(
+            lambda t, y, at: np.array(model.forward_dynamics(y, at, [], p)).ravel(),
+            (0.0, 0.01),
+            x[k, : model.nx],
+            method="Radau",
+            rtol=1e-8,
+            atol=1e-9,
+            args=(u[k],),
+        )
+        assert found.y[angles, -1] == pytest.approx(x[k + 1, angles], abs=0.02)

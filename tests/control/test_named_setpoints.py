@@ -110,6 +110,38 @@ def test_wrong_setpoints_are_refused_and_change_nothing(two, given, match):
     assert named.current_setpoints["input"].tolist() == [0.0]
 
 
+@pytest.mark.parametrize("tip", [[0.1, math.nan], [1e5, 0.0], lambda t: (math.nan, 0.1), lambda t: (0.0, math.inf)])
+def test_numbers_of_a_setpoint_for_one_step_do_not_raise(two, tip):
+    """By name as in the order of the entries: they are an anomaly, and the command goes on."""
+    named, ordered = two
+    values = tip(0.0) if callable(tip) else tip
+    for control, given in ((named, {"tip": tip}), (ordered, rows(ordered, np.array(values)))):
+        control.step([0.0, 0.6])
+        command = control.step([0.0, 0.6], given)
+        assert command.anomaly & Anomaly.BAD_SETPOINTS
+        assert np.all(np.isfinite(command.u))
+
+
+def test_functions_of_time_are_asked_as_far_as_the_horizon_when_it_is_due(two):
+    """A course that is defined until the end of the last horizon is enough; a later gap is an anomaly when it comes."""
+    named, _ = two
+    asked = []
+
+    def tip(t):
+        asked.append(t)
+        if t > 0.3:
+            raise ValueError("beyond the course")
+        return TIP if t < 0.25 else (math.nan, 0.0)
+
+    named.reference(tip=tip)
+    ahead, period = named.stages.stage * named.stages.stages, named.period
+    for k in range(3):
+        asked.clear()
+        command = named.step([0.0, 0.6])
+        assert (min(asked), max(asked)) == pytest.approx((k * period, k * period + ahead))
+        assert bool(command.anomaly & Anomaly.BAD_SETPOINTS) == (k * period + ahead >= 0.25)
+
+
 def test_measurements_and_parameters_by_name(two):
     named, ordered = two
     assert named.step({"tip_y": 0.59, "tip_x": 0.01}).u == ordered.step([0.01, 0.59]).u

@@ -91,6 +91,7 @@ def test_functions_of_time_take_the_place_of_references():
     ("functions", "said"),
     [
         ({"nose": lambda t: (0.0, 0.0)}, "functions: expected some of tip"),
+        ({"tip": (0.0, 0.18)}, "functions.tip: expected a function of time"),
         ({"bending": lambda t: (0.0, 0.0)}, "which have a weight in controller.cost, got 'bending'"),
         ({"tip": lambda t: (0.0, 0.0, 0.0)}, "t = 0.5 s: expected 2 finite entries"),
         ({"tip": lambda t: (math.nan, 0.0)}, "expected 2 finite entries"),

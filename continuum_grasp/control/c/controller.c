@@ -320,6 +320,8 @@ int controller_step(controller_state *state, controller_work *work, const contro
 {
   const uint32_t begin = CONTROLLER_TICKS();
   if (!state->started || !controller_valid(settings)) return output->status = CONTROLLER_INVALID;
+  real last[RTI_NU];
+  memcpy(last, state->u, sizeof last);
   memset(output, 0, sizeof *output);
   const int patience = controller_plan_calls(settings);
   output->anomalies = controller_check(state, settings, input);
@@ -329,6 +331,9 @@ int controller_step(controller_state *state, controller_work *work, const contro
   memcpy(y, input->measurement, sizeof y);
   supervisor_screen(&state->supervisor, &settings->supervisor, y, &output->supervisor);
   const int known = controller_estimate(state, work, settings, y, output);
+  /* What drives exert may be beyond limits, for the estimator alone: no command follows it there. */
+  for (int j = 0; j < RTI_NU; ++j)
+    cg_limit(&state->u[j], rti_min(last[j], settings->rti.u_min[j]), rti_max(last[j], settings->rti.u_max[j]));
   /* The estimator saw these readings as missing. */
   for (int j = 0; j < CONTROLLER_NM; ++j)
     if (cg_is_nan(y[j]) && !cg_is_nan(input->measurement[j])) output->verdict[j] = CG_FROZEN;

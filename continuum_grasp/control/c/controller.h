@@ -18,7 +18,8 @@
  * If one of 1 to 3 fails, or the last command was late, the controller follows the last plan to its end; after that,
  * and where nothing was measured for as long as a plan lasts, the input goes to the safe one at a bounded rate. A
  * command is finite and within the limits of input and rate, with one exception: where the settings move a limit past
- * the last input, the rate limit wins, and the command is beyond the new limit until it gets there.
+ * the last command, or the input before the start is beyond one, the rate limit wins until the command gets there. What
+ * was applied since is no such input.
  *
  * status                       what the command comes from
  * ---------------------------- -----------------------------------------------------------------------------------
@@ -46,7 +47,7 @@
  * 4096 CONTROLLER_INPUT_LIMITED        the planned input was outside its limits
  * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than its rate allows in a stage
  * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
- * 32768 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input; the command approaches it at its rate
+ * 32768 CONTROLLER_BEYOND_LIMIT        a limit is past the last command, which approaches it at its rate
  * 131072 CONTROLLER_PLAN_GAPS  the plan was no motion of the model: replaced, or integrated anew
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the

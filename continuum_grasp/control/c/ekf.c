@@ -412,28 +412,24 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
   const real h = settings->period / (real)settings->substeps;
   memset(report, 0, sizeof *report);
   if (!cg_finite(u, EKF_NU) || !cg_finite(p, EKF_NP)) return EKF_BAD_INPUT;
-  if (state->started) {
-    real applied[EKF_NU];
-    memcpy(applied, u, sizeof applied);
+  /* Up to the measurement: what a sensor shows of the input itself, as of a torque, is that before it. */
+  real applied[EKF_NU];
+  memcpy(applied, u, sizeof applied);
 #if EKF_DELAY > 0
-    /* The filter is as far in the past as its measurements: it moves with the input of then. */
-    memcpy(applied, state->queue[state->oldest], sizeof applied);
+  /* The filter is as far in the past as its measurements: it moves with the input of then. */
+  memcpy(applied, state->queue[state->oldest], sizeof applied);
+  if (state->started) {
     memcpy(state->queue[state->oldest], u, sizeof applied);
     state->oldest = state->oldest + 1 < EKF_DELAY ? state->oldest + 1 : 0;
-#endif
-    for (int k = 0; k < settings->substeps; ++k) ekf_predict(state, work, settings, applied, p, h);
   }
-#if EKF_DELAY > 0
-  const real *now = state->queue[state->oldest];
-#else
-  const real *now = u;
 #endif
+  for (int k = 0; state->started && k < settings->substeps; ++k) ekf_predict(state, work, settings, applied, p, h);
   for (int j = 0; j < EKF_NM; ++j) report->verdict[j] = cg_verdict(y[j], settings->y_min[j], settings->y_max[j]);
   state->started = 1;
   if (ekf_plausible(state, settings, report)) {
     real predicted[EKF_NZ];
     memcpy(predicted, state->z, sizeof predicted);
-    if (ekf_correct(state, work, settings, y, now, p, report) && ekf_plausible(state, settings, report)) {
+    if (ekf_correct(state, work, settings, y, applied, p, report) && ekf_plausible(state, settings, report)) {
       memcpy(state->sound, predicted, sizeof state->sound);
       state->restarted -= state->restarted > 0;
       return EKF_OK;

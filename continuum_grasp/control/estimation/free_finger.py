@@ -17,7 +17,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import RETURN_TIME
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.spectrum import sample_shapes
-from continuum_grasp.simulation.statics import Friction, equilibrium_under, following, with_drives
+from continuum_grasp.simulation.statics import Friction, equilibrium_under, following
 
 _STABLE = 2.5
 """Greatest product of a Runge-Kutta step and the fastest rate [1]: 2.78 is where steps of order 4 become unstable."""
@@ -33,7 +33,7 @@ class FreeFinger:
 
     def __init__(self, scene: ControlScene, parameters: tuple[str, ...], places: tuple[float, ...]) -> None:
         self.model = FingerModel(
-            with_drives(scene.finger, following),
+            scene.finger.with_drives(following),
             family=scene.fidelity.family,
             elements=scene.fidelity.elements,
             bending_range=scene.fidelity.bending_range,

@@ -54,7 +54,7 @@ class _Rows(NamedTuple):
         return np.stack([np.interp(places, count, column) for column in self.values.T], axis=1)
 
 
-def _replacement(key: str, value: Any, width: int, since: float, stage: float) -> _Given:
+def _replacement(key: str, value: Any, width: int, since: float, stage: float, check: bool) -> _Given:
     if callable(value):
         function: Function = value
         return function
@@ -62,7 +62,7 @@ def _replacement(key: str, value: Any, width: int, since: float, stage: float) -
         entries = numbers(value)
     except (TypeError, ValueError):
         raise InputError(f"expected numbers or a function of time, got {shown(value)}", key=key) from None
-    if not np.all(np.isfinite(entries)):
+    if check and not np.all(np.isfinite(entries)):
         raise InputError(f"expected finite numbers, got {shown(value)}", key=key)
     if entries.size == width and entries.ndim <= 1:
         return tuple(entries.ravel().tolist())
@@ -94,10 +94,11 @@ class Setpoints:
         ends = np.cumsum([0, *(width for width, _ in self._blocks)]).tolist()
         return {key: slice(a, b) for key, a, b in zip(self._keys, ends[:-1], ends[1:], strict=True) if key}
 
-    def replaced(self, given: Mapping[str, Any], since: float, stage: float) -> Setpoints:
+    def replaced(self, given: Mapping[str, Any], since: float, stage: float, *, check: bool = True) -> Setpoints:
         """Replace setpoints by name: numbers, a function of time, or rows one stage apart [s] from an instant [s] on.
 
-        ``InputError`` for unknown names, for what has another number of entries, and for what is out of reach.
+        ``InputError`` for unknown names, for what has another number of entries, and with ``check`` for what is not
+        finite or out of reach.
         """
         blocks, keys = list(self._blocks), list(self._keys)
         for key, value in given.items():
@@ -106,14 +107,23 @@ class Setpoints:
                 raise InputError(f"expected setpoints of what has a weight ({known}), got {key!r:.60}", key=key)
             at = keys.index(key)
             width = blocks[at][0]
-            blocks[at] = width, _replacement(key, value, width, since, stage)
-            self._check("", {key: blocks[at][1]})
+            blocks[at] = width, _replacement(key, value, width, since, stage, check)
+            if check:
+                self._check("", {key: blocks[at][1]})
         return Setpoints(self.names, blocks, self._keys, self._check)
 
-    def rows(self, times: ArrayLike) -> Array:
-        """Evaluate setpoints (len(times), nr) at instants [s]; what functions of time return must fit and be finite."""
+    @property
+    def by_functions(self) -> bool:
+        """Whether there are functions of time among them."""
+        return any(callable(setpoint) for _, setpoint in self._blocks)
+
+    def rows(self, times: ArrayLike, *, check: bool = True) -> Array:
+        """Evaluate setpoints (len(times), nr) at instants [s].
+
+        What functions of time return must fit, and with ``check`` be finite.
+        """
         instants = np.atleast_1d(real_array("times", times))
-        return np.hstack([_rows(setpoint, width, instants) for width, setpoint in self._blocks])
+        return np.hstack([_rows(setpoint, width, instants, check) for width, setpoint in self._blocks])
 
 
 def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Function] | None = None) -> Setpoints:
@@ -133,6 +143,8 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
             raise InputError(
                 f"expected some of {known}, which have a weight in controller.cost, got {name!r}", key="functions"
             )
+        if not callable(function):
+            raise InputError(f"expected a function of time, got {shown(function)}", key=f"functions.{name}")
         references[name] = function
     blocks: list[tuple[int, _Given | None]] = []
     for term in outputs.terms:
@@ -153,7 +165,7 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     return Setpoints(outputs.names, blocks, keys, check)
 
 
-def _rows(setpoint: _Given | None, width: int, t: Array) -> Array:
+def _rows(setpoint: _Given | None, width: int, t: Array, check: bool) -> Array:
     if setpoint is None:
         return np.zeros((len(t), width))
     if isinstance(setpoint, CircleReference):
@@ -165,7 +177,7 @@ def _rows(setpoint: _Given | None, width: int, t: Array) -> Array:
     if isinstance(setpoint, _Rows):
         return setpoint.at(t)
     if callable(setpoint):
-        return _called(setpoint, width, t)
+        return _called(setpoint, width, t, check)
     return np.tile(np.array(setpoint, dtype=float), (len(t), 1))
 
 
@@ -181,7 +193,7 @@ def _sampled(sampled: RowSamples, t: Array) -> Array:
     return np.stack([interpolate(samples, t)[0] for samples in columns], axis=1)
 
 
-def _called(function: Function, width: int, t: Array) -> Array:
+def _called(function: Function, width: int, t: Array, check: bool) -> Array:
     rows = np.empty((len(t), width))
     for k, instant in enumerate(t.tolist()):
         output = function(instant)
@@ -189,7 +201,7 @@ def _called(function: Function, width: int, t: Array) -> Array:
             row = numbers(output).reshape(-1)
         except (TypeError, ValueError):
             raise InputError(f"a setpoint at t = {instant:g} s: expected numbers, got {shown(output)}") from None
-        if row.size != width or not np.all(np.isfinite(row)):
+        if row.size != width or (check and not np.all(np.isfinite(row))):
             raise InputError(f"a setpoint at t = {instant:g} s: expected {width} finite entries, got {shown(output)}")
         rows[k] = row
     return rows

@@ -60,7 +60,7 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.star
    <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then en route to
    <<loop.safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
    A command that is written is finite, and changes at its rate at most. It is within the limits, but where these were
-   moved faster than its rate allows, or what was applied is beyond them: then it is on its way to them, by
+   moved faster than its rate allows, or the command before the start is beyond them: then it is on its way to them, by
    <<P>>_WARN_BEYOND_LIMIT where it is of a new plan. Below zero (null pointer, interface, settings) the command is left
    alone, and the controller is as it was. */
 int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
