@@ -99,7 +99,7 @@ class Equations:
         for k, (states, rates) in enumerate(self._lagging):
             if states:
                 _, couples = zip(*self.amplitudes[k], strict=True)
-                drives[k] = self._drive(k, (states[0], *rates), couples[:1])
+                drives[k] = self._drive(k, (states[0], *rates), couples)
         return drives
 
     def _drive(self, number: int, amplitudes: Sequence[Scalar], couples: Sequence[Scalar]) -> Drive:

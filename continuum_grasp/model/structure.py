@@ -34,12 +34,10 @@ from continuum_grasp.scene.tendons import channels
 _CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: take choose_fidelity(scene).scene"})
 _RATES = (
     beside("input_rates", lambda s: not s.matched, "needs family matched_clothoid"),
-    beside("input_rates", lambda s: s.lagged, "and tendons.time_constant exclude each other: the lag gives the rates"),
     beside(
-        "family",
-        lambda s: s.matched and s.lagged and s.tip_couple_varies,
-        "matched_clothoid moves with the rates of a moment on the tip, which one that varies beside drives with a "
-        "time_constant does not have: use clothoid",
+        "input_rates",
+        lambda s: s.lagged and not s.couples and not any(s.at_once),
+        "and tendons.time_constant exclude each other: the lag gives the rates",
     ),
 )
 
@@ -98,7 +96,9 @@ class Structure:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
         self.family_name = choices.family or self._default_family(scene, input_rates, free_tip)
         commands = () if scene is None or scene.actuation is None else scene.actuation.values
-        varies = self.tip_couple_varies or any(isinstance(value, Samples) for value in commands)
+        # Of what follows its command by a lag, that gives the rates.
+        vary = zip(self.at_once, (isinstance(value, Samples) for value in commands), strict=False)
+        varies = self.tip_couple_varies or any(map(all, vary))
         self.inputs = self._input_layout(input_rates, varies)
         self.sources = self._sources()
         self.mesh = self._mesh()
@@ -166,6 +166,12 @@ class Structure:
     def lagged(self) -> bool:
         """Whether moments of the tendons are states."""
         return any(channel.time_constant is not None for channel in self.finger.channels)
+
+    @property
+    def at_once(self) -> list[bool]:
+        """Per input of the finger's own whether it bends without a lag."""
+        own = [channel for channel in self.finger.channels if channel.time_constant is not None]
+        return [not any(channel.arms[k] for channel in own) for k in range(len(self.finger.inputs))]
 
     @property
     def moment_is_constant(self) -> bool:
@@ -243,17 +249,21 @@ class Structure:
         return default_family(free_tip=bool(reasons))
 
     @property
+    def couples(self) -> list[MomentLoad]:
+        """Moments that are inputs."""
+        return [load for load in self.loads if isinstance(load, MomentLoad) and self._is_input(load)]
+
+    @property
     def tip_couple_varies(self) -> bool:
         """Whether a moment that is an input varies in time."""
-        couples = [load for load in self.loads if isinstance(load, MomentLoad) and self._is_input(load)]
-        return any(isinstance(load.moment, Samples) for load in couples)
+        return any(isinstance(load.moment, Samples) for load in self.couples)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         self.finger.check_family("family", self.family_name, self._runtime_at_tip)
         for feature in _RATES:
-            feature.check(self, of={"input_rates": bool(input_rates), "family": True})
+            feature.check(self, of={"input_rates": bool(input_rates)})
         if input_rates is None:
-            input_rates = self.matched and varies and not self.lagged
+            input_rates = self.matched and varies
         names, tip = [], count(1)
         for k, load in enumerate(self.loads):
             if self._is_input(load):
@@ -278,8 +288,7 @@ class Structure:
             sources.append(Source(**vars(channel) | {"arms": arms}, chamber=True))
         if not sources:
             sources = [Source(whole, length, (1.0,))]
-        couples = [load for load in self.loads if self._is_input(load)]
-        for k, load in enumerate(couples):
+        for k, load in enumerate(self.couples):
             shape = whole if self.on_tip(load.at) else Curve((0.0, load.at, self.length), ((1.0,), (0.0,)))
             for at, source in enumerate(sources):
                 if source.shape == shape:

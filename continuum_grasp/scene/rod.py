@@ -82,7 +82,7 @@ class Damping(Value):
     """Branches in which the material relaxes: it creeps under a load that is held, and comes back slowly."""
     friction_cells: Annotated[int, Field(ge=1, le=16)] = 2
     """Cells per element on which dry friction, with a state of each branch, sees the mean curvature: elements of
-    constant curvature need only one, others have more where the stiffness jumps inside."""
+    constant curvature need only one."""
 
 
 _PARTS = ("sections", "samples", "spirob")

@@ -87,13 +87,17 @@ def test_equal_sections_give_the_uniform_fingers_grasp(friction):
         )
 
 
-def sticky(cells):
-    """Setup of the tapered finger with friction of both kinds, and its offset at the base."""
+NOTCHED = [section(0.4 * LENGTH, STIFFNESS, thickness=0.015), section(LENGTH, 0.1 * STIFFNESS, thickness=0.012)]
+"""Its stiffness jumps inside an element and inside a friction cell."""
+
+
+def sticky(cells, sections=TAPER):
+    """Setup of a finger with friction of both kinds, and its offset at the base."""
     offset = 0.006 * np.cos(np.arctan2(0.0015, LENGTH))  # of tendons that are inclined
     more = {"friction": 0.3, "friction_cells": cells, "presliding": offset * PRESLIDING, "max_tension": 60.0}
     tendons = [{"offset": own, **more} for own in TAPERED_TENDONS]
     own = {"finger.tendons": tendons, "finger.damping": DRY, "finger.masses": MASSES}
-    return mug(TAPER, **TAPERED_MUG, **FREE_TIP, **own).setups[0], offset
+    return mug(sections, **TAPERED_MUG, **FREE_TIP, **own).setups[0], offset
 
 
 MASSES = [{"at": 0.45 * LENGTH, "mass": 0.004}, {"at": LENGTH, "mass": 0.002}]
@@ -118,12 +122,12 @@ def history_of(cells, moved, rng):
     return [*(1.0 - moved) * rng.uniform(-1.0, 1.0, 4 * cells + 16), moved]
 
 
-@pytest.mark.parametrize("cells", few([1, 3], 1))
-def test_forces_are_those_of_the_model_of_motion(cells):
+@pytest.mark.parametrize(("cells", "sections"), few([(1, TAPER), (2, NOTCHED), (3, TAPER)], 2))
+def test_forces_are_those_of_the_model_of_motion(cells, sections):
     """Generalized forces at rest in random shapes, of random states of friction, and of those of pulling, with the
     weight of a taper and of masses within and at the tip.
     """
-    (setup, offset), rng = sticky(cells), np.random.default_rng(cells)
+    (setup, offset), rng = sticky(cells, sections), np.random.default_rng(cells)
     finger, stiffness, nodes = setup.finger, setup.stiffness, np.cumsum([0.0, *LENGTHS])
     spec = replace(FingerSpec.of(setup, frozenset(), True), elements=4, accuracy=1e-10, bending_range=2.0)
     resting = UnitFinger(spec, Columns(), Columns(), ca.SX.zeros(3))
@@ -146,10 +150,12 @@ def test_forces_are_those_of_the_model_of_motion(cells):
         assert found == pytest.approx(true, abs=1e-12 * np.abs(true).max())
 
 
-@pytest.mark.parametrize("cells", [1, 3])
-def test_the_certificates_friction_does_the_work_of_the_model_of_motion(cells):
+@pytest.mark.parametrize("sections", [TAPER, NOTCHED], ids=["taper", "notched"])
+@pytest.mark.parametrize("cells", [2, 3])
+def test_the_certificates_friction_does_the_work_of_the_model_of_motion(cells, sections):
     """Its moments do work on the curvature of each coordinate: generalized forces; states of pulling are equal."""
-    (setup, _), rng, model = sticky(cells), np.random.default_rng(cells), moving(sticky(cells)[0], (0.0, 0.0))
+    (setup, _), rng = sticky(cells, sections), np.random.default_rng(cells)
+    model = moving(setup, (0.0, 0.0))
     shapes = np.zeros((4, 2, 5))
     shapes[range(4), 0, range(4)] = shapes[range(4), 1, range(1, 5)] = 1.0
     nodes, weights = np.polynomial.legendre.leggauss(20)
@@ -158,7 +164,7 @@ def test_the_certificates_friction_does_the_work_of_the_model_of_motion(cells):
         stored = {"lengths": LENGTHS, "q": q, "tip_curvature": 0.0, "curvature_shapes": shapes, "tensions": pulls}
         shape = FingerShape(setup, {f"finger.{key}": value for key, value in stored.items()})
         tendons, dry = friction_of(setup, shape, None if moved else np.array(history[:-1]))
-        edges = np.unique(np.concatenate([tendons.edges, dry.edges]))
+        edges = np.unique(np.concatenate([tendons.edges, dry.edges, setup.finger.profile.breaks]))
         half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
         s, w = (middle + half * nodes).ravel(), (half * weights).ravel()
         found = shape.elastic(s, np.eye(5)) @ (w * (tendons.moment(s, pulls) - dry.moment(s)))

@@ -16,6 +16,7 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Tendons
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation import equilibrium, initial_state, simulate, stepping
 from tests.marks import but, few
 from tests.rods import (  # noqa: F401
@@ -476,15 +477,32 @@ def test_a_kink_in_the_input_of_a_matched_tip_is_refused():
     assert simulate(nitinol("clothoid", duration=0.1, actuation=kinked)).status == "finished"
 
 
-def test_a_moment_on_a_matched_tip_that_varies_beside_drives_with_a_lag_is_refused():
-    """Its rates, which the lag gives of tensions alone, would be missing: two elements were 5 mm off."""
-    rising = {"kind": "moment", "at": 0.6, "moment": {"times": [0.0, 0.2], "values": [0.0, 0.05]}}
-    keys = {"finger": {"half_thickness": 0.01, "tendons": {"offset": 0.008, "max_tension": 30, "time_constant": 0.05}}}
-    keys |= {"duration": 0.01, "actuation": {"tensions": [1.0, 0.0]}, "loads": [rising]}
-    with pytest.raises(InputError, match="does not have: use clothoid") as caught:
-        simulate(nitinol("matched_clothoid", **keys))
-    assert caught.value.key == "fidelity.family"
-    assert simulate(nitinol(None, None, **keys)).model.family == "clothoid"
+@pytest.mark.parametrize("at_once", ["couple", "tendon", "chamber"])
+def test_a_matched_tip_moves_with_the_rates_of_what_bends_it_at_once_beside_a_lag(at_once):
+    """By free clothoids of eight elements."""
+    ramp = {"times": [0.0, 0.05, 0.1], "values": [0.0, 0.036, 0.036]}
+    lagged = {"offset": 0.006, "max_tension": 50, "time_constant": 0.02}
+    tendon, chamber = (
+        {"offset": [0.006, 0.003], "max_tension": 50},
+        {"area": 1e-4, "offset": -0.006, "max_pressure": 1e6},
+    )
+    finger = {"rod": {"length": 0.3, "bending_stiffness": 0.02, "linear_density": 0.05}, "damping": {"material": 2e-4}}
+    finger |= {"tendons": [lagged, tendon] if at_once == "tendon" else [lagged]}
+    finger |= {"pressure": chamber} if at_once == "chamber" else {}
+    moved = {
+        "couple": {"loads": [{"kind": "moment", "at": 0.3, "moment": ramp}], "actuation": {"tensions": [0.0]}},
+        "tendon": {"actuation": {"tensions": [0.0, {**ramp, "values": [k / 0.006 for k in ramp["values"]]}]}},
+        "chamber": {"actuation": {"tensions": [0.0], "pressures": [{**ramp, "values": [0.0, 6e4, 6e4]}]}},
+    }[at_once]
+
+    def run(family, elements):
+        keys = {"gravity": [0.0, -9.81], "fidelity": {"family": family, "elements": elements}}
+        return simulate(Scene.model_validate(
+            {"schema_version": 1, "finger": finger, **keys, **moved, "time": {"duration": 0.15, "step": 0.005}}
+        ))  # fmt: skip
+
+    matched, fine = run("matched_clothoid", 4), run("clothoid", 8)
+    assert np.linalg.norm(matched.tip - fine.tip, axis=1).max() < 1e-4
 
 
 def test_a_scene_without_time_is_refused():

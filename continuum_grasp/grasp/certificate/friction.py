@@ -5,8 +5,9 @@ factor exp(-friction turn z); that of one on the other side, which slides the ot
 
 Each branch of a cell resists the bending by its moment M times a state z from -1 to 1, the same all along the cell: its
 virtual work is that of a moment on the turn of the cell. Along a finger that changes along its length k and M are
-those at the base, and go with its stiffness. A finger that was bent from its shape at rest on has z = k kappa / M,
-kappa being the mean curvature of the cell above rest by this stiffness, as far as that is within the range.
+those at the base, and go with the harmonic mean stiffness of the cell, by which an even moment bends it. A finger that
+was bent from its shape at rest on has z = k kappa / M, kappa being the mean curvature of the cell above rest, as far as
+that is within the range.
 """
 
 from __future__ import annotations
@@ -128,52 +129,37 @@ class DryBending:
         self.states = self.pulled if states is None else states
 
     @cached_property
-    def _bent(self) -> Array:
-        """Mean curvature (C, 1) above rest of each cell [1/m]."""
+    def _cells(self) -> tuple[Array, Array]:
+        """Mean curvature (C,) above rest of each cell [1/m], and its harmonic mean stiffness per that at the base."""
         s, weights, cell = cell_nodes(self.edges, self._profile.breaks)
-        measure = weights * self.per_base(s)
-        drawn = np.bincount(cell, measure * self._shape.elastic(s)) / np.bincount(cell, measure)
-        return np.asarray(drawn)[:, None]
-
-    def per_base(self, s: Array) -> Array:
-        """Bending stiffness (G,) at positions [m] per that at the base [1]."""
-        stiffness = self._profile.bending_stiffness
-        return np.asarray(stiffness(s) / stiffness(np.zeros(1)))
+        stiffness, widths = self._profile.bending_stiffness, np.diff(self.edges)
+        softness = weights * stiffness(np.zeros(1)) / stiffness(s)
+        return np.bincount(cell, weights * self._shape.elastic(s)) / widths, widths / np.bincount(cell, softness)
 
     @cached_property
     def pulled(self) -> Array:
         """States (K,) of a finger that was bent from its shape at rest on."""
-        return np.asarray(np.clip(self._stiffness / self._most * self._bent, -1.0, 1.0).ravel())
+        return np.asarray(np.clip(self._stiffness / self._most * self._cells[0][:, None], -1.0, 1.0).ravel())
 
-    @property
+    @cached_property
     def moments(self) -> Array:
-        """Moment (C,) of each cell against the bending, per that of the stiffness at the base [N m]."""
-        return np.asarray(np.reshape(self.states, (-1, self._most.size)) @ self._most)
+        """Moment (C,) of each cell against the bending [N m]."""
+        return np.asarray(np.reshape(self.states, (-1, self._most.size)) @ self._most * self._cells[1])
 
     def moment(self, s: Array) -> Array:
         """Moment (G,) against the bending at positions [m]."""
-        cell = np.clip(np.searchsorted(self.edges, s) - 1, 0, self.edges.size - 2)
-        return np.asarray(self.moments[cell] * self.per_base(s))
+        return np.asarray(self.moments[np.clip(np.searchsorted(self.edges, s) - 1, 0, self.edges.size - 2)])
 
     @property
     def couples(self) -> list[tuple[float, float]]:
         """Places [m] and couples [N m] that exert on an elastic rod what this friction does."""
-        # 4: parts of a cell of a finger that changes along its length, in each of which the couples of an exact rod
-        # take its friction as the same: its moment is then off by an eighth of what it changes along the cell
-        parts = 1 if self._profile.bending_stiffness.constant is not None else 4
-        ends = [np.linspace(a, b, parts + 1)[1:] for a, b in pairwise(self.edges)]
-        places = np.concatenate([self.edges[:1], *ends])
-        against = np.append(self.moment(0.5 * (places[1:] + places[:-1])), 0.0)
-        return list(zip(places[1:].tolist(), np.diff(against).tolist(), strict=True))
+        return list(zip(self.edges[1:].tolist(), np.diff(np.append(self.moments, 0.0)).tolist(), strict=True))
 
     @property
     def sticking(self) -> Array:
-        """Stiffness (C,) of the branches that stick, of a finger bent from rest on [N m], against the turn of a cell;
-        of one that changes along its length against that by ``per_base``.
-        """
+        """Stiffness (C,) against the turn of a cell of the branches that stick, of a finger bent from rest on [N m]."""
         sticks = np.abs(self.pulled.reshape(-1, self._most.size)) < 1.0
-        s, weights, cell = cell_nodes(self.edges, self._profile.breaks)
-        return np.asarray((sticks @ self._stiffness) / np.bincount(cell, weights * self.per_base(s)))
+        return np.asarray(sticks @ self._stiffness * self._cells[1] / np.diff(self.edges))
 
 
 def friction_of(

@@ -184,11 +184,12 @@ class GradedBackbone(Backbone):
         """Ports at which the laws of the sections see the curvature above rest, so many on each element."""
         ports, base = [], self.curves.at(0.0)("stiffness")
         for k, a, b in self._bounds(count):
-            parts = (weight * (value("stiffness") / base) for value, _, weight in self._nodes(a, b))
-            measure = sum(parts, ca.SX(0.0))
-            # Weighted by the stiffness, curvatures are moments, which are linear.
-            hats = self._hats(k, 0.5 * (a + b)) * ((b - a) / base / measure)
-            ports.append(Port(k, measure, ca.vertsplit(hats), 0.0))
+            turn, even = ca.SX.zeros(2), ca.SX(0.0)
+            for value, s, weight in self._nodes(a, b):
+                turn += weight * (self._hats(k, s) / value("stiffness"))
+                even += weight * (base / value("stiffness"))
+            # An even moment bends a cell by its harmonic mean stiffness.
+            ports.append(Port(k, (b - a) * ((b - a) / even), ca.vertsplit(turn / (b - a)), 0.0))
         return ports
 
     # -- statics -------------------------------------------------------------------------------------------------

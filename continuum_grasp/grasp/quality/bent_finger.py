@@ -53,8 +53,7 @@ class BentFinger(StoredFinger):
         self.bending = hats.T @ (stiffness[:, None] * hats)  # (n, n) [N m2 m]
         if dry is not None:
             # Branches that stick as the grasp is reached are springs on the turn of their cells.
-            turned = mesh.to_edges(dry.per_base(mesh.nodes) * hats.T).T
-            turns = np.diff(turned[[self.rod.edge_index(s) for s in dry.edges]], axis=0)
+            turns = np.diff(self._turns[[self.rod.edge_index(s) for s in dry.edges]], axis=0)
             self.bending += turns.T @ (dry.sticking[:, None] * turns)
         self._density = self.profile.linear_density(mesh.nodes)
         self.tip_turn = self._turns[-1]

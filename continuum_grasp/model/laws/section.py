@@ -1,6 +1,6 @@
 """Ports at which a law sees how the finger bends, what a law gives there, and the generalized forces of all laws.
 
-A port is the curvature at a point of an element, or its mean over a part of it, weighted by the stiffness of the
+A port is the curvature at a point of an element, or its mean over a part of it. Its measure has the stiffness of the
 section per that at the base: moments of a law are those at the base, and go with the stiffness along the finger. By
 virtual work, a moment m at a port of the mean shapes c and the measure l [m] exerts l m c on the coordinates.
 
@@ -76,23 +76,28 @@ class Port:
 
 
 def cells(family: Family, count: int) -> tuple[Port, ...]:
-    """The mean curvature of equal parts, ``count`` on each element, divided where the stiffness jumps; of the whole
-    element where the curvature is constant.
+    """The mean curvature of equal parts, ``count`` on each element; of the whole element where the curvature is
+    constant.
+
+    A law of the moment m has there the work of an even moment on the turn of a part, by its mean stiffness: what is
+    linear acts as the elasticity does where elements bend as evenly as they can. Of an even moment that is the harmonic
+    mean, by which a soft piece beside a stiff one is seen as what it bends; of a constant curvature the plain one.
     """
     mesh, base, ports = family.mesh, float(family.mesh.stiffness(0.0)), list[Port]()
-    # By the stiffness as a weight, a soft part beside a stiff one would not be seen.
-    count, steps = (count, (mesh.stiffness,)) if family.degree else (1, ())
+    count, power = (count, -1.0) if family.degree else (1, 1.0)
     for element in range(family.elements):
 
-        def weighted(s: Array, element: int = element) -> Array:
-            bent = family.shapes_at(element, s)
-            return np.vstack([bent, np.ones_like(s)]) * (mesh.stiffness(s) / base)
+        def turned(s: Array, element: int = element) -> Array:
+            return np.vstack([family.shapes_at(element, s), np.ones_like(s)])
 
-        for start, end in pairwise(np.linspace(*mesh.span(element), count + 1).tolist()):
-            for a, b in pairwise([start, *_jumps(mesh, start, end, *steps), end]):
-                *total, measure = mesh.integral(a, b, weighted, mesh.stiffness, mesh.rest).tolist()
-                *shapes, rest = (each / measure for each in total)
-                ports.append(Port(element, measure, _clean(np.array(shapes)), rest))
+        for a, b in pairwise(np.linspace(*mesh.span(element), count + 1).tolist()):
+            *total, length = mesh.integral(a, b, turned, mesh.stiffness, mesh.rest).tolist()
+            powers, ones = (
+                float(mesh.integral(a, b, each, mesh.stiffness))
+                for each in (lambda s: (mesh.stiffness(s) / base) ** power, np.ones_like)
+            )
+            *shapes, rest = (each / length for each in total)
+            ports.append(Port(element, length * (powers / ones) ** power, _clean(np.array(shapes)), rest))
     return tuple(ports)
 
 
