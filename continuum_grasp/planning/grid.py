@@ -158,7 +158,7 @@ class StateBounds:
         for sign in (1.0, -1.0):
             slack = self._assembly.variables(len(rows), rows.shape[1], 0.0)
             self._assembly.add_linear(rows, slack, sign)
-            self._assembly.add(term, slack, [OBJECTIVE], [])
+            self._assembly.add(term, slack, [OBJECTIVE], [], aside=True)
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
         """Values that a block of constraints bounds (count, size), without slacks."""

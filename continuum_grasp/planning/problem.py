@@ -207,7 +207,7 @@ class PlanProblem:
                 rows = self.assembly.rows(part.name, part.key, part.unit, 1, part.scale)
                 self.assembly.add(part.rows(self.motion), self._end, rows, data)
             elif exact or not self.relaxed:
-                self.assembly.add(part.cost(self.motion, self.relaxed), self._end, [OBJECTIVE], data)
+                self.assembly.add(part.cost(self.motion, self.relaxed), self._end, [OBJECTIVE], data, aside=True)
 
     def _add_objective(self) -> None:
         motion, scene = self.motion, self.motion.scene
@@ -216,7 +216,7 @@ class PlanProblem:
             return
         if scene.objective == "least_time":
             self.assembly.add_linear(OBJECTIVE, self.grid.time, 1.0)
-            self._add_changes(lambda change, time: scene.smoothing * ca.dot(change, change))
+            self._add_changes(lambda change, time: scene.smoothing * ca.dot(change, change), aside=True)
         # Half of 2: least_input_rate is the integral of the squared rate, a cost's weight is that of half of it.
         rate_weight = scene.cost.input_rate if scene.cost is not None else 2.0
         if scene.objective in ("least_input_rate", "tracking") and rate_weight and not motion.linear:
@@ -234,11 +234,16 @@ class PlanProblem:
             term = derived("terminal", z, d, half, exact=motion.exact, squared=weighted)
             self.assembly.add(term, self._end, [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
 
-    def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
+    def objective(self, w: Array) -> float:
+        """What the scene's objective is of unknowns, without goals, penalties and smoothing, in its unit."""
+        whole = float(self.assembly.values(w)[0])
+        return (whole - self.assembly.aside(w)) * self.motion.scales.objective
+
+    def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX], *, aside: bool = False) -> None:
         """A cost of the input's changes, in units of its range, and of the duration [s]."""
         motion = self.motion
         now, before, time = ca.SX.sym("now", motion.nu), ca.SX.sym("before", motion.nu), ca.SX.sym("T")
         z = ca.vertcat(now, before, time)
         term = derived("change", z, ca.SX(0, 1), cost(now - before, motion.scales.time * time))
         columns = np.hstack([*self._changes, np.repeat(self.grid.time, len(self._changes[0]), axis=0)])
-        self.assembly.add(term, columns, [OBJECTIVE], [])
+        self.assembly.add(term, columns, [OBJECTIVE], [], aside=aside)

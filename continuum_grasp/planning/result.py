@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.labels import unit_of
 from continuum_grasp.model import System
 from continuum_grasp.planning.motion import parameters_over_time
 from continuum_grasp.results.declared import TIME, XY, Dimension, Picture, Stored
@@ -118,8 +119,8 @@ class Plan(MotionResult):
         See the stored arrays. Inputs are constant from their node to the next one, or linear in between
         (``input.form``); the last one holds after the end.
     objective : float
-        The duration [s], the integral of the squared input [N2 s] or input rate [N2/s] (with N m for a tip moment), or
-        what ``cost`` says.
+        The duration [s], the integral of the squared input or input rate (``objective_unit``), or what ``cost`` says;
+        without weighted goals, penalties of soft bounds, and ``smoothing``.
     constraints : mapping of str to Constraint
         All constraints by name, with their values and multipliers.
     iterations : int
@@ -203,10 +204,11 @@ class Plan(MotionResult):
 
     @property
     def objective_unit(self) -> str:
-        """Unit of the objective; empty for tracking, which sums terms of several units."""
-        squared = "(N m)2" if len(self.u_names) == 1 else "N2"
+        """Unit of the objective; empty where it sums terms of several units, as tracking does."""
+        unit, *others = {unit_of(name) for name in self.u_names}
+        squared = f"({unit})2" if " " in unit else f"{unit}2"
         units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
-        return units.get(self.scene.objective, "")
+        return "" if others and self.scene.objective != "least_time" else units.get(self.scene.objective, "")
 
     @property
     def active_constraints(self) -> list[str]:

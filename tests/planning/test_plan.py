@@ -126,6 +126,22 @@ def test_gauss_newton_finds_the_same_plan(kind):
     assert rough.x == pytest.approx(exact.x, abs=1e-3 * np.abs(exact.x).max())
 
 
+@pytest.mark.parametrize(
+    ("kind", "changes"),
+    [("weighted", {}), ("soft", {}), ("least_time", {"smoothing": 0.1}), ("linear", {"duration": 0.02})],
+)
+def test_the_objective_is_what_was_asked_and_no_weight_beside_it(kind, changes):
+    """Of motions without a plan too, which are sought for their distance from the goal."""
+    found = plan(two_arcs(**(KINDS[kind] | changes)), raise_on_failure=False)
+    assert found.solved is (kind != "linear")
+    u, h = found.u[:, 0], found.t[1]
+    effort = h * np.sum(u[:-1] ** 2)
+    if kind == "linear":
+        effort = h / 3 * np.sum(u[1:] ** 2 + u[1:] * u[:-1] + u[:-1] ** 2)
+    expected = found.t[-1] if kind == "least_time" else effort
+    assert found.objective == pytest.approx(expected, rel=1e-9)
+
+
 # -- what a plan keeps -------------------------------------------------------------------------------------------------
 
 
@@ -339,6 +355,27 @@ def test_a_bound_that_cannot_be_satisfied_is_named_with_its_amount_and_instant()
     # Known from the first three of 25 intervals: whole horizons from five sides took a minute.
     assert len(found.t) == 4
     assert len(found.statistics["starts"]) == 1
+
+
+def test_a_bound_that_is_left_between_the_places_of_the_problem_is_reported():
+    """The problem bounds quarters of intervals; in between a parabola passes its bound, by an integrator of its own."""
+    found = plan(small(bounds={"curvature": None, "speed": 7.0}, intervals=8, solver={"degree": 4}))
+    model, rates = found.prediction, []
+    for k, u in enumerate(found.u[:-1]):
+        run = solve_ivp(
+            lambda t, x, u=u: np.array(model.dynamics(x, u, [])).ravel(),
+            (0.0, found.t[1]),
+            found.x[k],
+            rtol=1e-9,
+            atol=1e-11,
+            t_eval=np.linspace(0.0, found.t[1], 33),
+        )
+        rates.append(np.abs(run.y[1]))
+    assert np.max([rate[::8] for rate in rates]) == pytest.approx(7.0, rel=1e-5)
+    beyond = np.max(rates) / 7.0 - 1.0
+    assert beyond > 5e-3
+    said = f"between the nodes bending_rate_1 is left by {100 * beyond:.2g} % of its limit"
+    assert any(said in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize("end", ["still", "held"])
