@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction
@@ -281,14 +282,22 @@ class Plan(MotionResult):
     def _over_time(self, function: ca.Function, indices: ArrayLike | None = None) -> Array:
         """First output (count, size) of a function of (x, u, p) at nodes."""
         chosen = np.arange(len(self.t)) if indices is None else np.atleast_1d(np.asarray(indices, dtype=int))
-        p = parameters_over_time(self.scene, self.prediction, self.t[chosen])
-        outputs = function.map(len(chosen))(*(ca.DM(v.T) for v in (self.x[chosen], self.u[chosen], p)))
-        return np.array(outputs).T
+        return self._of(function, self.t[chosen], self.x[chosen], self.u[chosen])
+
+    def _of(self, function: ca.Function, t: Array, x: Array, u: Array) -> Array:
+        p = parameters_over_time(self.scene, self.prediction, t)
+        return np.array(function.map(len(t))(*(ca.DM(v.T) for v in (x, u, p)))).T
 
     @cached_property
     def tip(self) -> Array:
         """Tip positions (N + 1, 2) [m]."""
         return self._over_time(self.prediction.tip)
+
+    @cached_property
+    def tip_path(self) -> Array:
+        """Tip positions (8 N + 1, 2), between the nodes too [m]."""
+        t = np.linspace(0.0, self.duration, 8 * (len(self.t) - 1) + 1)
+        return self._of(self.prediction.tip, t, self.states_at(t), self.inputs_at(t))
 
     @cached_property
     def bending(self) -> Array:
@@ -343,9 +352,15 @@ class Plan(MotionResult):
         return np.asarray(self.u[np.clip(k, 0, len(self.u) - 1)])
 
     def states_at(self, t: ArrayLike) -> Array:
-        """States (len(t), nx) at instants [s], linear between the nodes; the last one after the end."""
-        instants = np.atleast_1d(np.asarray(t, dtype=float))
-        return np.stack([np.interp(instants, self.t, column) for column in self.x.T], axis=1)
+        """States (len(t), nx) at instants [s]; the last one after the end.
+
+        Between the nodes coordinates are cubics that fit their rates there, all else is linear.
+        """
+        instants = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), self.t[0], self.t[-1])
+        states = np.stack([np.interp(instants, self.t, column) for column in self.x.T], axis=1)
+        q, rates = self.x[:, : self.n], self.x[:, self.n : 2 * self.n]
+        states[:, : self.n] = CubicHermiteSpline(self.t, q, rates)(instants)
+        return states
 
     # -- files --------------------------------------------------------------------------------------------------------
 

@@ -217,6 +217,20 @@ def test_simulation_of_the_inputs_is_the_plan():
     assert found.deviation.tip < 1e-6
 
 
+def test_the_path_of_the_tip_is_that_of_the_motion_between_the_nodes_too():
+    """Straight lines between nine nodes are a centimeter off."""
+    found = plan(small(intervals=8, goal={"bending": (1.2,)}, solver={"degree": 5}))
+    model, h = found.prediction, found.t[1] / 8
+    x, true = found.x[0], [found.tip[0]]
+    for u in np.repeat(found.u[:-1], 8, axis=0):
+        x = after(h, lambda x, u=u: model.dynamics(x, u, []), x)
+        true.append(np.array(model.tip(x, u, [])).ravel())
+    assert found.tip_path[::8] == pytest.approx(found.tip, abs=1e-12)
+    assert found.tip_path == pytest.approx(np.array(true), abs=3e-4)
+    lines = np.stack([np.interp(np.linspace(0, 8, 65), np.arange(9), column) for column in found.tip.T], axis=1)
+    assert np.abs(lines - true).max() > 1e-2
+
+
 def test_held_inputs_give_the_plan_in_an_independent_integrator():
     found = plan(two_arcs(solver={"degree": 5}))
     model = found.prediction
