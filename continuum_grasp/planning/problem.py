@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
-from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
+from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting, radau_points
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import derived, unstable
@@ -48,11 +48,19 @@ class PlanProblem:
     Where it is ``relaxed``, the distance from the goal is minimized in place of the objective, and hard bounds have a
     penalty. Where ``one_way`` is None, tendons with friction may slide to and fro. ``before`` (1, nu) are columns of
     the input before the motion begins, ``inputs`` (N + 1, nu) those of the inputs at the nodes; the last one is held
-    after the end.
+    after the end. Collocation has a polynomial on each of so many equal ``elements`` of every interval.
     """
 
-    def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False, one_way: OneWay | None = None) -> None:
-        self.motion, self.relaxed, self.one_way = motion, relaxed, one_way
+    def __init__(
+        self,
+        motion: Motion,
+        x0: Array,
+        *,
+        relaxed: bool = False,
+        one_way: OneWay | None = None,
+        elements: int = 1,
+    ) -> None:
+        self.motion, self.relaxed, self.one_way, self.elements = motion, relaxed, one_way, elements
         self.goal = goal_parts(motion, settles=one_way is None and bool(motion.friction_states))
         self._first = np.array(x0)
         if one_way is not None and one_way.given:
@@ -111,10 +119,10 @@ class PlanProblem:
             limits = [-rate_max / motion.scales.rate, rate_max / motion.scales.rate]
         s = assembly.variables(intervals + 1, motion.ns, low, high)
         v = assembly.variables(intervals, motion.nu, *limits)
-        degree = scene.solver.degree if scene.transcription == "collocation" else 0
-        inner = assembly.variables(intervals * degree, motion.ns).reshape(intervals, degree, motion.ns)
+        points = scene.solver.degree * self.elements if scene.transcription == "collocation" else 0
+        inner = assembly.variables(intervals * points, motion.ns).reshape(intervals, points, motion.ns)
         assembly.fix(s[0], motion.scaled_state(x0, first))
-        self.grid = Grid(time, s, v, inner)
+        self.grid = Grid(time, s, v, inner, self.elements)
         if motion.linear:
             self.before, self.inputs = s[:1, motion.nx :], s[:, motion.nx :]
             return
@@ -140,12 +148,14 @@ class PlanProblem:
         return unknowns
 
     def start(self, path: Path) -> Array:
-        """Unknowns that stand for a path."""
+        """Unknowns that stand for a path, which may have states at equal parts of every interval too."""
         motion, grid, solver = self.motion, self.grid, self.motion.scene.solver
-        w = np.zeros(self.assembly.size)
+        w, parts = np.zeros(self.assembly.size), (len(path.x) - 1) // grid.intervals
         w[grid.time] = path.duration / motion.scales.time
-        s = motion.scaled_state(path.x, path.u)
-        w[grid.s] = s
+        nodes, at = np.arange(grid.intervals + 1), np.linspace(0.0, grid.intervals, len(path.x))
+        u = path.u if parts == 1 else np.stack([np.interp(at, nodes, column) for column in path.u.T], axis=1)
+        s = motion.scaled_state(path.x, u)
+        w[grid.s] = s[::parts]
         if motion.linear:
             w[grid.v] = np.diff(path.u, axis=0) / path.duration * grid.intervals / motion.scales.rate
         else:
@@ -153,8 +163,10 @@ class PlanProblem:
             w[self.inputs[-1]] = path.u[-1] / motion.scales.u
             w[self.before] = np.array(motion.scene.initial_input) / motion.scales.u
         if grid.inner.size:
-            tau = np.array(ca.collocation_points(solver.degree, "radau"))[:, None]
-            w[grid.inner] = s[:-1, None] * (1.0 - tau) + s[1:, None] * tau
+            tau = parts * radau_points(solver.degree, grid.elements)
+            part = np.ceil(tau).astype(int) - 1
+            before, tau = parts * np.arange(grid.intervals)[:, None] + part, (tau - part)[:, None]
+            w[grid.inner] = s[before] * (1.0 - tau) + s[before + 1] * tau
         return w
 
     def path(self, w: Array) -> Path:
@@ -162,6 +174,12 @@ class PlanProblem:
         motion, grid = self.motion, self.grid
         x = w[grid.s][:, : motion.nx] * motion.scales.x
         return Path(x, w[self.inputs] * motion.scales.u, float(w[grid.time[0, 0]]) * motion.scales.time)
+
+    def states(self, w: Array, parts: int) -> Array:
+        """States (N parts + 1, nx) at equal parts of every interval."""
+        columns, weights = self.grid.places(parts)
+        s = np.vstack([w[self.grid.s[:1]], np.einsum("ij,ijk->ik", weights, w[columns])])
+        return np.asarray(s[:, : self.motion.nx] * self.motion.scales.x)
 
     # -- limits, goal and objective -----------------------------------------------------------------------------------
 

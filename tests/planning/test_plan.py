@@ -217,6 +217,21 @@ def test_simulation_of_the_inputs_is_the_plan():
     assert found.deviation.tip < 1e-6
 
 
+def test_a_plan_of_few_intervals_follows_the_motion_between_its_nodes():
+    """Polynomials of degree 2 over ten intervals are a millimeter off; the optimum is that of degree 7."""
+    asked = {"intervals": 10, "goal": {"bending": (0.8, 0.5)}, "check": {"tolerance": 1e-4}}
+    found, exact = (plan(two_arcs(**asked, solver={"degree": degree})) for degree in (2, 7))
+    model, x = found.prediction, found.x[0]
+    for k, u in enumerate(found.u[:-1]):
+        x = after(0.015, lambda x, u=u: model.dynamics(x, u, []), x)
+        assert np.array(model.tip(x, u, [])).ravel() == pytest.approx(found.tip[k + 1], abs=3e-5)
+    assert found.status is PlanStatus.OPTIMAL
+    assert found.u.shape == exact.u.shape == (11, 1)
+    assert "2 elements" in found.statistics["starts"][1]
+    assert len(exact.statistics["starts"]) == 1
+    assert found.objective == pytest.approx(exact.objective, rel=2e-2)
+
+
 def test_the_path_of_the_tip_is_that_of_the_motion_between_the_nodes_too():
     """Straight lines between nine nodes are a centimeter off."""
     found = plan(small(intervals=8, goal={"bending": (1.2,)}, solver={"degree": 5}))
