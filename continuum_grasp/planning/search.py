@@ -59,8 +59,6 @@ pushes of a disc towards a gap took 58 to 173 iterations; by default none ended 
 stands were not solved when regularized (none of six)."""
 _GREATER = (1.0, 1.6, 2.5, 4.0)
 """Factors on the inputs of a posture that is to press but is not reached [1]."""
-_SINGLE = 0.25
-"""Share of the range by which a single input is moved [1]: with the greatest of the factors, all of it."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
@@ -345,7 +343,7 @@ class Search:
 
     def _pressing(self, postures: list[Posture]) -> Posture:
         """The first posture, if the finger presses as it is to under inputs that go there; else, of where it ends under
-        those of all postures, under single inputs, and under greater ones, what is nearest to the forces.
+        those of all postures and under greater ones, what is nearest to the forces.
 
         Least squares may end on the far side of the object, or short of balance; a plan that begins where nothing
         touches stays there, since forces have no slopes.
@@ -354,9 +352,7 @@ class Search:
         aim = np.array(self.scene.goal.targets["contact_force"])
         ends: list[tuple[int, float, float, int, Posture]] = []
         p = motion.numbers([self.scene.duration_range[1]])[0, : model.np]
-        shares = [_SINGLE * np.diag(np.array(limit) - first.u) for limit in self.scene.input_limits]
-        single = [Posture(first.q, first.u + share) for share in np.vstack(shares) if share.any()]
-        for factor, posture in product(_GREATER, [*postures, *single]):
+        for factor, posture in product(_GREATER, postures):
             u = np.clip(first.u + factor * (posture.u - first.u), *self.scene.input_limits)
             path = smooth_path(motion, self.x0, first, Posture(posture.q, u), share=_SHARES[0])
             with suppress(NumericalError):

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.planning import Plan, PlanStatus, plan
+from continuum_grasp.planning import Plan, PlanStatus, fine, plan
 from continuum_grasp.planning.fine import excess_over_intervals, simulated
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
@@ -153,13 +153,15 @@ def test_the_objective_is_what_was_asked_and_no_weight_beside_it(kind, changes):
         (two_arcs, {"keep_out": {"post": {"type": "disc", "center": (-0.02, 0.295), "radius": 0.004}}}),
     ],
 )
-def test_bounds_hold_between_the_nodes_of_a_fine_simulation(make, bounds):
+def test_bounds_hold_between_the_nodes_of_a_fine_simulation(monkeypatch, make, bounds):
+    """At the quarters of intervals at which the problem has them; what is left in between is reported."""
     excess = []
+    monkeypatch.setattr(fine, "PARTS", 4)
     for asked in (bounds, {}):
         scene = make(bounds={"curvature": None, **asked}, solver={"starts": 2})
         found = plan(scene)
         motion = Motion(make(bounds={"curvature": None, **bounds}))
-        states = simulated(scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0])
+        states = simulated(scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0], 4)
         excess.append(excess_over_intervals(motion, states).max())
     assert excess[0] < 3e-4
     assert excess[1] > 1e-3  # it matters
