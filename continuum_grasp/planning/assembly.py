@@ -135,7 +135,7 @@ class Assembly(Constraints):
         return total
 
     def aside(self, w: Array) -> float:
-        """What terms that are aside add to the objective at w."""
+        """Part of the objective at w of terms that are aside."""
         chosen = [placed for placed in self._placed if placed.aside]
         outputs = [np.array(p.term.value.map(p.rows.shape[1])(w[p.columns], p.data)) for p in chosen]
         return float(sum((p.factors * out).sum() for p, out in zip(chosen, outputs, strict=True)))

@@ -253,7 +253,7 @@ class PlanProblem:
             self.assembly.add(term, self._end, [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
 
     def objective(self, w: Array) -> float:
-        """What the scene's objective is of unknowns, without goals, penalties and smoothing, in its unit."""
+        """Objective of the scene at unknowns, without goals, penalties and smoothing, in its unit."""
         whole = float(self.assembly.values(w)[0])
         return (whole - self.assembly.aside(w)) * self.motion.scales.objective
 

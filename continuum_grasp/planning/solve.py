@@ -156,7 +156,7 @@ def _result(search: Search) -> Plan:
 
 
 def _objective(search: Search, problem: PlanProblem, attempt: Attempt) -> float:
-    """What was asked to be least, also of a motion that was sought for its distance from the goal alone."""
+    """Objective of the scene, also of a motion that was sought for its distance from the goal alone."""
     if not problem.relaxed:
         return problem.objective(attempt.x)
     usual = PlanProblem(problem.motion, search.x0)
