@@ -83,7 +83,7 @@ STALLED, KNOWN = "Stalled", "Known"
 """Outcomes of a run that lost its patience, and of one that came to a known solution."""
 CLOSE = 1e-3
 """Distance of every unknown from a known solution at which a run ends there [units of the problem]."""
-_STATUS = {
+STATUS_OF = {
     "Solve_Succeeded": Status.SOLVED,
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
@@ -92,7 +92,7 @@ _STATUS = {
     STALLED: Status.STOPPED,
     KNOWN: Status.STOPPED,
 }
-"""CasADi's solvers share these names but the last two."""
+"""Status by outcome; any other is a failure. CasADi's solvers share these names but the last two."""
 _VIOLATED, _SAME, _STILL = 1e-3, 0.03, 1e-3
 """Violation from which on a run may lose its patience, and relative changes of one that stays as it is, and of one that
 stands still: where steps become so short, IPOPT is at a point that violates least nearby, or about to restore
@@ -185,7 +185,7 @@ class Solver(ABC):
         # Where constraints are violated, the other conditions say nothing.
         near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
         error = optimality_error(problem, start, x, multipliers) if near else np.inf
-        status = self._status(_STATUS.get(outcome, Status.FAILED), error, violation)
+        status = self._status(STATUS_OF.get(outcome, Status.FAILED), error, violation)
         seconds, objective = time.perf_counter() - began, float(solution["f"])
         return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)
 

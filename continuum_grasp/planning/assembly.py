@@ -26,7 +26,8 @@ OBJECTIVE = -1
 class _Placed:
     """A term at many places: columns (nz, count) that it reads, rows (no, count) that it adds to, with factors.
 
-    Rows are those of the objective and then the constraints, so that one matrix serves both.
+    Rows are those of the objective and then the constraints, so that one matrix serves both. ``aside``: what it adds to
+    the objective steers the solver, and is not part of what was asked.
     """
 
     term: Term
@@ -34,6 +35,7 @@ class _Placed:
     rows: Indices
     factors: Array
     data: Array
+    aside: bool
 
 
 class Assembly(Constraints):
@@ -69,6 +71,8 @@ class Assembly(Constraints):
         rows: Indices | Sequence[int],
         data: ArrayLike,
         factors: ArrayLike = 1.0,
+        *,
+        aside: bool = False,
     ) -> None:
         """Add factors (count, no) times the outputs of a term at several places to rows (count, no), -1: the objective.
 
@@ -81,7 +85,7 @@ class Assembly(Constraints):
         numbers = np.asarray(data, dtype=float).ravel()
         every = np.tile(numbers, 1 if numbers.size == count * high * wide else count)
         factor = np.broadcast_to(factors, (count, term.size)).T
-        self._placed.append(_Placed(term, columns.T, into, factor, every.reshape(count * wide, high).T))
+        self._placed.append(_Placed(term, columns.T, into, factor, every.reshape(count * wide, high).T, aside))
 
     def add_linear(self, rows: Indices | int, columns: Indices, factors: ArrayLike) -> None:
         """Add factor times unknown to rows (or to the objective), entry by entry."""
@@ -129,6 +133,12 @@ class Assembly(Constraints):
             out = placed.term.value.map(placed.rows.shape[1])(*self._given(placed))
             total += ca.mtimes(_sparse(rows, np.arange(rows.size), factors, 1 + self.count, rows.size), ca.vec(out))
         return total
+
+    def aside(self, w: Array) -> float:
+        """Part of the objective at w of terms that are aside."""
+        chosen = [placed for placed in self._placed if placed.aside]
+        outputs = [np.array(p.term.value.map(p.rows.shape[1])(w[p.columns], p.data)) for p in chosen]
+        return float(sum((p.factors * out).sum() for p, out in zip(chosen, outputs, strict=True)))
 
     def _slopes(self) -> ca.MX:
         """Gradient of the objective (a row) above the Jacobian of the constraints, sparse."""

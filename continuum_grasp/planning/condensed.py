@@ -29,7 +29,7 @@ from scipy.sparse.linalg import splu
 from continuum_grasp import interrupt
 from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Status
-from continuum_grasp.nlp.solver import optimality_error
+from continuum_grasp.nlp.solver import STATUS_OF, optimality_error
 from continuum_grasp.nlp.sqp import qp_solver
 from continuum_grasp.planning.problem import PlanProblem
 
@@ -128,12 +128,7 @@ class Condensed:
         x, g, f = (start.x, np.full(start.lower.size, np.nan), np.nan) if point is None else (point.w, point.g, point.f)
         violation = start.violation(x, g)
         error = optimality_error(self.problem.assembly.nlp, start, x, lam) if point else float("inf")
-        status = {
-            "Solve_Succeeded": Status.SOLVED,
-            "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
-            "User_Requested_Stop": Status.STOPPED,
-        }.get(outcome, Status.FAILED)
-        seconds = time.perf_counter() - began
+        status, seconds = STATUS_OF.get(outcome, Status.FAILED), time.perf_counter() - began
         return Attempt(status, outcome, x, g, f, lam, count, seconds, violation, error)
 
     def _tried(

@@ -12,7 +12,7 @@ from continuum_grasp.nlp import Attempt, Violation
 from continuum_grasp.planning.problem import PlanProblem
 
 _TEXTS = {
-    "input": ("the input limit stops it", "raise the input's limits (finger.tendons.max_tension or input.moment_max)"),
+    "input": ("the input limit stops it", "raise the input's limits ({0})"),
     "input rate": ("the input's rate limit stops it", "raise input.rate_max"),
     "duration": ("the duration stops it", "allow a longer duration"),
     "curvature": ("the curvature limit stops it", "allow more curvature (bounds.curvature, fidelity.bending_range)"),
@@ -53,7 +53,8 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
             if value > 0.2 * strongest
         ]
         zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
-        texts = [[text.format(name) for text in _TEXTS.get(name, zone)] for name in named]
+        keys = {"input": problem.motion.scene.limit_keys}
+        texts = [[text.format(keys.get(name, name)) for text in _TEXTS.get(name, zone)] for name in named]
         what.append(" and ".join(text for text, _ in texts))
         levers = [text for _, text in texts]
     elif missed:

@@ -21,8 +21,8 @@ from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.spectrum import PARTIAL_STEP, stiff_method
 
-PARTS = 4
-"""Parts of an interval at which bounds are looked at."""
+PARTS = 8
+"""Parts of an interval at which bounds are looked at: twice as many as those at which the problem bounds the state."""
 _FINER_OFF = 0.01
 """Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
 _AFTER = 0.5

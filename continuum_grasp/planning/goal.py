@@ -113,6 +113,7 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
         else:
             # Friction states beyond their range return to it, by which no force changes; a material goes on relaxing.
             chosen = [k for k, name in enumerate(all_names) if "friction_" not in name and "relaxing_" not in name]
+            all_names = np.array([f"{name}/s" for name in all_names])
             value, scale = model.dynamics(x, u, p)[chosen], scale / motion.first_duration
             if motion.scene.transcription == "single_shooting":
                 scale = scale * _stiffness(motion)

@@ -18,13 +18,14 @@ from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 @dataclass(frozen=True)
 class Grid:
     """Columns of the unknowns of a plan: duration (1, 1), states at the nodes (N + 1, ns), controls (N, nu), and states
-    at the collocation points (N, degree, ns), which single shooting does not have.
+    at the collocation points of all ``elements`` of an interval (N, points, ns), which single shooting does not have.
     """
 
     time: Indices
     s: Indices
     v: Indices
     inner: Indices
+    elements: int = 1
 
     @property
     def intervals(self) -> int:
@@ -38,11 +39,15 @@ class Grid:
         """
         if parts == 1:
             return self.s[1:, None], np.ones((self.intervals, 1))
-        degree = self.inner.shape[1]
+        elements, degree = self.elements, self.inner.shape[1] // self.elements
         tau = [0.0, *(ca.collocation_points(degree, "radau") if degree else [1.0])]
         basis = np.concatenate([self.s[:-1, None], self.inner if degree else self.s[1:, None]], axis=1)
-        shares = np.arange(1, parts + 1) / parts
-        weights = np.linalg.solve(np.vander(tau).T, np.vander(shares, len(tau)).T).T
+        shares = elements * np.arange(1, parts + 1) / parts
+        element = np.ceil(shares).astype(int) - 1
+        of_element = np.linalg.solve(np.vander(tau).T, np.vander(shares - element, len(tau)).T).T
+        weights = np.zeros((parts, basis.shape[1]))
+        first = element * (len(tau) - 1)
+        np.put_along_axis(weights, first[:, None] + np.arange(len(tau)), of_element, axis=1)
         return np.repeat(basis, parts, axis=0), np.tile(weights, (self.intervals, 1))
 
     def reads(self, s: Indices) -> Indices:
@@ -70,24 +75,30 @@ def add_shooting(
 
 def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: float) -> None:
     """Polynomials whose rates are those of the motion at the collocation points."""
-    intervals, degree = grid.intervals, motion.scene.solver.degree
-    points = ca.collocation_points(degree, "radau")
-    rates, ends, quadrature = (np.array(m) for m in ca.collocation_coeff(points))
-    data = _numbers(motion, (np.arange(intervals)[:, None] + np.array(points)) / intervals)
-    h = 1.0 / intervals
-    # A polynomial is given by its values at the start of the interval and at the points.
-    basis = [grid.s[:-1], *(grid.inner[:, j] for j in range(degree))]
-    for j in range(degree):
+    intervals, degree, elements = grid.intervals, motion.scene.solver.degree, grid.elements
+    data = _numbers(motion, (np.arange(intervals)[:, None] + radau_points(degree, elements)) / intervals)
+    h = 1.0 / (intervals * elements)
+    # A polynomial is given by its values at the start of its element, the last point before, and at its points.
+    basis = [grid.s[:-1], *(grid.inner[:, j] for j in range(degree * elements))]
+    rates, ends, quadrature = (np.array(m) for m in ca.collocation_coeff(ca.collocation_points(degree, "radau")))
+    for j in range(degree * elements):
         rows = _defects(assembly, motion, intervals, f"motion at point {j + 1}")
         into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
-        factors = np.append(np.full(motion.ns, -h), weight * h * quadrature.ravel()[j])
+        factors = np.append(np.full(motion.ns, -h), weight * h * quadrature.ravel()[j % degree])
         assembly.add(motion.flow, grid.reads(grid.inner[:, j]), into, data[:, j], factors)
-        for columns, rate in zip(basis, rates[:, j], strict=True):
+        first = j // degree * degree
+        for columns, rate in zip(basis[first : first + degree + 1], rates[:, j % degree], strict=True):
             assembly.add_linear(rows, columns, rate)
     rows = _defects(assembly, motion, intervals)
-    for columns, end in zip(basis, ends.ravel(), strict=True):
+    for columns, end in zip(basis[-degree - 1 :], ends.ravel(), strict=True):
         assembly.add_linear(rows, columns, end)
     assembly.add_linear(rows, grid.s[1:], -1.0)
+
+
+def radau_points(degree: int, elements: int) -> Array:
+    """Shares of an interval at which the motion holds, of equal elements."""
+    points = np.array(ca.collocation_points(degree, "radau"))
+    return np.asarray(((np.arange(elements)[:, None] + points) / elements).ravel())
 
 
 def _defects(assembly: Assembly, motion: Motion, intervals: int, name: str = "motion") -> Indices:
@@ -158,7 +169,7 @@ class StateBounds:
         for sign in (1.0, -1.0):
             slack = self._assembly.variables(len(rows), rows.shape[1], 0.0)
             self._assembly.add_linear(rows, slack, sign)
-            self._assembly.add(term, slack, [OBJECTIVE], [])
+            self._assembly.add(term, slack, [OBJECTIVE], [], aside=True)
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
         """Values that a block of constraints bounds (count, size), without slacks."""

@@ -55,10 +55,12 @@ class Path:
     duration: float
 
 
-def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hint | None = None) -> Posture:
-    """A posture at rest and nearly in balance that meets the goal as well as may be, near the first one or the hint."""
+def final_postures(motion: Motion, goal: list[GoalPart], first: Posture, near: Hint | None = None) -> list[Posture]:
+    """Postures at rest and nearly in balance that meet the goal as well as may be, near the first one or the hint; the
+    best one comes first.
+    """
     if all(part.at_rest for part in goal):
-        return first
+        return [first]
     n, reach = len(first.q), motion.reach
     residual = _residual(motion, goal, first)
     # Coordinates may leave the range of the sample shapes, which reach half the bending range.
@@ -72,8 +74,9 @@ def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hi
     points = [np.concatenate([q / reach, u / motion.scales.u]) for q, u in starts]
     solutions = [_least_squares(residual, np.clip(y, low, high), low, high) for y in points]
     # A later start has to be clearly better: the first one is nearest.
-    _, y = reduce(lambda best, new: new if new[0] < 0.9 * best[0] else best, solutions)
-    return Posture(y[:n] * reach, y[n:] * motion.scales.u)
+    best = reduce(lambda best, new: new if new[0] < 0.9 * best[0] else best, solutions)
+    ordered = [best, *(other for other in solutions if other is not best)]
+    return [Posture(y[:n] * reach, y[n:] * motion.scales.u) for _, y in ordered]
 
 
 def _with_bends(motion: Motion, first: Posture, bends: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
-from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
+from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting, radau_points
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import derived, unstable
@@ -48,11 +48,19 @@ class PlanProblem:
     Where it is ``relaxed``, the distance from the goal is minimized in place of the objective, and hard bounds have a
     penalty. Where ``one_way`` is None, tendons with friction may slide to and fro. ``before`` (1, nu) are columns of
     the input before the motion begins, ``inputs`` (N + 1, nu) those of the inputs at the nodes; the last one is held
-    after the end.
+    after the end. Collocation has a polynomial on each of so many equal ``elements`` of every interval.
     """
 
-    def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False, one_way: OneWay | None = None) -> None:
-        self.motion, self.relaxed, self.one_way = motion, relaxed, one_way
+    def __init__(
+        self,
+        motion: Motion,
+        x0: Array,
+        *,
+        relaxed: bool = False,
+        one_way: OneWay | None = None,
+        elements: int = 1,
+    ) -> None:
+        self.motion, self.relaxed, self.one_way, self.elements = motion, relaxed, one_way, elements
         self.goal = goal_parts(motion, settles=one_way is None and bool(motion.friction_states))
         self._first = np.array(x0)
         if one_way is not None and one_way.given:
@@ -111,10 +119,10 @@ class PlanProblem:
             limits = [-rate_max / motion.scales.rate, rate_max / motion.scales.rate]
         s = assembly.variables(intervals + 1, motion.ns, low, high)
         v = assembly.variables(intervals, motion.nu, *limits)
-        degree = scene.solver.degree if scene.transcription == "collocation" else 0
-        inner = assembly.variables(intervals * degree, motion.ns).reshape(intervals, degree, motion.ns)
+        points = scene.solver.degree * self.elements if scene.transcription == "collocation" else 0
+        inner = assembly.variables(intervals * points, motion.ns).reshape(intervals, points, motion.ns)
         assembly.fix(s[0], motion.scaled_state(x0, first))
-        self.grid = Grid(time, s, v, inner)
+        self.grid = Grid(time, s, v, inner, self.elements)
         if motion.linear:
             self.before, self.inputs = s[:1, motion.nx :], s[:, motion.nx :]
             return
@@ -140,12 +148,14 @@ class PlanProblem:
         return unknowns
 
     def start(self, path: Path) -> Array:
-        """Unknowns that stand for a path."""
+        """Unknowns that stand for a path, which may have states at equal parts of every interval too."""
         motion, grid, solver = self.motion, self.grid, self.motion.scene.solver
-        w = np.zeros(self.assembly.size)
+        w, parts = np.zeros(self.assembly.size), (len(path.x) - 1) // grid.intervals
         w[grid.time] = path.duration / motion.scales.time
-        s = motion.scaled_state(path.x, path.u)
-        w[grid.s] = s
+        nodes, at = np.arange(grid.intervals + 1), np.linspace(0.0, grid.intervals, len(path.x))
+        u = path.u if parts == 1 else np.stack([np.interp(at, nodes, column) for column in path.u.T], axis=1)
+        s = motion.scaled_state(path.x, u)
+        w[grid.s] = s[::parts]
         if motion.linear:
             w[grid.v] = np.diff(path.u, axis=0) / path.duration * grid.intervals / motion.scales.rate
         else:
@@ -153,8 +163,10 @@ class PlanProblem:
             w[self.inputs[-1]] = path.u[-1] / motion.scales.u
             w[self.before] = np.array(motion.scene.initial_input) / motion.scales.u
         if grid.inner.size:
-            tau = np.array(ca.collocation_points(solver.degree, "radau"))[:, None]
-            w[grid.inner] = s[:-1, None] * (1.0 - tau) + s[1:, None] * tau
+            tau = parts * radau_points(solver.degree, grid.elements)
+            part = np.ceil(tau).astype(int) - 1
+            before, tau = parts * np.arange(grid.intervals)[:, None] + part, (tau - part)[:, None]
+            w[grid.inner] = s[before] * (1.0 - tau) + s[before + 1] * tau
         return w
 
     def path(self, w: Array) -> Path:
@@ -162,6 +174,12 @@ class PlanProblem:
         motion, grid = self.motion, self.grid
         x = w[grid.s][:, : motion.nx] * motion.scales.x
         return Path(x, w[self.inputs] * motion.scales.u, float(w[grid.time[0, 0]]) * motion.scales.time)
+
+    def states(self, w: Array, parts: int) -> Array:
+        """States (N parts + 1, nx) at equal parts of every interval."""
+        columns, weights = self.grid.places(parts)
+        s = np.vstack([w[self.grid.s[:1]], np.einsum("ij,ijk->ik", weights, w[columns])])
+        return np.asarray(s[:, : self.motion.nx] * self.motion.scales.x)
 
     # -- limits, goal and objective -----------------------------------------------------------------------------------
 
@@ -207,7 +225,7 @@ class PlanProblem:
                 rows = self.assembly.rows(part.name, part.key, part.unit, 1, part.scale)
                 self.assembly.add(part.rows(self.motion), self._end, rows, data)
             elif exact or not self.relaxed:
-                self.assembly.add(part.cost(self.motion, self.relaxed), self._end, [OBJECTIVE], data)
+                self.assembly.add(part.cost(self.motion, self.relaxed), self._end, [OBJECTIVE], data, aside=True)
 
     def _add_objective(self) -> None:
         motion, scene = self.motion, self.motion.scene
@@ -216,7 +234,7 @@ class PlanProblem:
             return
         if scene.objective == "least_time":
             self.assembly.add_linear(OBJECTIVE, self.grid.time, 1.0)
-            self._add_changes(lambda change, time: scene.smoothing * ca.dot(change, change))
+            self._add_changes(lambda change, time: scene.smoothing * ca.dot(change, change), aside=True)
         # Half of 2: least_input_rate is the integral of the squared rate, a cost's weight is that of half of it.
         rate_weight = scene.cost.input_rate if scene.cost is not None else 2.0
         if scene.objective in ("least_input_rate", "tracking") and rate_weight and not motion.linear:
@@ -234,11 +252,16 @@ class PlanProblem:
             term = derived("terminal", z, d, half, exact=motion.exact, squared=weighted)
             self.assembly.add(term, self._end, [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
 
-    def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
+    def objective(self, w: Array) -> float:
+        """Objective of the scene at unknowns, without goals, penalties and smoothing, in its unit."""
+        whole = float(self.assembly.values(w)[0])
+        return (whole - self.assembly.aside(w)) * self.motion.scales.objective
+
+    def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX], *, aside: bool = False) -> None:
         """A cost of the input's changes, in units of its range, and of the duration [s]."""
         motion = self.motion
         now, before, time = ca.SX.sym("now", motion.nu), ca.SX.sym("before", motion.nu), ca.SX.sym("T")
         z = ca.vertcat(now, before, time)
         term = derived("change", z, ca.SX(0, 1), cost(now - before, motion.scales.time * time))
         columns = np.hstack([*self._changes, np.repeat(self.grid.time, len(self._changes[0]), axis=0)])
-        self.assembly.add(term, columns, [OBJECTIVE], [])
+        self.assembly.add(term, columns, [OBJECTIVE], [], aside=aside)

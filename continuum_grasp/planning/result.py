@@ -12,9 +12,11 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import CubicHermiteSpline
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.labels import unit_of
 from continuum_grasp.model import System
 from continuum_grasp.planning.motion import parameters_over_time
 from continuum_grasp.results.declared import TIME, XY, Dimension, Picture, Stored
@@ -118,8 +120,8 @@ class Plan(MotionResult):
         See the stored arrays. Inputs are constant from their node to the next one, or linear in between
         (``input.form``); the last one holds after the end.
     objective : float
-        The duration [s], the integral of the squared input [N2 s] or input rate [N2/s] (with N m for a tip moment), or
-        what ``cost`` says.
+        The duration [s], the integral of the squared input or input rate (``objective_unit``), or what ``cost`` says;
+        without weighted goals, penalties of soft bounds, and ``smoothing``.
     constraints : mapping of str to Constraint
         All constraints by name, with their values and multipliers.
     iterations : int
@@ -203,10 +205,11 @@ class Plan(MotionResult):
 
     @property
     def objective_unit(self) -> str:
-        """Unit of the objective; empty for tracking, which sums terms of several units."""
-        squared = "(N m)2" if len(self.u_names) == 1 else "N2"
+        """Unit of the objective; empty where it sums terms of several units, as tracking does."""
+        unit, *others = {unit_of(name) for name in self.u_names}
+        squared = f"({unit})2" if " " in unit else f"{unit}2"
         units = {"least_time": "s", "least_effort": f"{squared} s", "least_input_rate": f"{squared}/s"}
-        return units.get(self.scene.objective, "")
+        return "" if others and self.scene.objective != "least_time" else units.get(self.scene.objective, "")
 
     @property
     def active_constraints(self) -> list[str]:
@@ -279,14 +282,22 @@ class Plan(MotionResult):
     def _over_time(self, function: ca.Function, indices: ArrayLike | None = None) -> Array:
         """First output (count, size) of a function of (x, u, p) at nodes."""
         chosen = np.arange(len(self.t)) if indices is None else np.atleast_1d(np.asarray(indices, dtype=int))
-        p = parameters_over_time(self.scene, self.prediction, self.t[chosen])
-        outputs = function.map(len(chosen))(*(ca.DM(v.T) for v in (self.x[chosen], self.u[chosen], p)))
-        return np.array(outputs).T
+        return self._of(function, self.t[chosen], self.x[chosen], self.u[chosen])
+
+    def _of(self, function: ca.Function, t: Array, x: Array, u: Array) -> Array:
+        p = parameters_over_time(self.scene, self.prediction, t)
+        return np.array(function.map(len(t))(*(ca.DM(v.T) for v in (x, u, p)))).T
 
     @cached_property
     def tip(self) -> Array:
         """Tip positions (N + 1, 2) [m]."""
         return self._over_time(self.prediction.tip)
+
+    @cached_property
+    def tip_path(self) -> Array:
+        """Tip positions (8 N + 1, 2), between the nodes too [m]."""
+        t = np.linspace(0.0, self.duration, 8 * (len(self.t) - 1) + 1)
+        return self._of(self.prediction.tip, t, self.states_at(t), self.inputs_at(t))
 
     @cached_property
     def bending(self) -> Array:
@@ -341,9 +352,15 @@ class Plan(MotionResult):
         return np.asarray(self.u[np.clip(k, 0, len(self.u) - 1)])
 
     def states_at(self, t: ArrayLike) -> Array:
-        """States (len(t), nx) at instants [s], linear between the nodes; the last one after the end."""
-        instants = np.atleast_1d(np.asarray(t, dtype=float))
-        return np.stack([np.interp(instants, self.t, column) for column in self.x.T], axis=1)
+        """States (len(t), nx) at instants [s]; the last one after the end.
+
+        Between the nodes coordinates are cubics that fit their rates there, all else is linear.
+        """
+        instants = np.clip(np.atleast_1d(np.asarray(t, dtype=float)), self.t[0], self.t[-1])
+        states = np.stack([np.interp(instants, self.t, column) for column in self.x.T], axis=1)
+        q, rates = self.x[:, : self.n], self.x[:, self.n : 2 * self.n]
+        states[:, : self.n] = CubicHermiteSpline(self.t, q, rates)(instants)
+        return states
 
     # -- files --------------------------------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from continuum_grasp.planning.guess import (
     Hint,
     Path,
     Posture,
-    final_posture,
+    final_postures,
     first_state_of_plan,
     smooth_path,
 )
@@ -42,8 +43,12 @@ _SHARES = (0.7, 0.9, 1.0)
 """Shares of the duration after which inputs of a first motion with contact rest: what closes and settles before the end
 is near a plan. Rounding decides which one solves a plan of stiff contacts: of fourteen variants of
 configs/plan/close_on_mug.yaml all three together reach the goal in nine, 1.0 alone in one of nine."""
+_MOST_ELEMENTS = 8
+"""Most elements of an interval [1]."""
 _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
+_AT_PLAN = 1e-5
+"""First barrier parameter from a plan that is to be followed in smaller steps."""
 _PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
 """Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
 _MOVING = {"mumps_pivtol": 1e-2, "perturb_always_cd": "yes"}
@@ -52,6 +57,8 @@ values of the constraints' Jacobian span seven decades, and IPOPT reads the sign
 adds to the Hessian until no step is left. With greater pivots, and regularized from the beginning (by 1e-8), four
 pushes of a disc towards a gap took 58 to 173 iterations; by default none ended in 200. Plans that hold an object that
 stands were not solved when regularized (none of six)."""
+_GREATER = (1.0, 1.6, 2.5, 4.0)
+"""Factors on the inputs of a posture that is to press but is not reached [1]."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
@@ -122,6 +129,36 @@ class Search:
             self._try("warm", *self._warm_start(self.warm), _NEAR)
         if self.best is None:
             self._try_paths()
+        if self.scene.transcription == "collocation":
+            self._refine()
+
+    def _refine(self) -> None:
+        """While a fine simulation departs from the plan, follow the motion in twice as many elements per interval.
+
+        Inputs have their nodes as before. The search goes on from the motion that the inputs lead to, or else from that
+        of the plan; what gives no plan, or misses a goal, leaves the plan of before.
+        """
+        while self.best is not None and not self.over and self.problem.elements < _MOST_ELEMENTS:
+            problem, best, missed = self.problem, self.best, self._misses(self.best)
+            path, elements = problem.path(best.x), 2 * problem.elements
+            try:
+                states = simulated(self.scene, self.motion.prediction, path, self.x0, elements)
+            except NumericalError:
+                return
+            tips = (self.motion.tips(x, path.u) for x in (path.x, states[::elements]))
+            if np.hypot(*np.subtract(*tips)).max() <= self.scene.check.tolerance * self.motion.length:
+                return
+            self.budget.left //= 2  # iterations take twice as long
+            planned = problem.states(best.x, 4 * elements)
+            self.problem = PlanProblem(self.motion, self.x0, elements=elements)
+            for name, x, barrier in (("simulated", states, _NEAR), ("as planned", planned, _AT_PLAN)):
+                self.best, start = None, self.problem.start(replace(path, x=x))
+                found = not self.over and self._try(f"{elements} elements, {name}", start, None, barrier)
+                if found and (missed or not self._misses(self.attempts[-1][1])):
+                    break
+            else:
+                self.problem, self.best = problem, best
+                return
 
     def _try_one_way(self) -> None:
         """Start with tendons that slide one way, up to rest.
@@ -300,8 +337,34 @@ class Search:
 
     @cached_property
     def last(self) -> Posture:
-        """A posture that meets the goal."""
-        return final_posture(self.motion, self.problem.goal, self.first, self.near)
+        """A posture that meets the goal; of contacts that are to press one to which its inputs lead."""
+        postures = final_postures(self.motion, self.problem.goal, self.first, self.near)
+        return postures[0] if self.scene.goal.contact_force is None else self._pressing(postures)
+
+    def _pressing(self, postures: list[Posture]) -> Posture:
+        """The first posture, if the finger presses as it is to under inputs that go there; else, of where it ends under
+        those of all postures and under greater ones, what is nearest to the forces.
+
+        Least squares may end on the far side of the object, or short of balance; a plan that begins where nothing
+        touches stays there, since forces have no slopes.
+        """
+        motion, model, first = self.motion, self.motion.prediction, self.first
+        aim = np.array(self.scene.goal.targets["contact_force"])
+        ends: list[tuple[int, float, float, int, Posture]] = []
+        p = motion.numbers([self.scene.duration_range[1]])[0, : model.np]
+        for factor, posture in product(_GREATER, postures):
+            u = np.clip(first.u + factor * (posture.u - first.u), *self.scene.input_limits)
+            path = smooth_path(motion, self.x0, first, Posture(posture.q, u), share=_SHARES[0])
+            with suppress(NumericalError):
+                x = simulated(self.scene, model, path, self.x0, 1)[-1]
+                force, gap = (np.array(f(x, u, p)).ravel() for f in (model.contact_force, model.gap))
+                # 0.1: share of a force from which on a contact presses
+                loose = force < 0.1 * aim
+                if not (ends or loose.any()):
+                    return posture
+                apart, off = float(np.maximum(gap[loose], 0.0).sum()), float(np.linalg.norm(force - aim))
+                ends.append((int(loose.sum()), apart, off, len(ends), Posture(x[: model.system.n], u)))
+        return min(ends)[-1] if ends else postures[0]
 
     def _try(
         self,

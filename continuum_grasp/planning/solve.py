@@ -39,8 +39,8 @@ def plan(
 ) -> Plan:
     """Plan a motion as a whole.
 
-    The motion is transcribed by multiple shooting (Runge-Kutta steps) or collocation into one nonlinear problem,
-    which IPOPT solves from smooth paths to a posture that meets the goal (J. T. Betts, Practical Methods for Optimal
+    The motion is transcribed by collocation or single shooting (Runge-Kutta steps) into one nonlinear problem,
+    which is solved from smooth paths to a posture that meets the goal (J. T. Betts, Practical Methods for Optimal
     Control and Estimation Using Nonlinear Programming, SIAM 2010, doi:10.1137/1.9780898718577). The inputs found are
     then played to a finely integrated model.
 
@@ -114,7 +114,7 @@ def _result(search: Search) -> Plan:
     else:
         (status, message), advice, violated = _success(search, attempt), "", ()
     path, multipliers = problem.path(attempt.x), attempt.multipliers
-    lead = "" if violated else _lead(scene, path.u, path.duration)
+    lead = "" if violated else _lead(scene, path.u, path.duration, motion.input_unit)
     warnings = [lead] if lead else []
     if search.interrupted:
         warnings.append("the search was interrupted")
@@ -133,8 +133,7 @@ def _result(search: Search) -> Plan:
         t=np.linspace(0.0, path.duration, len(path.x)),
         x=path.x,
         u=path.u,
-        # Without the smoothing that makes inputs of least time unique.
-        objective=path.duration if scene.objective == "least_time" else attempt.objective * motion.scales.objective,
+        objective=_objective(search, problem, attempt),
         constraints=_constraints(problem, attempt),
         iterations=attempt.iterations,
         violated=violated,
@@ -156,6 +155,14 @@ def _result(search: Search) -> Plan:
     )
 
 
+def _objective(search: Search, problem: PlanProblem, attempt: Attempt) -> float:
+    """Objective of the scene, also of a motion that was sought for its distance from the goal alone."""
+    if not problem.relaxed:
+        return problem.objective(attempt.x)
+    usual = PlanProblem(problem.motion, search.x0)
+    return usual.objective(usual.like(problem, attempt.x))
+
+
 def _success(search: Search, attempt: Attempt) -> tuple[PlanStatus, str]:
     """Status of a plan that satisfies all constraints, and why it is not known to be the best."""
     motion = search.motion
@@ -173,7 +180,7 @@ def _success(search: Search, attempt: Attempt) -> tuple[PlanStatus, str]:
     return PlanStatus.OPTIMAL, "solved"
 
 
-def _lead(scene: PlanScene, u: Array, duration: float) -> str:
+def _lead(scene: PlanScene, u: Array, duration: float, unit: str) -> str:
     """By how much held inputs shorten the least time of a drive whose rate is limited; empty where they do not.
 
     The input may jump at the nodes by what the rate limit allows in an interval, at the first node (from
@@ -184,7 +191,6 @@ def _lead(scene: PlanScene, u: Array, duration: float) -> str:
     if scene.objective != "least_time" or scene.input.form == "linear" or rate_max is None:
         return ""
     first, last = (float(np.abs(jump).max()) for jump in (u[0] - np.array(scene.initial_input), u[-1] - u[-2]))
-    unit = "N m" if u.shape[1] == 1 else "N"
     return (
         f"held inputs jump ({first:.3g} {unit} at the start, {last:.3g} {unit} at the end): a drive that keeps "
         f"input.rate_max = {rate_max:g} {unit}/s needs up to one interval ({1e3 * duration / scene.intervals:.3g} ms) "
@@ -253,9 +259,8 @@ def _constraints(problem: PlanProblem, attempt: Attempt) -> dict[str, Constraint
         values, force = problem.bounds.values(attempt.x, attempt.g, block), lam.constraints[block.rows]
         add(block.name, block.key, block.unit, block.scale, values, block.lower, block.upper, force)
     unit = motion.input_unit
-    of_input = "input.moment_max" if motion.scene.finger.tendons is None else "finger.tendons"
     of_columns = [
-        ("input", of_input, unit, problem.inputs, motion.scales.u),
+        ("input", motion.scene.limit_keys, unit, problem.inputs, motion.scales.u),
         ("duration", "duration", "s", problem.grid.time, np.array([motion.scales.time])),
     ]
     if motion.linear and motion.scene.input.rate_max is not None:

@@ -78,7 +78,7 @@ def _snapshots(
 
 def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
     """Draw snapshots of a plan, the path of its tip, and the goal."""
-    tip = np.asarray(plan.tip)
+    tip = np.asarray(plan.tip_path)
     ax, forces = _snapshots(plan, _INSTANTS, ax, tip)
     ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
     goal = plan.scene.goal

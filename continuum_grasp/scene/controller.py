@@ -177,6 +177,13 @@ class CommandedScene(FingerScene):
         return tuple(least for least, _ in ranges), tuple(greatest for _, greatest in ranges)
 
     @property
+    def limit_keys(self) -> str:
+        """Keys of the input's limits, for messages."""
+        where = {"tensions": "finger.tendons.max_tension", "pressures": "finger.pressure.max_pressure"}
+        where |= {"tip_moment": f"{self.AT}.moment_max"}
+        return " and ".join(where.get(key, f"{self.AT}.{key}") for key in dict.fromkeys(self.finger.input_keys))
+
+    @property
     def rest_input(self) -> tuple[float, ...]:
         """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
         least, greatest = self.input_limits

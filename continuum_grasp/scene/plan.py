@@ -143,14 +143,15 @@ class PlanSolver(SolverOptions):
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
     """Runge-Kutta-Chebyshev steps per interval of single shooting; None: as many as the stiffness asks for."""
     degree: Annotated[int, Field(ge=2, le=9)] = 3
-    """Number of collocation points per interval, those of Radau."""
+    """Number of collocation points of a polynomial, those of Radau."""
 
 
 class FineCheck(Value):
     """The inputs of the plan played to a finely integrated model."""
 
     tolerance: Annotated[float, Field(ge=1e-9, le=1.0), Unit("1")] = 1e-3
-    """Deviation of the tip from the plan, per finger length [1], from which on there is a warning."""
+    """Deviation of the tip from the plan, per finger length [1], beyond which collocation takes up to eight polynomials
+    per interval; where that does not do, there is a warning."""
     finer: Fidelity | None = None
     """A finer model on which the inputs are tried too."""
     contact_law: ContactLaw | None = None

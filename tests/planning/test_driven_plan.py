@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
+from continuum_grasp.planning import Plan, PlanStatus
 from continuum_grasp.planning.condensed import Condensed, _Model
 from continuum_grasp.planning.guess import first_state_of_plan, smooth_path
 from continuum_grasp.planning.motion import Motion
@@ -19,7 +20,7 @@ from continuum_grasp.scene import Tendons
 from continuum_grasp.scene.plan import PlanScene
 from tests.control_cases import CABLE, DRIVES, HAND
 from tests.marks import few
-from tests.plan_cases import two_arcs
+from tests.plan_cases import small, two_arcs
 from tests.truth.differences import differences
 
 AIM = (-0.0957, 0.1398)
@@ -230,6 +231,35 @@ def test_no_step_seems_worse_than_none():
             rows = usual + search.feasible / 2.0 * rng.standard_normal(usual.size)
             step, left, _ = model.step(1e-4, penalty, rows)
             assert -model.change(step) + penalty * (condensed.beyond(rows) - left) >= 0.0
+
+
+@pytest.mark.parametrize(
+    ("drive", "unit", "key"),
+    [
+        (None, "N2/s", "finger.tendons.max_tension"),
+        ("winches", "m2/s", "input.lengths"),
+        ("pulley", "m2/s", "input.lengths"),
+        ("servos", "rad2/s", "input.angles"),
+        ("torques", "(N m)2/s", "input.torques"),
+    ],
+)
+def test_objective_and_limits_are_those_of_what_drives_take(drive, unit, key):
+    asked = scene(0.0, drive, fidelity={"family": "arc", "elements": 1})
+    made = Plan(asked, PlanStatus.OPTIMAL, "", np.zeros(2), np.zeros((2, 1)), np.zeros((2, 2)), 0.0)
+    assert made.objective_unit == unit
+    assert asked.limit_keys == key
+
+
+def test_an_input_limit_that_stops_a_plan_is_named_by_its_key():
+    """Of a chamber, whose pressure is not that of tendons."""
+    rod = {"length": 0.15, "linear_density": 0.03, "bending_stiffness": 0.01}
+    chamber = {"area": 40e-6, "offset": 0.005, "max_pressure": 60e3, "time_constant": 0.03}
+    changes = {"finger": {"rod": rod, "pressure": [chamber]}, "goal": {"bending": [1.0], "end": "held"}}
+    found = cg.plan(small(**changes, input={}, intervals=8), raise_on_failure=False)
+    assert found.status == "infeasible"
+    assert "the input limit stops it" in found.message
+    assert found.advice == "raise the input's limits (finger.pressure.max_pressure)"
+    assert found.constraints["input"].key == "finger.pressure.max_pressure"
 
 
 @pytest.mark.parametrize(

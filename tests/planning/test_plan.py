@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.planning import Plan, PlanStatus, plan
+from continuum_grasp.planning import Plan, PlanStatus, fine, plan
 from continuum_grasp.planning.fine import excess_over_intervals, simulated
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
@@ -126,6 +126,22 @@ def test_gauss_newton_finds_the_same_plan(kind):
     assert rough.x == pytest.approx(exact.x, abs=1e-3 * np.abs(exact.x).max())
 
 
+@pytest.mark.parametrize(
+    ("kind", "changes"),
+    [("weighted", {}), ("soft", {}), ("least_time", {"smoothing": 0.1}), ("linear", {"duration": 0.02})],
+)
+def test_the_objective_is_what_was_asked_and_no_weight_beside_it(kind, changes):
+    """Of motions without a plan too, which are sought for their distance from the goal."""
+    found = plan(two_arcs(**(KINDS[kind] | changes)), raise_on_failure=False)
+    assert found.solved is (kind != "linear")
+    u, h = found.u[:, 0], found.t[1]
+    effort = h * np.sum(u[:-1] ** 2)
+    if kind == "linear":
+        effort = h / 3 * np.sum(u[1:] ** 2 + u[1:] * u[:-1] + u[:-1] ** 2)
+    expected = found.t[-1] if kind == "least_time" else effort
+    assert found.objective == pytest.approx(expected, rel=1e-9)
+
+
 # -- what a plan keeps -------------------------------------------------------------------------------------------------
 
 
@@ -137,13 +153,15 @@ def test_gauss_newton_finds_the_same_plan(kind):
         (two_arcs, {"keep_out": {"post": {"type": "disc", "center": (-0.02, 0.295), "radius": 0.004}}}),
     ],
 )
-def test_bounds_hold_between_the_nodes_of_a_fine_simulation(make, bounds):
+def test_bounds_hold_between_the_nodes_of_a_fine_simulation(monkeypatch, make, bounds):
+    """At the quarters of intervals at which the problem has them; what is left in between is reported."""
     excess = []
+    monkeypatch.setattr(fine, "PARTS", 4)
     for asked in (bounds, {}):
         scene = make(bounds={"curvature": None, **asked}, solver={"starts": 2})
         found = plan(scene)
         motion = Motion(make(bounds={"curvature": None, **bounds}))
-        states = simulated(scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0])
+        states = simulated(scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0], 4)
         excess.append(excess_over_intervals(motion, states).max())
     assert excess[0] < 3e-4
     assert excess[1] > 1e-3  # it matters
@@ -199,6 +217,35 @@ def test_simulation_of_the_inputs_is_the_plan():
     moved = cg.simulate(played)
     assert moved.tip[::100] == pytest.approx(found.tip, abs=2e-6)
     assert found.deviation.tip < 1e-6
+
+
+def test_a_plan_of_few_intervals_follows_the_motion_between_its_nodes():
+    """Polynomials of degree 2 over ten intervals are a millimeter off; the optimum is that of degree 7."""
+    asked = {"intervals": 10, "goal": {"bending": (0.8, 0.5)}, "check": {"tolerance": 1e-4}}
+    found, exact = (plan(two_arcs(**asked, solver={"degree": degree})) for degree in (2, 7))
+    model, x = found.prediction, found.x[0]
+    for k, u in enumerate(found.u[:-1]):
+        x = after(0.015, lambda x, u=u: model.dynamics(x, u, []), x)
+        assert np.array(model.tip(x, u, [])).ravel() == pytest.approx(found.tip[k + 1], abs=3e-5)
+    assert found.status is PlanStatus.OPTIMAL
+    assert found.u.shape == exact.u.shape == (11, 1)
+    assert "2 elements" in found.statistics["starts"][1]
+    assert len(exact.statistics["starts"]) == 1
+    assert found.objective == pytest.approx(exact.objective, rel=2e-2)
+
+
+def test_the_path_of_the_tip_is_that_of_the_motion_between_the_nodes_too():
+    """Straight lines between nine nodes are a centimeter off."""
+    found = plan(small(intervals=8, goal={"bending": (1.2,)}, solver={"degree": 5}))
+    model, h = found.prediction, found.t[1] / 8
+    x, true = found.x[0], [found.tip[0]]
+    for u in np.repeat(found.u[:-1], 8, axis=0):
+        x = after(h, lambda x, u=u: model.dynamics(x, u, []), x)
+        true.append(np.array(model.tip(x, u, [])).ravel())
+    assert found.tip_path[::8] == pytest.approx(found.tip, abs=1e-12)
+    assert found.tip_path == pytest.approx(np.array(true), abs=3e-4)
+    lines = np.stack([np.interp(np.linspace(0, 8, 65), np.arange(9), column) for column in found.tip.T], axis=1)
+    assert np.abs(lines - true).max() > 1e-2
 
 
 def test_held_inputs_give_the_plan_in_an_independent_integrator():
@@ -339,6 +386,27 @@ def test_a_bound_that_cannot_be_satisfied_is_named_with_its_amount_and_instant()
     # Known from the first three of 25 intervals: whole horizons from five sides took a minute.
     assert len(found.t) == 4
     assert len(found.statistics["starts"]) == 1
+
+
+def test_a_bound_that_is_left_between_the_places_of_the_problem_is_reported():
+    """The problem bounds quarters of intervals; in between a parabola passes its bound, by an integrator of its own."""
+    found = plan(small(bounds={"curvature": None, "speed": 7.0}, intervals=8, solver={"degree": 4}))
+    model, rates = found.prediction, []
+    for k, u in enumerate(found.u[:-1]):
+        run = solve_ivp(
+            lambda t, x, u=u: np.array(model.dynamics(x, u, [])).ravel(),
+            (0.0, found.t[1]),
+            found.x[k],
+            rtol=1e-9,
+            atol=1e-11,
+            t_eval=np.linspace(0.0, found.t[1], 33),
+        )
+        rates.append(np.abs(run.y[1]))
+    assert np.max([rate[::8] for rate in rates]) == pytest.approx(7.0, rel=1e-5)
+    beyond = np.max(rates) / 7.0 - 1.0
+    assert beyond > 5e-3
+    said = f"between the nodes bending_rate_1 is left by {100 * beyond:.2g} % of its limit"
+    assert any(said in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize("end", ["still", "held"])

@@ -20,7 +20,7 @@ from continuum_grasp.planning.search import Search
 from continuum_grasp.planning.solve import _result
 from continuum_grasp.scene.plan import PlanScene
 
-LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, 4
+LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, fine.PARTS
 """Of the hand-made plan: finger [m], greatest deviation per length [1], nodes, and parts of an interval."""
 
 
@@ -175,7 +175,7 @@ def test_stiffness_chooses_method_and_steps_of_the_fine_simulation(monkeypatch, 
     model = SimpleNamespace(fastest_rate=lambda *_: rate, nu=1, np=0, system=system)
     scene = SimpleNamespace(input_limits=((0.0,), (1.0,)), load_varies=False, input=SimpleNamespace(form="held"))
     path = Path(np.zeros((3, 1)), np.zeros((3, 1)), 2 * interval)
-    assert len(fine.simulated(scene, model, path, np.zeros(1))) == 9
+    assert len(fine.simulated(scene, model, path, np.zeros(1), 4)) == 9
     assert asked[0] == (method, 8 * substeps)
     assert asked[1] == (substeps, pytest.approx(interval / 4 / substeps))
 
@@ -221,7 +221,10 @@ def diagnosed(monkeypatch, strengths, *, error=1.0, excess=0.0):
     monkeypatch.setattr(diagnosis, "_nearest", lambda *_: "")
     bounds = SimpleNamespace(values=lambda *_: None)
     problem = SimpleNamespace(
-        assembly=SimpleNamespace(blocks=[block]), bounds=bounds, path=lambda _: SimpleNamespace(duration=2.0)
+        assembly=SimpleNamespace(blocks=[block]),
+        bounds=bounds,
+        path=lambda _: SimpleNamespace(duration=2.0),
+        motion=SimpleNamespace(scene=SimpleNamespace(limit_keys="")),
     )
     found = diagnosis.diagnose(problem, SimpleNamespace(x=None, g=None))
     return "nothing" if found is None else " and ".join((*found.violated, found.message))
