@@ -44,17 +44,21 @@ _SLIPS = (_LATE, _BEFORE, _ORIGIN)
 def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
     """Evidence against normal, independent residuals, on which the intervals rest, and against the model."""
     weighted = (solution.predictions - problem.measured) / solution.sigma
+    leverage = problem.leverage(solution.jacobian, solution.sigma)
     return [
-        *(_outliers(problem, weighted, freedom) if freedom >= 5 else ()),
+        *(_outliers(problem, weighted, freedom, leverage) if freedom >= 5 else ()),
         *_series(problem, weighted),
         *_sets(problem, weighted),
         *doubts_of_laws(problem, solution),
     ]
 
 
-def _outliers(problem: Problem, weighted: Array, freedom: float) -> list[str]:
-    """Fitted entries far from what the rest says."""
+def _outliers(problem: Problem, weighted: Array, freedom: float, leverage: Array | float = 0.0) -> list[str]:
+    """Fitted entries far from what the rest says, by their studentized residuals: a parameter follows few numbers."""
     sizes = np.abs(weighted[problem.fitted])
+    # 1e-6: least variance that a residual has of its noise [1]; what is met whatever it is, tells nothing
+    left = 1.0 - np.asarray(leverage)
+    weighted = np.where(left > 1e-6, weighted / np.sqrt(np.maximum(left, 1e-6)), 0.0)
     if sizes.size < _FEW:  # each against the others, of which one may be far off
         limit = surely(freedom - 1.0, chances=sizes.size)
         scale = np.sqrt((sizes @ sizes - weighted**2).clip(0.0) / (freedom - 1.0))

@@ -199,6 +199,7 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
         words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(measured) else "")
         if not concerned or words in tried:
             continue
+        problem.begin()
         try:
             blocks = [
                 block if pair is None else _undone(block, slip, *pair, problem.sought)
@@ -229,6 +230,7 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
 
 def _refitted(words: str, trial: Problem, before: float) -> list[tuple[float, str]]:
     """Misfit without a slip, and what to say of it; nothing where it does not explain the measurements."""
+    trial.begin()
     try:
         solution = trial.solve(lambda share: None)
     except ContinuumGraspError:

@@ -108,6 +108,7 @@ class Problem(Numbers):
         self._known = np.array([np.nan if of.sigma is None else of.sigma for of in self.described])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
         self._iterations = self._evaluations = 0
+        self._begun = self.followed
 
     @property
     def series(self) -> list[NDArray[np.intp]]:
@@ -128,6 +129,10 @@ class Problem(Numbers):
     def followed(self, followed: list[Any]) -> None:
         for block, its in zip(self.blocks, followed, strict=True):
             block.followed = its
+
+    def begin(self) -> None:
+        """Follow the next predictions from the scene again: start values may be far from where a search ended."""
+        self.followed = self._begun
 
     def prior(self, values: Array) -> tuple[Array, Array]:
         """Prior of the values, but for those of sets that are not fitted."""
@@ -298,15 +303,22 @@ class Problem(Numbers):
             sigma[members & np.isnan(self._known)] = 0.01 * spread
         return sigma
 
-    def _new_sigma(self, predictions: Array, jacobian: Array, sigma: Array) -> Array:
-        """Standard deviations from the residuals of each group, allowing for the parameters that it pays for."""
-        fitted, residuals = self.fitted, predictions - self.measured
+    def leverage(self, jacobian: Array, sigma: Array) -> Array:
+        """Share (m,) of each fitted number in its own prediction: the variance that its residual lacks.
+
+        Their sum is the number of parameters that the data see.
+        """
+        fitted, leverage = self.fitted, np.zeros(len(sigma))
         slopes = [(jacobian / sigma[:, None])[fitted], self.prior(np.zeros(len(self.unknowns)))[1]]
         basis, singular, _ = np.linalg.svd(np.vstack(slopes), full_matrices=False)
         keep = singular > 1e-10 * max(float(singular.max(initial=0.0)), 1e-300)
-        # diagonal of the projection onto the columns: their sum is the number of parameters that the data see
-        leverage = np.zeros(len(sigma))
+        # diagonal of the projection onto the columns
         leverage[fitted] = np.sum(basis[: len(slopes[0]), keep] ** 2, axis=1)
+        return leverage
+
+    def _new_sigma(self, predictions: Array, jacobian: Array, sigma: Array) -> Array:
+        """Standard deviations from the residuals of each group, allowing for the parameters that it pays for."""
+        fitted, residuals, leverage = self.fitted, predictions - self.measured, self.leverage(jacobian, sigma)
         deviations, first = sigma.copy(), self._first_sigma()
         for group in self.groups.values():
             members = group & np.isnan(self._known)

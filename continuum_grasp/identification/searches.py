@@ -162,13 +162,14 @@ def _differ(problem: Problem, more: Array) -> bool:
     """Whether squared errors of one law are surely greater, by ``more`` (m,), than those of another, of hold-outs."""
     from scipy.special import stdtrit
 
-    total, variance, freedom = 0.0, 0.0, 0.0
-    for of, part in zip(problem.sets, problem.slices, strict=True):
-        # readings of one row or instant depend on one another
-        rows = more[part].reshape(of.values.shape)[~of.fitted].sum(axis=1)
-        if rows.size:
-            total += float(rows.sum())
-            about = (rows - rows.mean())[:, None]
-            spread, worth = middle(np.ones((rows.size, 1, 1)), about) if rows.size > 1 else (np.zeros((1, 1)), 1.0)
+    # readings of one row or instant depend on one another
+    rows_of = [
+        more[part].reshape(of.values.shape)[~of.fitted].sum(axis=1)
+        for of, part in zip(problem.sets, problem.slices, strict=True)
+    ]
+    every, variance, freedom = np.concatenate(rows_of), 0.0, 0.0
+    for rows in rows_of:
+        if rows.size:  # about the mean of all: a set may have one row
+            spread, worth = middle(np.ones((rows.size, 1, 1)), (rows - every.mean())[:, None])
             variance, freedom = variance + float(spread[0, 0]), freedom + worth
-    return freedom > 2.0 and total > float(stdtrit(freedom - 1.0, _SURE)) * math.sqrt(variance)
+    return freedom > 2.0 and float(every.sum()) > float(stdtrit(freedom - 1.0, _SURE)) * math.sqrt(variance)

@@ -79,6 +79,8 @@ class Table:
         if name in self.headings:
             return self.headings.index(name)
         hint = nearest(name, self.headings, say_all=False)
+        if len(self.headings) == 1:
+            hint = "; separate cells by commas, semicolons or tabs"
         raise self.error(f"no column {heading!r}{hint} (it has {', '.join(self.headings)})", 0)
 
     def chosen(self, heading: str, texts: Sequence[str]) -> Table:

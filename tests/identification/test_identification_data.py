@@ -162,6 +162,13 @@ def test_wrong_cells_are_named_with_their_place(tmp_path, cell, words):
     assert "drop" in error.message
 
 
+def test_cells_that_nothing_separates_are_named(tmp_path):
+    path = tmp_path / "drops.csv"
+    path.write_text("weight drop\n0 1\n10 2\n")
+    with pytest.raises(InputError, match="separate cells by commas, semicolons or tabs"):
+        cg.identify(scene(STATIC), path)
+
+
 def changed(**keys):
     return {**STATIC, **keys}
 

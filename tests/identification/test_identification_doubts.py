@@ -16,7 +16,7 @@ from continuum_grasp.errors import SolverError
 from continuum_grasp.identification import problem as module
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.doubts import _outliers, _series, _sets
-from continuum_grasp.identification.inference import infer, model_error_warnings
+from continuum_grasp.identification.inference import FALSE_ALARMS, infer, model_error_warnings
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.unknowns import Unknown
@@ -89,6 +89,31 @@ def test_outliers_are_found_among_many_and_not_in_normal_noise():
     (found,) = _outliers(Problem([Level(noise)], [ONE]), noise, noise.size)
     assert int(found.split()[0]) >= 38
     assert found.endswith("worst: level, row 70")
+
+
+def test_an_outlier_that_a_parameter_follows_is_found_by_what_it_has_left():
+    """A line through eight points, the last one far beside the others, by Student's t of its own parameter."""
+    at = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 2.0])
+    columns = np.stack([np.ones(8), at], axis=1)
+    leverage = np.diag(columns @ np.linalg.pinv(columns))
+    problem = Problem([Level(at)], [ONE])
+    assert leverage[-1] > 0.8
+    rng, alarms = np.random.default_rng(3), 0
+    for _ in range(500):
+        y = rng.standard_normal(8)
+        y[-1] += rng.choice([0.0, 50.0])
+        missed = columns @ np.linalg.lstsq(columns, y)[0] - y
+        # each point as a parameter of its own: its estimate over its deviation
+        ratios = []
+        for k in range(8):
+            wider = np.column_stack([columns, np.eye(8)[k]])
+            fit, left, *_ = np.linalg.lstsq(wider, y)
+            ratios.append(abs(fit[2]) / np.sqrt(left[0] / 5 * np.linalg.inv(wider.T @ wider)[2, 2]))
+        far = sum(ratio > scipy.stats.t.isf(0.5 * FALSE_ALARMS / 8, 5) for ratio in ratios)
+        found = _outliers(problem, missed, 6, leverage)
+        alarms += far > 0
+        assert int(found[0].split()[0] if found else 0) == far
+    assert alarms > 50
 
 
 @pytest.mark.parametrize(("share", "warned"), [(0.999, False), (1.001, True)])

@@ -187,6 +187,17 @@ def test_slips_are_named(change, words):
         fit.apply()
 
 
+def test_slips_are_named_where_the_search_ended_at_a_rigid_finger():
+    """From there no shape is followed back to the start values, which other slips are tried at."""
+    loads = np.array([0.0, 0.1, 0.2, 0.4, 0.6])
+    x, y, _ = np.transpose([elastica(load, 0.022) for load in loads])
+    scene = loaded_scene(1, finger={"base": {"angle": -np.pi / 2}})
+    fit = cg.identify(scene, weighed(np.stack([x, -y], axis=1), loads), parameters=["bending_stiffness"])
+    assert fit["bending_stiffness"] > 1e3
+    assert fit.status == "implausible"
+    assert any(cause.startswith("y points down") for cause in fit.causes)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_bends_of_the_other_sign_are_named_and_written_only_when_asked_for(side, tmp_path):
     """Bends M L / EI of a rod under moments at its tip, and of its mirror image."""

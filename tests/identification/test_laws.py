@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import stats
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, TipPath
 from continuum_grasp.identification.fitting import posed
-from continuum_grasp.identification.searches import choose_law
+from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.searches import _differ, choose_law
+from continuum_grasp.identification.unknowns import Unknown
+from tests.identification.test_identification_doubts import Level
 from tests.identification_cases import at_tip
 
 LENGTH, STIFFNESS, SIGMA = 0.2, 0.005, 0.01
@@ -76,6 +82,23 @@ def test_rows_that_are_marked_decide():
     left = alone.residuals[-6:] / SIGMA
     assert fit.laws[0].held_out == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-6)
     assert fit.laws[1].verdict == "chosen"
+
+
+@pytest.mark.parametrize("moved", [0.0, 1.0])
+def test_single_rows_of_many_sets_scatter_as_those_of_one(moved):
+    """Student's t of the differences of both laws, a row from each of five sets."""
+    rng, one = np.random.default_rng(2), Unknown("one", "1", "one")
+    blocks = [Level(np.zeros(3), f"set {k}") for k in range(5)]
+    for block in blocks:
+        block.measured = replace(block.measured, fitted=np.array([True, False, True]))
+    problem, surely = Problem(blocks, [one]), 0
+    for _ in range(200):
+        more = rng.standard_normal((5, 3)) + moved
+        rows = more[:, 1]
+        sure = rows.sum() > stats.t.isf(0.025, 4) * np.sqrt(len(rows)) * rows.std()
+        assert _differ(problem, more.ravel()) == sure
+        surely += sure
+    assert (surely < 20) == (moved == 0.0)
 
 
 def test_what_cannot_be_chosen_is_refused():
