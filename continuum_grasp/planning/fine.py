@@ -21,8 +21,11 @@ from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.spectrum import PARTIAL_STEP, stiff_method
 
-PARTS = 8
-"""Parts of an interval at which bounds are looked at: twice as many as those at which the problem bounds the state."""
+PARTS = 64
+"""Parts of an interval at which bounds are looked at: twice as many as those at which any problem bounds the state. A
+cheap plan rushes through a zone between them, the faster the more there are."""
+LEFT = 1e-3
+"""Share of a bound's scale by which a plan may leave it between the places where the problem has it."""
 _FINER_OFF = 0.01
 """Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
 _AFTER = 0.5
@@ -38,15 +41,17 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     interval = path.duration / intervals
     h = interval / parts
     rate = model.fastest_rate(*(np.array(limit) for limit in scene.input_limits))
+    # Parts shorter than an eighth of an interval have no more steps than that.
+    share = min(1.0, 8.0 / parts)
     # 0.1: product of step and fastest rate of the explicit method: 1/27 of its stability limit
     method, substeps = "rk4", max(2, math.ceil(rate * h / 0.1))
     # 200: sub-steps per part up to which the explicit method is taken
-    if substeps > 200:
+    if substeps > 200 * share:
         # Stiff contacts: an L-stable method may step over what has died out long before.
         method = stiff_method(model.system.structure)
         # 5e-4: longest step of the implicit method, for what is too stiff [s]
         step = PARTIAL_STEP if INTEGRATORS[method].partial else 5e-4
-        substeps = max(4, math.ceil(h / step))
+        substeps = max(math.ceil(4 * share), math.ceil(h / step))
     run = _rollout(model, method, intervals * parts * substeps)
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
@@ -89,8 +94,10 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
     return Rollouts.of(step_function(functions, method), 4 * dynamics.n_instructions() * steps > 20_000_000)
 
 
-def excess_over_intervals(motion: Motion, states: Array) -> Array:
-    """Largest amounts (N, ns) by which the state's bounds are left in each interval, as shares of their scales."""
+def excess_over_intervals(motion: Motion, states: Array, parts: int = PARTS) -> Array:
+    """Largest amounts (N, ns) by which the state's bounds are left at the parts of each interval, as shares of their
+    scales.
+    """
     bounded, model = motion.bounded, motion.prediction
     count = len(states)
     # As in the problem, bounds are of the state alone, whatever the input and the loads.
@@ -98,7 +105,7 @@ def excess_over_intervals(motion: Motion, states: Array) -> Array:
     every = motion.rows.map(count)(states.T, *(np.tile(v, (count, 1)).T for v in fixed))
     rows = np.array(every).T
     excess = np.maximum(np.maximum(bounded.least - rows, rows - bounded.most), 0.0)
-    inner = excess[1:].reshape((count - 1) // PARTS, PARTS, rows.shape[1])
+    inner = excess[1:].reshape((count - 1) // parts, parts, rows.shape[1])
     return np.asarray(inner.max(axis=1))
 
 
@@ -129,6 +136,7 @@ def checked(plan: Plan, motion: Motion) -> Plan:
     left, after = _left(motion, states), _left_after_the_end(motion, plan, states[-1])
     if left:
         warnings.append(f"between the nodes {left}: take more intervals")
+        plan = _departed(plan, f"between the nodes {left}")
     if after:
         warnings.append(after)
         plan = replace(plan, message=f"{plan.message}; {after}")
@@ -142,7 +150,7 @@ def checked(plan: Plan, motion: Motion) -> Plan:
 
 
 def _departed(plan: Plan, how: str) -> Plan:
-    """A plan of its grid alone, whose optimum says nothing of the motion."""
+    """A plan of its grid alone, which its motion does not keep."""
     status = PlanStatus.FEASIBLE if plan.status == PlanStatus.OPTIMAL else plan.status
     return replace(plan, status=status, message=f"{plan.message}, but {how}")
 
@@ -169,8 +177,7 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Dev
 def _left(motion: Motion, states: Array) -> str:
     """The hard bound that states leave most, and by how much; empty where they leave none."""
     hard = excess_over_intervals(motion, states)[:, motion.hard]
-    # 1e-3: share of a bound's scale from which on there is a warning
-    if hard.max(initial=0.0) <= 1e-3:
+    if hard.max(initial=0.0) <= LEFT:
         return ""
     name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
     return f"{name} is left by {100 * hard.max():.2g} % of its limit (of zones: of the finger's length)"

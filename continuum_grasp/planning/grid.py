@@ -134,8 +134,8 @@ class StateBounds:
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            # 4: places per interval at which bounds hold, the last one at the node
-            parts = 4 if smooth or name in zones else 1
+            # 4: places per element at which bounds hold, the last one at the node
+            parts = 4 * grid.elements if smooth or name in zones else 1
             self._places[name] = (entries, *grid.places(parts), np.repeat(grid.v, parts, axis=0))
             count, scale = len(self._places[name][1]), np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])

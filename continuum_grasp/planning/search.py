@@ -18,7 +18,7 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, Status, new_solver
 from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose, missed_goals
-from continuum_grasp.planning.fine import simulated
+from continuum_grasp.planning.fine import LEFT, PARTS, excess_over_intervals, simulated
 from continuum_grasp.planning.goal import MET
 from continuum_grasp.planning.guess import (
     Hint,
@@ -133,7 +133,8 @@ class Search:
             self._refine()
 
     def _refine(self) -> None:
-        """While a fine simulation departs from the plan, follow the motion in twice as many elements per interval.
+        """While a fine simulation departs from the plan, or leaves its bounds between the places where the problem has
+        them, follow the motion in twice as many elements per interval.
 
         Inputs have their nodes as before. The search goes on from the motion that the inputs lead to, or else from that
         of the plan; what gives no plan, or misses a goal, leaves the plan of before.
@@ -142,11 +143,14 @@ class Search:
             problem, best, missed = self.problem, self.best, self._misses(self.best)
             path, elements = problem.path(best.x), 2 * problem.elements
             try:
-                states = simulated(self.scene, self.motion.prediction, path, self.x0, elements)
+                states = simulated(self.scene, self.motion.prediction, path, self.x0)
             except NumericalError:
                 return
-            tips = (self.motion.tips(x, path.u) for x in (path.x, states[::elements]))
-            if np.hypot(*np.subtract(*tips)).max() <= self.scene.check.tolerance * self.motion.length:
+            tips = (self.motion.tips(x, path.u) for x in (path.x, states[::PARTS]))
+            departs = np.hypot(*np.subtract(*tips)).max() > self.scene.check.tolerance * self.motion.length
+            left = excess_over_intervals(self.motion, states)[:, self.motion.hard].max(initial=0.0) > LEFT
+            # With an object the problem has most bounds at the nodes alone, however many elements there are.
+            if not (departs or (left and self.scene.object is None)):
                 return
             self.budget.left //= 2  # iterations take twice as long
             planned = problem.states(best.x, 4 * elements)

@@ -84,12 +84,14 @@ def _fingers(scene: GraspScene, change: Callable[[FingerSetup], GraspFinger]) ->
 
 def _tension(scene: GraspScene, amount: float) -> GraspScene:
     def stronger(setup: FingerSetup) -> GraspFinger:
-        law, more = setup.drive, setup.finger.with_tendons(max_tension=setup.tendons.max_tension + amount)
+        # Of tendons and motors those that are strong enough stay.
+        most = max(setup.tendons.max_tension, setup.max_tension + amount)
+        law, more = setup.drive, setup.finger.with_tendons(max_tension=most)
         if law is None or not isinstance(law.drive, MotorDrive):
             return more
-        # Motors that are strong enough stay; those of a pulley pull with a difference, which may need all of it.
-        most = law.greatest if law.pulley else setup.max_tension
-        torque = max(law.drive.torque_max, law.drive.coulomb_friction + law.radius * (most + amount))
+        # Motors of a pulley pull with a difference, which may need all of it.
+        pull = (law.greatest if law.pulley else setup.max_tension) + amount
+        torque = max(law.drive.torque_max, law.drive.coulomb_friction + law.radius * pull)
         return more.with_tendons(drive=law.drive.replaced(torque_max=torque))
 
     return _fingers(scene, stronger)
