@@ -81,8 +81,7 @@ def wrongs(scene: ControlScene) -> list[Wrong]:
         found.append(Wrong("sensor", f"{one[0]} drifts", readings=one, fault="drift"))
     found.append(Wrong("sensor", "camera away for 50 periods", readings=("tip_x", "tip_y"), fault="missing"))
     found.append(Wrong("sensor", "1 % outliers of each entry", readings=("tip_x", "tip_y", *drive), fault="outliers"))
-    stamps = {"": False, ", with time stamps": True}
-    found += [Wrong("calls", f"period x 2{text}", period=2.0, clock=clock) for text, clock in stamps.items()]
+    found += [Wrong("calls", f"period x 2{text}", period=2.0, clock=bool(text)) for text in ("", ", with time stamps")]
     return found if measured else []
 
 

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.planning import Plan, PlanStatus, fine, plan, search
+from continuum_grasp.planning import Plan, PlanStatus, plan, search
 from continuum_grasp.planning.fine import excess_over_intervals, simulated
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
@@ -149,16 +149,16 @@ def test_the_objective_is_what_was_asked_and_no_weight_beside_it(kind, changes):
 def test_bounds_that_a_plan_leaves_between_their_places_hold_at_more(monkeypatch, intervals):
     """Where the grid may not be finer, such a plan is no optimum."""
     scene = small(bounds={"curvature": None, "speed": 7.0}, intervals=intervals)
-    kept = plan(scene)
+    held = plan(scene)
     monkeypatch.setattr(search, "_MOST_ELEMENTS", 1)
     left = plan(scene)
-    assert (kept.status, left.status) == ("optimal", "feasible")
+    assert (held.status, left.status) == ("optimal", "feasible")
     assert "between the nodes bending_rate_1 is left" in left.message
-    for found, low, high in ((kept, 0.0, 1e-3), (left, 1e-2, 3e-2)):
+    for found, low, high in ((held, 0.0, 1e-3), (left, 1e-2, 3e-2)):
         motion = Motion(scene)
         states = simulated(scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0], 101)
         assert low <= excess_over_intervals(motion, states, 101).max() < high
-    assert kept.objective > 1.01 * left.objective
+    assert held.objective > 1.01 * left.objective
 
 
 @pytest.mark.deep
