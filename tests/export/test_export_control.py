@@ -309,7 +309,7 @@ def test_calls_from_the_same_memory_agree_although_runs_part(packages):
     functions = json.loads((packages("detector", "float") / "MANIFEST.json").read_text())["functions"]
     (command,) = functions["mpc"]["errors"].values()
     assert command["usual_call"] < 1e-5 * command["greatest_value"]
-    assert min(command["any_call"], command["over_the_run"]) > 0.1 * command["greatest_value"]
+    assert command["over_the_run"] > 0.01 * command["greatest_value"]
     for error in functions["estimator_step"]["errors"].values():
         assert error["over_the_run"] < 1e-4 * error["greatest_value"]
 
