@@ -311,7 +311,7 @@ def test_calls_from_the_same_memory_agree_although_runs_part(packages):
     assert command["usual_call"] < 1e-5 * command["greatest_value"]
     assert command["over_the_run"] > 0.01 * command["greatest_value"]
     for error in functions["estimator_step"]["errors"].values():
-        assert error["over_the_run"] < 1e-4 * error["greatest_value"]
+        assert error["over_the_run"] < 1e-3 * error["greatest_value"]
 
 
 @pytest.mark.deep
