@@ -90,6 +90,7 @@ def test_few_factorizations_give_the_commands_of_many():
     assert np.linalg.norm(short.tip - short.tip_reference, axis=1)[-30:].max() < 3e-3
 
 
+@pytest.mark.deep
 def test_the_tip_runs_round_its_circle():
     """From half a second on, when it has come there, within a fifth of the radius, on all sides of the center."""
     found = checked(run("tip_circle", 2.5))
