@@ -21,8 +21,13 @@ def test_child(): subprocess.run([sys.executable, "-c", BURN], check=True)
 @pytest.mark.deep
 def test_deep(): subprocess.run([sys.executable, "-c", BURN], check=True)
 @pytest.mark.deep
-@pytest.mark.parametrize("case", range(5))
+@pytest.mark.parametrize("case", range(9))
 def test_cases(case): pass
+@pytest.fixture(scope="module")
+def set_up(): pass
+@pytest.mark.deep
+@pytest.mark.parametrize("case", range(9))
+def test_together(case, set_up): pass
 """
 
 
@@ -42,5 +47,7 @@ def test_a_quick_test_beyond_its_cpu_time_fails(tmp_path):
 
 def test_each_deep_test_is_in_one_shard(tmp_path):
     shards = [re.findall(r"::(\S+) PASSED", run(tmp_path, "-m", "deep", "--shard", f"{k}/2")) for k in range(2)]
-    assert sorted(shards[0] + shards[1]) == sorted(["test_deep", *(f"test_cases[{k}]" for k in range(5))])
-    assert all(shards)
+    cases = [f"test_{name}[{k}]" for name in ("cases", "together") for k in range(9)]
+    assert sorted(shards[0] + shards[1]) == sorted(["test_deep", *cases])
+    assert all("cases" in str(shard) for shard in shards)  # dealt one by one
+    assert sum("together" in str(shard) for shard in shards) == 1  # set up once

@@ -2,7 +2,7 @@
 
 A test without a mark is quick: ``python3 start.py test`` runs it, and it fails by itself beyond ``--cpu-limit``.
 What costs more, or uses a fixture that does (``COSTLY_FIXTURES`` of its module), is ``deep``:
-``-m deep --shard K/N`` runs one of N parts of those, a function's cases together.
+``-m deep --shard K/N`` runs one of N parts of those; cases of a function that share a fixture are in one part.
 """
 
 from __future__ import annotations
@@ -52,9 +52,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         return
     part, count = shard
     # By name: another test elsewhere moves none to another part.
-    chosen = [crc32(item.nodeid.partition("[")[0].encode()) % count == part for item in items]
+    chosen = [crc32(_dealt(item).encode()) % count == part for item in items]
     config.hook.pytest_deselected(items=[item for item, here in zip(items, chosen, strict=True) if not here])
     items[:] = [item for item, here in zip(items, chosen, strict=True) if here]
+
+
+def _dealt(item: pytest.Item) -> str:
+    """Name by which a test is dealt: that of its function, where its cases share what is set up for all of them."""
+    definitions = getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", {})
+    own = [made[-1] for made in definitions.values() if made[-1].baseid]  # not those of pytest and its plugins
+    shared = any(made.scope != "function" for made in own)
+    return item.nodeid.partition("[")[0] if shared else item.nodeid
 
 
 STARTED = pytest.StashKey[float]()
