@@ -170,7 +170,7 @@ class Condensed:
         """The motion under the inputs of w; None where it is not finite."""
         grid, ns = self.problem.grid, self.problem.motion.ns
         w, term, data = w.copy(), *self.problem.interval
-        for k in range(grid.intervals):
+        for k in range(len(grid.v)):
             z = np.concatenate([w[grid.s[k]], w[grid.v[k]], w[grid.time[0]]])
             end = np.array(term.value(z, data[k])).ravel()[:ns]
             if not np.isfinite(end).all():

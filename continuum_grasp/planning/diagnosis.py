@@ -121,7 +121,7 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
     time = problem.grid.time[0, 0]
     strengths = {"input": of_columns(problem.inputs)}
     rates = [of_columns(problem.grid.v)] if motion.linear else []
-    rate_limit = (motion.scene.input.rate_max or 0.0) * motion.scales.time / problem.grid.intervals / motion.scales.u
+    rate_limit = (motion.scene.input.rate_max or 0.0) * motion.scales.time / len(problem.grid.v) / motion.scales.u
     for block in assembly.blocks:
         force = np.abs(lam.constraints[block.rows])
         if block.name.startswith("input rate"):

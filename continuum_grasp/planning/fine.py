@@ -22,8 +22,8 @@ from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.spectrum import PARTIAL_STEP, stiff_method
 
 PARTS = 64
-"""Parts of an interval at which bounds are looked at: twice as many as those at which any problem bounds the state. A
-cheap plan rushes through a zone between them, the faster the more there are."""
+"""Parts of an interval at which bounds are looked at: as many as those at which the finest problem bounds the state. A
+cheap plan rushes through a zone between the places of a problem, the faster the more there are."""
 LEFT = 1e-3
 """Share of a bound's scale by which a plan may leave it between the places where the problem has it."""
 _FINER_OFF = 0.01
@@ -32,9 +32,12 @@ _AFTER = 0.5
 """Time after the end in which it is seen whether bounds still hold [s]: two periods of the slowest fingers here."""
 
 
-def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS) -> Array:
+def simulated(
+    scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS, *, afresh: bool = False
+) -> Array:
     """States (N * parts + 1, nx) of a model under the inputs of a path, at ``parts`` equal parts of every interval.
 
+    ``afresh``: every interval begins at the state that the path has there.
     A state that is not finite raises a NumericalError, whose ``result`` holds the states before.
     """
     intervals = len(path.u) - 1
@@ -64,7 +67,7 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
         instants = 2 * parts * (k + at)
         columns = [np.interp(instants, np.arange(len(p)), column) for column in p.T]
         w = np.ascontiguousarray(np.reshape(columns, (model.np, len(at))).T)
-        begin = np.ascontiguousarray(states[-1][-1:])
+        begin = np.ascontiguousarray(path.x[k : k + 1] if afresh else states[-1][-1:])
         signals = Signal(u[None], model.nu, 0), Signal(w[None], model.np, 0)
         interval_states, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))
         states.append(interval_states[0, 1 : count[0] + 1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -18,41 +19,66 @@ from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 @dataclass(frozen=True)
 class Grid:
     """Columns of the unknowns of a plan: duration (1, 1), states at the nodes (N + 1, ns), controls (N, nu), and states
-    at the collocation points of all ``elements`` of an interval (N, points, ns), which single shooting does not have.
+    at the collocation points of all elements (elements, degree, ns), which single shooting does not have.
+
+    Every interval has so many equal elements as ``counts`` (N) states.
     """
 
     time: Indices
     s: Indices
     v: Indices
-    inner: Indices
-    elements: int = 1
+    points: Indices
+    counts: Indices
+
+    @cached_property
+    def interval(self) -> Indices:
+        """Interval of each element."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Length of each element [intervals]."""
+        return np.asarray(1.0 / self.counts[self.interval])
+
+    @cached_property
+    def starts(self) -> Array:
+        """Where each element begins [intervals]."""
+        within = np.arange(len(self.interval)) - (np.cumsum(self.counts) - self.counts)[self.interval]
+        return np.asarray(self.interval + within * self.lengths)
 
     @property
-    def intervals(self) -> int:
-        """Number of intervals N."""
-        return len(self.v)
+    def shares(self) -> Array:
+        """Shares (elements, degree) of their interval at which the motion holds."""
+        points = np.array(ca.collocation_points(self.points.shape[1], "radau"))
+        return np.asarray((self.starts - self.interval)[:, None] + self.lengths[:, None] * points)
 
-    def places(self, parts: int) -> tuple[Indices, Array]:
-        """Columns (N parts, basis, ns) and weights (N parts, basis) of states at equal parts of every interval.
+    @cached_property
+    def basis(self) -> Indices:
+        """Columns (elements, basis, ns) of states that give the motion over each element: of collocation its start, the
+        last point before, and its points; else both nodes.
+        """
+        first = self.s[self.interval]
+        if not self.points.size:
+            return np.stack([first, self.s[1:]], axis=1)
+        later = np.flatnonzero(self.starts > self.interval)
+        first[later] = self.points[later - 1, -1]
+        return np.concatenate([first[:, None], self.points], axis=1)
+
+    def at(self, times: Array) -> tuple[Indices, Array]:
+        """Columns (count, basis, ns) and weights (count, basis) of states at times [intervals] after the first node.
 
         Of collocation they are on its polynomial, else on the line between both nodes.
         """
-        if parts == 1:
-            return self.s[1:, None], np.ones((self.intervals, 1))
-        elements, degree = self.elements, self.inner.shape[1] // self.elements
-        tau = [0.0, *(ca.collocation_points(degree, "radau") if degree else [1.0])]
-        basis = np.concatenate([self.s[:-1, None], self.inner if degree else self.s[1:, None]], axis=1)
-        shares = elements * np.arange(1, parts + 1) / parts
-        element = np.ceil(shares).astype(int) - 1
-        of_element = np.linalg.solve(np.vander(tau).T, np.vander(shares - element, len(tau)).T).T
-        weights = np.zeros((parts, basis.shape[1]))
-        first = element * (len(tau) - 1)
-        np.put_along_axis(weights, first[:, None] + np.arange(len(tau)), of_element, axis=1)
-        return np.repeat(basis, parts, axis=0), np.tile(weights, (self.intervals, 1))
+        # 1e-9: rounding of the ends of elements [intervals]
+        element = np.searchsorted(self.starts, times - 1e-9) - 1
+        tau = [0.0, *(ca.collocation_points(self.points.shape[1], "radau") if self.points.size else [1.0])]
+        local = (times - self.starts[element]) / self.lengths[element]
+        weights = np.linalg.solve(np.vander(tau).T, np.vander(local, len(tau)).T).T
+        return self.basis[element], np.asarray(weights)
 
     def reads(self, s: Indices) -> Indices:
-        """Columns of [s, v, T] for states (N, ns) of the intervals."""
-        return np.hstack([s, self.v, np.repeat(self.time, self.intervals, axis=0)])
+        """Columns of [s, v, T] for a state (elements, ns) of each element."""
+        return np.hstack([s, self.v[self.interval], np.repeat(self.time, len(s), axis=0)])
 
 
 def add_shooting(
@@ -63,7 +89,7 @@ def add_shooting(
     ``resolution`` is the number of steps per interval, and of stages per step. Returns the motion over an interval, and
     the numbers that it reads in each.
     """
-    intervals, (steps, stages) = grid.intervals, resolution
+    intervals, (steps, stages) = len(grid.v), resolution
     term = shooting_interval(flow, motion.ns, intervals, steps, stages)
     rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
@@ -75,30 +101,21 @@ def add_shooting(
 
 def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: float) -> None:
     """Polynomials whose rates are those of the motion at the collocation points."""
-    intervals, degree, elements = grid.intervals, motion.scene.solver.degree, grid.elements
-    data = _numbers(motion, (np.arange(intervals)[:, None] + radau_points(degree, elements)) / intervals)
-    h = 1.0 / (intervals * elements)
-    # A polynomial is given by its values at the start of its element, the last point before, and at its points.
-    basis = [grid.s[:-1], *(grid.inner[:, j] for j in range(degree * elements))]
+    intervals, degree, count = len(grid.v), grid.points.shape[1], len(grid.interval)
+    data = _numbers(motion, (grid.interval[:, None] + grid.shares) / intervals)
+    h = grid.lengths[:, None] / intervals
     rates, ends, quadrature = (np.array(m) for m in ca.collocation_coeff(ca.collocation_points(degree, "radau")))
-    for j in range(degree * elements):
-        rows = _defects(assembly, motion, intervals, f"motion at point {j + 1}")
-        into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
-        factors = np.append(np.full(motion.ns, -h), weight * h * quadrature.ravel()[j % degree])
-        assembly.add(motion.flow, grid.reads(grid.inner[:, j]), into, data[:, j], factors)
-        first = j // degree * degree
-        for columns, rate in zip(basis[first : first + degree + 1], rates[:, j % degree], strict=True):
+    for j in range(degree):
+        rows = _defects(assembly, motion, count, f"motion at point {j + 1}")
+        into = np.hstack([rows, np.full((count, 1), OBJECTIVE)])
+        factors = np.hstack([np.tile(-h, motion.ns), weight * h * quadrature.ravel()[j]])
+        assembly.add(motion.flow, grid.reads(grid.points[:, j]), into, data[:, j], factors)
+        for columns, rate in zip(grid.basis.swapaxes(0, 1), rates[:, j], strict=True):
             assembly.add_linear(rows, columns, rate)
     rows = _defects(assembly, motion, intervals)
-    for columns, end in zip(basis[-degree - 1 :], ends.ravel(), strict=True):
+    for columns, end in zip(grid.basis[np.cumsum(grid.counts) - 1].swapaxes(0, 1), ends.ravel(), strict=True):
         assembly.add_linear(rows, columns, end)
     assembly.add_linear(rows, grid.s[1:], -1.0)
-
-
-def radau_points(degree: int, elements: int) -> Array:
-    """Shares of an interval at which the motion holds, of equal elements."""
-    points = np.array(ca.collocation_points(degree, "radau"))
-    return np.asarray(((np.arange(elements)[:, None] + points) / elements).ravel())
 
 
 def _defects(assembly: Assembly, motion: Motion, intervals: int, name: str = "motion") -> Indices:
@@ -127,26 +144,31 @@ class StateBounds:
         lower = np.where(bounded.least > -ABSENT, bounded.least, -np.inf)
         upper = np.where(bounded.most < ABSENT, bounded.most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
-        # With contact at the nodes alone: with bounds between them too, IPOPT did not solve the plan of a mug in 500
-        # iterations; without, in 334.
-        smooth = grid.inner.size and motion.scene.object is None
+        # With contact at the nodes alone, as long as the grid is that of the first search: with bounds between them too,
+        # IPOPT did not solve the plan of a mug in 500 iterations; without, in 334.
+        smooth = grid.points.size and (motion.scene.object is None or grid.counts.max() > 1)
         for name, entries in _groups(bounded.names, zones).items():
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            # 4: places per element at which bounds hold, the last one at the node
-            parts = 4 * grid.elements if smooth or name in zones else 1
-            self._places[name] = (entries, *grid.places(parts), np.repeat(grid.v, parts, axis=0))
-            count, scale = len(self._places[name][1]), np.full(len(entries), size)
-            rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
+            places, held, lengths = (grid.s[1:, None], np.ones((len(grid.v), 1))), grid.v, np.ones(len(grid.v))
+            if smooth or name in zones:
+                # 4: places per element at which bounds hold, the last one at the node
+                times = grid.starts[:, None] + grid.lengths[:, None] * np.arange(1, 5) / 4
+                places, held = grid.at(times.ravel()), np.repeat(grid.v[grid.interval], 4, axis=0)
+                lengths = np.repeat(grid.lengths / 4, 4)
+            self._places[name] = (entries, *places, held)
+            scale = np.full(len(entries), size)
+            rows = assembly.rows(name, key, unit, len(lengths), scale, lower[entries], upper[entries])
             self._add(*self._places[name], rows)
-            share = motion.first_duration / count / motion.scales.objective  # penalties are per second
+            # Penalties are per second.
+            share = motion.first_duration / len(grid.v) / motion.scales.objective * lengths[:, None]
             if relaxed:
                 # 100.0: penalty per share by which a hard bound is violated, where only the distance from the goal is
                 # minimized [units of the squared distance]: large, so that bounds give way last
-                self._soften(rows, np.full(len(entries), 100.0), np.zeros(len(entries)))
+                self._soften(rows, np.full(len(entries), 100.0), np.zeros(len(entries)), 1.0)
             elif not motion.hard[entries].any():
-                self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
+                self._soften(rows, bounded.linear[entries], bounded.quadratic[entries], share)
 
     def _add(self, entries: list[int], columns: Indices, weights: Array, held: Indices, rows: Indices) -> None:
         motion, (count, size) = self._motion, weights.shape
@@ -159,8 +181,8 @@ class StateBounds:
         data = np.hstack([np.tile(motion.numbers([0.0]), (count, 1)), weights])
         self._assembly.add(term, np.hstack([columns.reshape(count, -1), held]), rows, data)
 
-    def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
-        """Slacks of rows, and their penalty."""
+    def _soften(self, rows: Indices, linear: Array, quadratic: Array, share: Array | float) -> None:
+        """Slacks of rows, and their penalty times the share of each row."""
         z = ca.SX.sym("slack", rows.shape[1])
         penalty = ca.dot(ca.DM(linear), z) + 0.5 * ca.dot(ca.DM(quadratic), z * z)
         squared = ca.DM(np.sqrt(quadratic)) * z
@@ -169,7 +191,7 @@ class StateBounds:
         for sign in (1.0, -1.0):
             slack = self._assembly.variables(len(rows), rows.shape[1], 0.0)
             self._assembly.add_linear(rows, slack, sign)
-            self._assembly.add(term, slack, [OBJECTIVE], [], aside=True)
+            self._assembly.add(term, slack, [OBJECTIVE], [], share, aside=True)
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
         """Values that a block of constraints bounds (count, size), without slacks."""

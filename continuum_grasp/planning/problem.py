@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
-from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting, radau_points
+from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import derived, unstable
@@ -48,7 +48,8 @@ class PlanProblem:
     Where it is ``relaxed``, the distance from the goal is minimized in place of the objective, and hard bounds have a
     penalty. Where ``one_way`` is None, tendons with friction may slide to and fro. ``before`` (1, nu) are columns of
     the input before the motion begins, ``inputs`` (N + 1, nu) those of the inputs at the nodes; the last one is held
-    after the end. Collocation has a polynomial on each of so many equal ``elements`` of every interval.
+    after the end. Collocation has a polynomial on each of so many equal elements of every interval as ``counts`` (N)
+    states; None: one.
     """
 
     def __init__(
@@ -58,9 +59,10 @@ class PlanProblem:
         *,
         relaxed: bool = False,
         one_way: OneWay | None = None,
-        elements: int = 1,
+        counts: Indices | None = None,
     ) -> None:
-        self.motion, self.relaxed, self.one_way, self.elements = motion, relaxed, one_way, elements
+        self.motion, self.relaxed, self.one_way = motion, relaxed, one_way
+        self._counts = np.ones(motion.scene.intervals, dtype=np.int64) if counts is None else counts
         self.goal = goal_parts(motion, settles=one_way is None and bool(motion.friction_states))
         self._first = np.array(x0)
         if one_way is not None and one_way.given:
@@ -97,7 +99,7 @@ class PlanProblem:
     def outpaced(self, w: Array) -> bool:
         """Whether a motion is faster somewhere than the steps of single shooting are stable for."""
         steps, stages = self.steps
-        return unstable(self.rates(w), self.path(w).duration / (self.grid.intervals * steps), stages)
+        return unstable(self.rates(w), self.path(w).duration / (len(self.grid.v) * steps), stages)
 
     def refine(self, w: Array) -> None:
         """Take steps that hold along a motion; unknowns and rows keep their places."""
@@ -119,10 +121,10 @@ class PlanProblem:
             limits = [-rate_max / motion.scales.rate, rate_max / motion.scales.rate]
         s = assembly.variables(intervals + 1, motion.ns, low, high)
         v = assembly.variables(intervals, motion.nu, *limits)
-        points = scene.solver.degree * self.elements if scene.transcription == "collocation" else 0
-        inner = assembly.variables(intervals * points, motion.ns).reshape(intervals, points, motion.ns)
+        degree, elements = scene.solver.degree if scene.transcription == "collocation" else 0, int(self._counts.sum())
+        points = assembly.variables(elements * degree, motion.ns).reshape(elements, degree, motion.ns)
         assembly.fix(s[0], motion.scaled_state(x0, first))
-        self.grid = Grid(time, s, v, inner, self.elements)
+        self.grid = Grid(time, s, v, points, self._counts)
         if motion.linear:
             self.before, self.inputs = s[:1, motion.nx :], s[:, motion.nx :]
             return
@@ -149,24 +151,24 @@ class PlanProblem:
 
     def start(self, path: Path) -> Array:
         """Unknowns that stand for a path, which may have states at equal parts of every interval too."""
-        motion, grid, solver = self.motion, self.grid, self.motion.scene.solver
-        w, parts = np.zeros(self.assembly.size), (len(path.x) - 1) // grid.intervals
+        motion, grid, intervals = self.motion, self.grid, len(self.grid.v)
+        w, parts = np.zeros(self.assembly.size), (len(path.x) - 1) // intervals
         w[grid.time] = path.duration / motion.scales.time
-        nodes, at = np.arange(grid.intervals + 1), np.linspace(0.0, grid.intervals, len(path.x))
+        nodes, at = np.arange(intervals + 1), np.linspace(0.0, intervals, len(path.x))
         u = path.u if parts == 1 else np.stack([np.interp(at, nodes, column) for column in path.u.T], axis=1)
         s = motion.scaled_state(path.x, u)
         w[grid.s] = s[::parts]
         if motion.linear:
-            w[grid.v] = np.diff(path.u, axis=0) / path.duration * grid.intervals / motion.scales.rate
+            w[grid.v] = np.diff(path.u, axis=0) / path.duration * intervals / motion.scales.rate
         else:
             w[grid.v] = path.u[:-1] / motion.scales.u
             w[self.inputs[-1]] = path.u[-1] / motion.scales.u
             w[self.before] = np.array(motion.scene.initial_input) / motion.scales.u
-        if grid.inner.size:
-            tau = parts * radau_points(solver.degree, grid.elements)
+        if grid.points.size:
+            tau = parts * grid.shares
             part = np.ceil(tau).astype(int) - 1
-            before, tau = parts * np.arange(grid.intervals)[:, None] + part, (tau - part)[:, None]
-            w[grid.inner] = s[before] * (1.0 - tau) + s[before + 1] * tau
+            before, tau = parts * grid.interval[:, None] + part, (tau - part)[..., None]
+            w[grid.points] = s[before] * (1.0 - tau) + s[before + 1] * tau
         return w
 
     def path(self, w: Array) -> Path:
@@ -177,7 +179,7 @@ class PlanProblem:
 
     def states(self, w: Array, parts: int) -> Array:
         """States (N parts + 1, nx) at equal parts of every interval."""
-        columns, weights = self.grid.places(parts)
+        columns, weights = self.grid.at(np.arange(1, len(self.grid.v) * parts + 1) / parts)
         s = np.vstack([w[self.grid.s[:1]], np.einsum("ij,ijk->ik", weights, w[columns])])
         return np.asarray(s[:, : self.motion.nx] * self.motion.scales.x)
 
@@ -189,7 +191,7 @@ class PlanProblem:
         if motion.linear or rate_max is None:
             return
         now, before = self._changes
-        share = rate_max * motion.scales.time / self.grid.intervals / motion.scales.u
+        share = rate_max * motion.scales.time / len(self.grid.v) / motion.scales.u
         for name, sign in (("input rate, up", 1.0), ("input rate, down", -1.0)):
             rows = self.assembly.rows(name, "input.rate_max", motion.input_unit, len(now), motion.scales.u, -np.inf)
             self.assembly.add_linear(rows, now, sign)
@@ -230,7 +232,7 @@ class PlanProblem:
     def _add_objective(self) -> None:
         motion, scene = self.motion, self.motion.scene
         if self.relaxed:
-            self._add_changes(lambda change, time: _EFFORT_WHEN_RELAXED / self.grid.intervals * ca.dot(change, change))
+            self._add_changes(lambda change, time: _EFFORT_WHEN_RELAXED / len(self.grid.v) * ca.dot(change, change))
             return
         if scene.objective == "least_time":
             self.assembly.add_linear(OBJECTIVE, self.grid.time, 1.0)
@@ -239,7 +241,7 @@ class PlanProblem:
         rate_weight = scene.cost.input_rate if scene.cost is not None else 2.0
         if scene.objective in ("least_input_rate", "tracking") and rate_weight and not motion.linear:
             scale = ca.DM(motion.scales.u)
-            factor = 0.5 * rate_weight * self.grid.intervals / motion.scales.objective
+            factor = 0.5 * rate_weight * len(self.grid.v) / motion.scales.objective
             # Held inputs have no rate: a change counts as one that takes an interval.
             self._add_changes(lambda change, time: factor * ca.dot(change * scale, change * scale) / time)
         if motion.tracked is not None:

@@ -43,12 +43,13 @@ _SHARES = (0.7, 0.9, 1.0)
 """Shares of the duration after which inputs of a first motion with contact rest: what closes and settles before the end
 is near a plan. Rounding decides which one solves a plan of stiff contacts: of fourteen variants of
 configs/plan/close_on_mug.yaml all three together reach the goal in nine, 1.0 alone in one of nine."""
-_MOST_ELEMENTS = 8
-"""Most elements of an interval [1]."""
+_MOST_ELEMENTS = 16
+"""Most elements of an interval [1]: of 10 ms, half the time in which a contact at 2 m/s closes a rounding of 1 mm."""
 _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
-_AT_PLAN = 1e-5
-"""First barrier parameter from a plan that is to be followed in smaller steps."""
+_AT_PLAN = 1e-7
+"""First barrier parameter from a plan that is to be followed in smaller steps: with 1e-4 and 1e-5 IPOPT left what
+satisfies nearly all, and did not come back in 500 iterations of a plan that closes on a mug; with 1e-7 it took 26."""
 _PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
 """Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
 _MOVING = {"mumps_pivtol": 1e-2, "perturb_always_cd": "yes"}
@@ -134,30 +135,35 @@ class Search:
 
     def _refine(self) -> None:
         """While a fine simulation departs from the plan, or leaves its bounds between the places where the problem has
-        them, follow the motion in twice as many elements per interval.
+        them, follow the motion in more elements on the intervals where it does.
 
         Inputs have their nodes as before. The search goes on from the motion that the inputs lead to, or else from that
         of the plan; what gives no plan, or misses a goal, leaves the plan of before.
         """
-        while self.best is not None and not self.over and self.problem.elements < _MOST_ELEMENTS:
+        motion, model, tolerance = self.motion, self.motion.prediction, self.scene.check.tolerance * self.motion.length
+        while self.best is not None and not self.over:
             problem, best, missed = self.problem, self.best, self._misses(self.best)
-            path, elements = problem.path(best.x), 2 * problem.elements
+            path = problem.path(best.x)
             try:
-                states = simulated(self.scene, self.motion.prediction, path, self.x0)
+                states = simulated(self.scene, model, path, self.x0)
+                ends = simulated(self.scene, model, path, self.x0, 1, afresh=True)
             except NumericalError:
                 return
-            tips = (self.motion.tips(x, path.u) for x in (path.x, states[::PARTS]))
-            departs = np.hypot(*np.subtract(*tips)).max() > self.scene.check.tolerance * self.motion.length
-            left = excess_over_intervals(self.motion, states)[:, self.motion.hard].max(initial=0.0) > LEFT
-            # With an object the problem has most bounds at the nodes alone, however many elements there are.
-            if not (departs or (left and self.scene.object is None)):
+            planned, whole, own = (motion.tips(x, path.u) for x in (path.x, states[::PARTS], ends))
+            coarse = excess_over_intervals(motion, states)[:, motion.hard].max(axis=1, initial=0.0) > LEFT
+            departs, errors = np.hypot(*(whole - planned)).max(), np.hypot(*(own - planned))[1:]
+            if departs > tolerance:
+                # Errors of all intervals would together be as much as the plan may depart.
+                coarse |= errors > errors.mean() * tolerance / departs
+            counts = np.where(coarse, np.minimum(2 * problem.grid.counts, _MOST_ELEMENTS), problem.grid.counts)
+            if (counts == problem.grid.counts).all():
                 return
-            self.budget.left //= 2  # iterations take twice as long
-            planned = problem.states(best.x, 4 * elements)
-            self.problem = PlanProblem(self.motion, self.x0, elements=elements)
-            for name, x, barrier in (("simulated", states, _NEAR), ("as planned", planned, _AT_PLAN)):
+            self.budget.left *= problem.assembly.size  # iterations take longer
+            self.problem = PlanProblem(motion, self.x0, counts=counts)
+            self.budget.left //= self.problem.assembly.size
+            for name, x in (("simulated", states), ("as planned", problem.states(best.x, PARTS))):
                 self.best, start = None, self.problem.start(replace(path, x=x))
-                found = not self.over and self._try(f"{elements} elements, {name}", start, None, barrier)
+                found = not self.over and self._try(f"{counts.sum()} elements, {name}", start, None, _AT_PLAN)
                 if found and (missed or not self._misses(self.attempts[-1][1])):
                     break
             else:
@@ -254,14 +260,19 @@ class Search:
         """Start from paths, up to a plan that misses no goal; as long as none gave a plan, seek the least distance too.
 
         Without an object every path is tried: a way past a zone may be shorter than the first one that leads past it.
+        With one, the distance is sought after all paths: it takes as long as a path, and seldom ends.
         """
+        contact = self.scene.object is not None
         for name, path, barrier in self._paths():
             if self.over and self.attempts:
                 return
             planned = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
-            if not planned and self._approach(name, path, barrier):
+            if not (planned or contact) and self._approach(name, path, barrier):
                 return
-            if self.scene.object is not None and self.best is not None and not self._misses(self.best):
+            if contact and self.best is not None and not self._misses(self.best):
+                return
+        for start in self._paths() if contact and self.best is None else ():
+            if self._approach(*start) or self.best is not None:
                 return
 
     def _paths(self) -> Iterator[tuple[str, Path, float | None]]:
@@ -426,11 +437,9 @@ class Search:
             return True
         problem = self._near_goal
         attempt = self._solved(problem, problem.start(path), None, barrier)
-        # Motions along kinks creep to their end, which is one all the same.
-        ended = attempt.converged or attempt.outcome == "Search_Direction_Becomes_Too_Small"
-        if not (ended and attempt.violation <= self.feasible):
-            return False
         self.relaxed.append((name, attempt))
+        if not self._ended(attempt):
+            return False
         diagnosis = diagnose(problem, attempt)
         if diagnosis is None and not self.over:
             w = self.problem.like(problem, attempt.x)
@@ -438,16 +447,21 @@ class Search:
                 # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
                 f, g = (np.array(v).ravel() for v in self.problem.assembly.values(w))
                 self.best = replace(self.attempts[-1][1], status=Status.FAILED, x=w, g=g, objective=float(f[0]))
-        elif attempt.objective <= min(a.objective for _, a in self.relaxed):
+        elif attempt.objective <= self.nearest[1].objective:
             self.diagnosis = diagnosis
-        ends = [a.objective for _, a in self.relaxed]
+        ends = [a.objective for _, a in self.relaxed if self._ended(a)]
         # 1e-3: relative difference of distances from the goal of two starts that came to the same end
         return len(ends) > 2 and max(ends) - min(ends) <= 1e-3 * min(ends)
 
     @property
     def nearest(self) -> tuple[PlanProblem, Attempt]:
         """The attempt that comes nearest to the goal, and its problem."""
-        return self._near_goal, min((a for _, a in self.relaxed), key=lambda a: a.objective)
+        return self._near_goal, min((a for _, a in self.relaxed if self._ended(a)), key=lambda a: a.objective)
+
+    def _ended(self, attempt: Attempt) -> bool:
+        """Whether an attempt came to an end, as motions do too that creep to theirs along kinks."""
+        creeps = attempt.outcome == "Search_Direction_Becomes_Too_Small"
+        return (attempt.converged or creeps) and attempt.violation <= self.feasible
 
 
 def _rank(attempt: Attempt) -> tuple[bool, float]:

@@ -150,8 +150,8 @@ class FineCheck(Value):
     """The inputs of the plan played to a finely integrated model."""
 
     tolerance: Annotated[float, Field(ge=1e-9, le=1.0), Unit("1")] = 1e-3
-    """Deviation of the tip from the plan, per finger length [1], beyond which collocation takes up to eight polynomials
-    per interval; where that does not do, there is a warning."""
+    """Deviation of the tip from the plan, per finger length [1], beyond which collocation takes up to 16 polynomials on
+    the intervals that cause it; where that does not do, there is a warning."""
     finer: Fidelity | None = None
     """A finer model on which the inputs are tried too."""
     contact_law: ContactLaw | None = None
