@@ -94,15 +94,13 @@ def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[lis
 def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
     """State bounds that are left, with their amounts, and in words when."""
     left = {}
-    for block in problem.assembly.blocks:
-        if block.key.startswith("bounds."):
-            violation = block.violation(problem.bounds.values(attempt.x, attempt.g, block))
-            # 1e-5: excess of a bound, in units of the problem, that counts as none
-            if violation.scaled > 1e-5:
-                count, size = block.rows.shape
-                time = (violation.index // size + 1) / count * problem.path(attempt.x).duration
-                amount = f"{violation.amount:.3g} {violation.unit}"
-                left[str(violation)] = f"{violation.name} is left by {amount} at t = {time:.3g} s"
+    for block, violation in zip(problem.assembly.blocks, problem.violations(attempt), strict=True):
+        # 1e-5: excess of a bound, in units of the problem, that counts as none
+        if block.key.startswith("bounds.") and violation.scaled > 1e-5:
+            count, size = block.rows.shape
+            time = (violation.index // size + 1) / count * problem.path(attempt.x).duration
+            amount = f"{violation.amount:.3g} {violation.unit}"
+            left[str(violation)] = f"{violation.name} is left by {amount} at t = {time:.3g} s"
     return left
 
 

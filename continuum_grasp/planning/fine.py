@@ -27,7 +27,7 @@ cheap plan rushes through a zone between the places of a problem, the faster the
 LEFT = 1e-3
 """Share of a bound's scale by which a plan may leave it between the places where the problem has it."""
 _FINER_OFF = 0.01
-"""Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
+"""Deviation of tip or object on a finer model, per finger length, from which on there is a warning."""
 _AFTER = 0.5
 """Time after the end in which it is seen whether bounds still hold [s]: two periods of the slowest fingers here."""
 
@@ -97,6 +97,27 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
     return Rollouts.of(step_function(functions, method), 4 * dynamics.n_instructions() * steps > 20_000_000)
 
 
+def places(model: Prediction, x: Array, u: Array) -> Array:
+    """Positions of the tip, and of four points as far from the center of an object that moves as it reaches [m].
+
+    Of states x (count, nx) under inputs u (count, nu): (count, points, 2).
+    """
+    tips = np.array(model.tip.map(len(x))(x.T, u.T, np.tile(model.p_nominal, (len(x), 1)).T)).T[:, None]
+    pose, around = x[:, model.system.object_states], model.system.surroundings
+    if around is None or around.object is None or not pose.size:
+        return tips
+    reach = max(part.extent for part in around.object.parts)
+    angles = pose[:, 2:3] + 0.5 * np.pi * np.arange(4)
+    points = pose[:, None, :2] + reach * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return np.concatenate([tips, points], axis=1)
+
+
+def distances(one: Array, other: Array) -> Array:
+    """Distances (count, 2) of tips and of objects at `places` [m]; zero without an object that moves."""
+    apart = np.linalg.norm(one - other, axis=2)
+    return np.stack([apart[:, 0], apart[:, 1:].max(axis=1, initial=0.0)], axis=1)
+
+
 def excess_over_intervals(motion: Motion, states: Array, parts: int = PARTS) -> Array:
     """Largest amounts (N, ns) by which the state's bounds are left at the parts of each interval, as shares of their
     scales.
@@ -123,12 +144,11 @@ def checked(plan: Plan, motion: Motion) -> Plan:
             return replace(plan, status=PlanStatus.NOT_SOLVED, message=f"no plan: {error}")
         warnings.append(f"{error}: take more intervals, or a higher solver.degree")
         return replace(_departed(plan, str(error)), warnings=tuple(warnings))
-    deviation = _deviation("the plan's model, finely integrated", model, plan, states)
-    if deviation.tip > scene.check.tolerance * plan.length:
-        off = (
-            f"a fine simulation is up to {1e3 * deviation.tip:.3g} mm off the plan ({1e3 * deviation.final_tip:.3g} mm "
-            "at the end)"
-        )
+    planned = places(model, plan.x, plan.u)
+    deviation = _deviation("the plan's model, finely integrated", model, plan, planned, states)
+    most, final, what = deviation.worst
+    if most > scene.check.tolerance * plan.length:
+        off = f"a fine simulation is up to {1e3 * most:.3g} mm off the plan ({what}{1e3 * final:.3g} mm at the end)"
         finer_steps = "more solver.substeps" if scene.transcription == "single_shooting" else "a higher solver.degree"
         warnings.append(f"{off}: take more intervals, or {finer_steps}")
         plan = _departed(plan, off)
@@ -145,7 +165,7 @@ def checked(plan: Plan, motion: Motion) -> Plan:
         plan = replace(plan, message=f"{plan.message}; {after}")
     finer = None
     if scene.check.finer is not None:
-        finer, off = _on_finer(scene, plan, path)
+        finer, off = _on_finer(scene, plan, planned, path)
         if off:
             warnings.append(f"{off}: raise fidelity.elements")
             plan = replace(plan, message=f"{plan.message}; {off}")
@@ -168,11 +188,11 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Dev
     if scene.goal.end != "held" or not any("friction_" in name for name in model.x_names):
         return ""
     # Rest may be asked of the drives alone, and friction may let go: the finger has to stay.
-    u, p = plan.u[-1], np.array(model.p_nominal)
+    u = plan.u[-1]
     # 0.1: time after the end in which a finger that is held must stay where it is [s]: ten times as long as it settles
     path = Path(plan.x[-2:], np.tile(u, (2, 1)), 0.1)
-    ends = states[-1], simulated(scene, model, path, states[-1], 1)[-1]
-    first, last = (np.array(model.tip(x, u, p)).ravel() for x in ends)
+    after = np.stack([states[-1], simulated(scene, model, path, states[-1], 1)[-1]])
+    first, last = places(model, after, np.tile(u, (2, 1)))[:, 0]
     drift = float(np.hypot(*(last - first)))
     return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > tolerance else ""
 
@@ -202,17 +222,17 @@ def _left_after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
     return left and f"within {_AFTER:g} s after the end, under its last input, {left}: {keeps}"
 
 
-def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Deviation:
+def _deviation(name: str, model: Prediction, plan: Plan, planned: Array, states: Array) -> Deviation:
     at_nodes = states[:: (len(states) - 1) // (len(plan.t) - 1)]
     p = np.array(model.p_nominal)
-    tips = np.array([np.array(model.tip(x, u, p)).ravel() for x, u in zip(at_nodes, plan.u, strict=True)])
-    off = np.hypot(*(tips - plan.tip).T)
+    off = distances(places(model, at_nodes, plan.u), planned)
     rates = np.array(model.bending_rate(states[-1], plan.u[-1], p)).ravel()
     force = np.array(model.contact_force(states[-1], plan.u[-1], p)).ravel() if model.contact_names else ()
-    return Deviation(name, float(off.max()), float(off[-1]), float(np.abs(rates).max()), tuple(map(float, force)))
+    (tip, thing), (final_tip, final_thing) = off.max(axis=0).tolist(), off[-1].tolist()
+    return Deviation(name, tip, final_tip, float(np.abs(rates).max()), tuple(map(float, force)), thing, final_thing)
 
 
-def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | None, str]:
+def _on_finer(scene: PlanScene, plan: Plan, planned: Array, path: Path) -> tuple[Deviation | None, str]:
     """Deviation on the finer model, and how it departs from the plan; empty where it does not."""
     law = scene.check.contact_law or scene.contact_law
     # Not validated again: this law may have dry friction, which plans themselves cannot have.
@@ -223,6 +243,7 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
         states = simulated(fine, model, path, first_state_of_plan(fine, model)[0], 1)
     except NumericalError as error:
         return None, f"on {name} {error}"
-    deviation = _deviation(name, model, plan, states)
-    far = deviation.final_tip > _FINER_OFF * plan.length
-    return deviation, f"on {name} the tip ends {1e3 * deviation.final_tip:.3g} mm from the plan" if far else ""
+    deviation = _deviation(name, model, plan, planned, states)
+    ends = {"tip": deviation.final_tip, "object": deviation.final_object}
+    far = [f"the {what} ends {1e3 * off:.3g} mm" for what, off in ends.items() if off > _FINER_OFF * plan.length]
+    return deviation, f"on {name} {' and '.join(far)} from the plan" if far else ""

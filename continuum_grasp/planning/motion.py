@@ -168,11 +168,6 @@ class Motion:
             self.tracked.names, outputs, self._setpoints.rows(t), t, self.scene.reference, self.length
         )
 
-    def tips(self, x: Array, u: Array) -> Array:
-        """Tip positions (2, count) of states (count, nx) under inputs (count, nu) [m]."""
-        model = self.prediction
-        return np.array(model.tip.map(len(x))(x.T, u.T, np.tile(model.p_nominal, (len(x), 1)).T))
-
     @cached_property
     def rows(self) -> ca.Function:
         """(x, u, p) -> what the bounds of the state bound, relative to their scales."""

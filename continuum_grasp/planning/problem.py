@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array, Indices
+from continuum_grasp.nlp import Attempt, Violation
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
 from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
@@ -253,6 +254,11 @@ class PlanProblem:
             half = 0.5 * ca.dot(weighted, weighted)
             term = derived("terminal", z, d, half, exact=motion.exact, squared=weighted)
             self.assembly.add(term, self._end, [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
+
+    def violations(self, attempt: Attempt) -> list[Violation]:
+        """By how much an attempt violates each block of constraints."""
+        values = self.bounds.values
+        return [block.violation(values(attempt.x, attempt.g, block)) for block in self.assembly.blocks]
 
     def objective(self, w: Array) -> float:
         """Objective of the scene at unknowns, without goals, penalties and smoothing, in its unit."""

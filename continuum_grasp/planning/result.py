@@ -40,7 +40,7 @@ class PlanStatus(StrEnum):
     """A local optimum."""
     FEASIBLE = "feasible"
     """All constraints are satisfied, but the solver stopped before the optimum, or the search before its end, or a fine
-    simulation of the inputs is farther from the plan than ``check.tolerance``."""
+    simulation of the inputs is farther from the plan than ``check.tolerance``, with the tip or the object."""
     GOAL_MISSED = "goal_missed"
     """All constraints are satisfied, but a goal that has a weight is missed by more than its tolerance, or a setpoint
     that stood."""
@@ -86,9 +86,6 @@ class Constraint:
         # 1e-6: multiplier above which a bound counts as active, in the units of `Constraint.multipliers`
         return bool(np.any(np.abs(self.multipliers) > 1e-6))
 
-    def __str__(self) -> str:
-        return f"{self.name}: off by {self.excess:.3g} {self.unit} ({self.key})"
-
 
 @dataclass(frozen=True)
 class Deviation:
@@ -104,6 +101,15 @@ class Deviation:
     """Largest bending rate at the end [rad/s]."""
     contact_forces: tuple[float, ...] = ()
     """Normal force at each place where the finger may touch the object, at the end [N]."""
+    object: float = 0.0
+    """Largest deviation of a point of an object that moves [m]."""
+    final_object: float = 0.0
+    """Deviation of the object at the end [m]."""
+
+    @property
+    def worst(self) -> tuple[float, float, str]:
+        """Greater deviation of tip and object, that at its end [m], and words for an object."""
+        return max((self.tip, self.final_tip, ""), (self.object, self.final_object, "of the object; "))
 
 
 @dataclass(frozen=True)
@@ -230,6 +236,8 @@ class Plan(MotionResult):
         for name, check in (("fine simulation", self.deviation), ("finer model", self.finer)):
             if check is not None:
                 text = f"tip up to {1e3 * check.tip:.3g} mm off the plan, {1e3 * check.final_tip:.3g} mm at the end"
+                if check.object:
+                    text += f"; object up to {1e3 * check.object:.3g} mm, {1e3 * check.final_object:.3g} mm at the end"
                 rows[name] = f"{text} ({check.model})"
         return rows
 

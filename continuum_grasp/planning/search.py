@@ -18,7 +18,7 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, Status, new_solver
 from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose, missed_goals
-from continuum_grasp.planning.fine import LEFT, PARTS, excess_over_intervals, simulated
+from continuum_grasp.planning.fine import LEFT, PARTS, distances, excess_over_intervals, places, simulated
 from continuum_grasp.planning.goal import MET
 from continuum_grasp.planning.guess import (
     Hint,
@@ -149,12 +149,12 @@ class Search:
                 ends = simulated(self.scene, model, path, self.x0, 1, afresh=True)
             except NumericalError:
                 return
-            planned, whole, own = (motion.tips(x, path.u) for x in (path.x, states[::PARTS], ends))
+            planned, *followed = (places(model, x, path.u) for x in (path.x, states[::PARTS], ends))
+            whole, own = (distances(planned, at).max(axis=1) for at in followed)
             coarse = excess_over_intervals(motion, states)[:, motion.hard].max(axis=1, initial=0.0) > LEFT
-            departs, errors = np.hypot(*(whole - planned)).max(), np.hypot(*(own - planned))[1:]
-            if departs > tolerance:
+            if whole.max() > tolerance:
                 # Errors of all intervals would together be as much as the plan may depart.
-                coarse |= errors > errors.mean() * tolerance / departs
+                coarse |= own[1:] > own[1:].mean() * tolerance / whole.max()
             counts = np.where(coarse, np.minimum(2 * problem.grid.counts, _MOST_ELEMENTS), problem.grid.counts)
             if (counts == problem.grid.counts).all():
                 return
@@ -456,7 +456,7 @@ class Search:
     @property
     def nearest(self) -> tuple[PlanProblem, Attempt]:
         """The attempt that comes nearest to the goal, and its problem."""
-        return self._near_goal, min((a for _, a in self.relaxed if self._ended(a)), key=lambda a: a.objective)
+        return self._near_goal, min((a for _, a in self.relaxed), key=lambda a: (not self._ended(a), a.objective))
 
     def _ended(self, attempt: Attempt) -> bool:
         """Whether an attempt came to an end, as motions do too that creep to theirs along kinks."""

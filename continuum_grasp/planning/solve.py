@@ -212,8 +212,8 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
             diagnosis.violated,
         )
     last = search.attempts[-1][1]
-    broken = [c for c in _constraints(search.problem, last).values() if c.excess > search.feasible]
-    violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
+    broken = [v for v in search.problem.violations(last) if v.scaled > search.feasible]
+    violated = tuple(str(v) for v in sorted(broken, key=lambda v: -v.scaled))
     advice = "give the solver more iterations, more intervals, another initial duration, or a warm start"
     if search.scene.object is not None:
         advice += (

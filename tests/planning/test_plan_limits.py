@@ -26,7 +26,9 @@ LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, fine.PARTS
 
 @dataclass
 class Made:
-    """A plan at rest whose states are x and y of the tip [m], a bound's row and a soft one's [1]."""
+    """A plan at rest whose states are x and y of the tip [m], a bound's row and a soft one's [1], and x, y [m] and angle
+    [rad] of an object.
+    """
 
     scene: Any
     warnings: tuple[str, ...] = ()
@@ -40,23 +42,30 @@ class Made:
 
     def __post_init__(self):
         self.t, self.u = np.linspace(0.0, 1.0, NODES), np.zeros((NODES, 1))
-        self.x, self.tip = np.zeros((NODES, 4)), np.zeros((NODES, 2))
+        self.x, self.tip = np.zeros((NODES, 7)), np.zeros((NODES, 2))
 
 
 def rows_of(count):
-    return lambda x, u, p: x[2:]
+    return lambda x, u, p: x[2:4]
+
+
+REACH = 0.05
+"""Greatest extent of the object [m]."""
+BODY = SimpleNamespace(object=SimpleNamespace(parts=[SimpleNamespace(extent=r) for r in (0.03, REACH)]))
 
 
 def model_of(names=("x", "y", "row", "soft row")):
     return SimpleNamespace(
-        nu=1, p_nominal=(), x_names=names, contact_names=(), tip=lambda x, u, p: x[:2],
+        nu=1, p_nominal=(), x_names=names, contact_names=(), tip=SimpleNamespace(map=lambda n: lambda x, u, p: x[:2]),
         bending_rate=lambda x, u, p: np.zeros(1),
-        system=SimpleNamespace(finger_model=SimpleNamespace(lengths=(1.0,), family="arc")),
+        system=SimpleNamespace(
+            finger_model=SimpleNamespace(lengths=(1.0,), family="arc"), object_states=slice(4, 7), surroundings=BODY
+        ),
     )  # fmt: skip
 
 
-def verdict(monkeypatch, states, *, drift=0.0, method="collocation", end="held", friction=False, finer=0.0):
-    """What the check says of states; after the last the tip moves on [m/s], and on a finer model is off [m]."""
+def verdict(monkeypatch, states, *, drift=0.0, method="collocation", end="held", friction=False, finer=()):
+    """What the check says of states; after the last the tip moves on [m/s]; finer: the last state of a finer model."""
     own, other = model_of(("x", "y", "friction_1 [1]", "")) if friction else model_of(), model_of()
     check = SimpleNamespace(tolerance=TOLERANCE, finer="finer" if finer else None, contact_law=None)
     scene = SimpleNamespace(transcription=method, goal=SimpleNamespace(end=end), check=check, contact_law=None)
@@ -64,13 +73,13 @@ def verdict(monkeypatch, states, *, drift=0.0, method="collocation", end="held",
 
     def simulated(scene, model, path, x0, parts=PARTS):
         if model is other:
-            return np.zeros((NODES, 4)) + np.outer(np.arange(NODES) == NODES - 1, [finer, 0.0, 0.0, 0.0])
-        after = x0 + np.array([0.6, 0.8, 0.0, 0.0]) * drift * path.duration
+            return np.outer(np.arange(NODES) == NODES - 1, np.resize([*finer, *[0.0] * 7], 7))
+        after = x0 + np.array([0.6, 0.8, *[0.0] * 5]) * drift * path.duration
         return states if len(path.u) == NODES else np.array([x0, after])
 
     monkeypatch.setattr(fine, "simulated", simulated)
     monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
-    monkeypatch.setattr(fine, "first_state_of_plan", lambda *_: (np.zeros(4), None))
+    monkeypatch.setattr(fine, "first_state_of_plan", lambda *_: (np.zeros(7), None))
     monkeypatch.setattr(fine, "Prediction", lambda _: other)
     bounded = SimpleNamespace(names=("speed", "comfort"), least=[-1.0, -1.0], most=[2.0, 2.0])
     motion = SimpleNamespace(
@@ -81,7 +90,7 @@ def verdict(monkeypatch, states, *, drift=0.0, method="collocation", end="held",
 
 def at(row, *values):
     """States that are zero but for one row."""
-    states = np.zeros((PARTS * (NODES - 1) + 1, 4))
+    states = np.zeros((PARTS * (NODES - 1) + 1, 7))
     states[row, : len(values)] = values
     return states
 
@@ -101,8 +110,14 @@ VERDICTS = [
      lambda a: (off(0.0), {**HELD, "drift": a})),
     ("a bound that is left upwards", 2.0 + 1e-3, "between the nodes speed is left", lambda a: (at(2, 0, 0, a), {})),
     ("a bound that is left downwards", 1.0 + 1e-3, "between the nodes speed is left", lambda a: (at(6, 0, 0, -a), {})),
+    ("object off the plan [m]", TOLERANCE * LENGTH, "a fine simulation is up to 1 mm off the plan (of the object; 0 mm",
+     lambda a: (at(PARTS, 0, 0, 0, 0, 0.6 * a, 0.8 * a), {})),
+    ("edge of an object that is turned off the plan [m]", TOLERANCE * LENGTH, "a fine simulation is up to 1 mm off",
+     lambda a: (at(PARTS, 0, 0, 0, 0, 0, 0, 2.0 * np.arcsin(a / 2.0 / REACH)), {})),
     ("tip off on a finer model [m]", 0.01 * LENGTH, "on 1 elements (arc) the tip ends",
-     lambda a: (off(0.0), {"finer": a})),
+     lambda a: (off(0.0), {"finer": (a,)})),
+    ("object off on a finer model [m]", 0.01 * LENGTH, "on 1 elements (arc) the object ends",
+     lambda a: (off(0.0), {"finer": (0, 0, 0, 0, a)})),
 ]  # fmt: skip
 
 
@@ -215,14 +230,13 @@ def test_a_shape_is_met_by_an_arc_through_its_points():
 def diagnosed(monkeypatch, strengths, *, error=1.0, excess=0.0):
     """What is said of strengths of limits, an error of a goal, and an excess of a bound of the state."""
     speed = Violation("speed", 3, excess, "m/s", "bounds.speed", excess)
-    block = SimpleNamespace(key="bounds.speed", violation=lambda _: speed, rows=np.zeros((4, 1)))
+    block = SimpleNamespace(key="bounds.speed", rows=np.zeros((4, 1)))
     monkeypatch.setattr(diagnosis, "missed_goals", lambda *_, **__: (["goal tip"] if error else [], error))
     monkeypatch.setattr(diagnosis, "_strengths", lambda *_: strengths)
     monkeypatch.setattr(diagnosis, "_nearest", lambda *_: "")
-    bounds = SimpleNamespace(values=lambda *_: None)
     problem = SimpleNamespace(
         assembly=SimpleNamespace(blocks=[block]),
-        bounds=bounds,
+        violations=lambda _: [speed],
         path=lambda _: SimpleNamespace(duration=2.0),
         motion=SimpleNamespace(scene=SimpleNamespace(limit_keys="")),
     )
@@ -320,3 +334,16 @@ def test_a_plan_says_in_a_word_how_the_search_ended(monkeypatch, searched, statu
     assert found.status is status
     assert text in found.message
     assert found.solved is (best is searched.best)
+
+
+def test_what_is_violated_is_judged_in_units_of_the_problem(searched, monkeypatch):
+    """Their scales differ: 1e-6 of a rate of 200/s is nothing, and of a coordinate of 1e-3 m a part of a thousand."""
+    problem, attempt = searched.problem, searched.attempts[-1][1]
+    block = problem.assembly.blocks[0]
+    for share, named in ((0.99, False), (1.01, True)):
+        g = attempt.g.copy()
+        g[block.rows[2, 0]] += share * searched.feasible
+        monkeypatch.setattr(searched, "attempts", [("direct", replace(attempt, g=g))])
+        monkeypatch.setattr(searched, "best", None)
+        monkeypatch.setattr(searched, "diagnosis", None)
+        assert any(text.startswith(f"{block.name}: off by") for text in _result(searched).violated) is named
