@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Violation
@@ -106,31 +105,21 @@ def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
 
 def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
     """Gain in units of the problem per relative widening of each limit: multiplier times limit."""
-    assembly, motion = problem.assembly, problem.motion
-    high, lam = np.array(assembly.high), attempt.multipliers
-    free = np.array(assembly.low) < high  # fixed unknowns are no limits
-
-    def of_columns(columns: NDArray[np.int64]) -> float:
-        chosen = np.unique(columns)
-        chosen = chosen[free[chosen]]
-        reach = np.where(np.isfinite(high[chosen]), np.abs(high[chosen]), 0.0)
-        return float((np.abs(lam.bounds[chosen]) * reach).sum())
-
-    time = problem.grid.time[0, 0]
-    strengths = {"input": of_columns(problem.inputs)}
-    rates = [of_columns(problem.grid.v)] if motion.linear else []
-    rate_limit = (motion.scene.input.rate_max or 0.0) * motion.scales.time / len(problem.grid.v) / motion.scales.u
-    for block in assembly.blocks:
-        force = np.abs(lam.constraints[block.rows])
-        if block.name.startswith("input rate"):
-            rates.append(float((force * (attempt.x[time] * rate_limit)).sum()))
-        elif block.key.startswith("bounds."):
-            limit = np.where(
-                np.isfinite(block.upper), np.abs(block.upper), 1.0
-            )  # of zones, which have none: the finger's length
-            strengths[block.name] = float((force * limit).sum())
-    strengths["input rate"] = sum(rates)
-    strengths["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.x[time])
+    motion, duration = problem.motion, problem.path(attempt.x).duration
+    changes = (motion.scene.input.rate_max or 0.0) * duration / len(problem.grid.v)
+    gain = max(0.0, -_time_slope(problem, attempt) * attempt.x[problem.grid.time[0, 0]])
+    strengths = {"input": 0.0, "input rate": 0.0, "duration": gain}
+    for constraint in problem.constraints(attempt).values():
+        name, _, way = constraint.name.partition(", ")
+        # Limit of zones, which have none: the finger's length; of inputs that are held: their change in an interval.
+        limit = np.where(np.isfinite(constraint.upper), np.abs(constraint.upper), 1.0)
+        of_zone = constraint.key.startswith("bounds.keep_out.")
+        limit = np.where(of_zone, motion.length, changes if way else limit)
+        if name in ("input", "input rate") or constraint.key.startswith("bounds."):
+            # What is fixed is no limit.
+            free = constraint.lower < constraint.upper
+            gain = float((np.abs(constraint.multipliers) * limit)[free].sum()) / motion.scales.objective
+            strengths[name] = strengths.get(name, 0.0) + gain
     return strengths
 
 

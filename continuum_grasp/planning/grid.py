@@ -144,8 +144,8 @@ class StateBounds:
         lower = np.where(bounded.least > -ABSENT, bounded.least, -np.inf)
         upper = np.where(bounded.most < ABSENT, bounded.most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
-        # With contact at the nodes alone, as long as the grid is that of the first search: with bounds between them too,
-        # IPOPT did not solve the plan of a mug in 500 iterations; without, in 334.
+        # With contact at the nodes alone in the first search: with bounds between them too, IPOPT did not solve a plan
+        # with a mug in 500 iterations; without, in 334.
         smooth = grid.points.size and (motion.scene.object is None or grid.counts.max() > 1)
         for name, entries in _groups(bounded.names, zones).items():
             key, unit, size = f"bounds.{name}", "of its limit", 1.0

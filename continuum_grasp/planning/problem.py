@@ -15,6 +15,7 @@ from continuum_grasp.planning.goal import goal_parts
 from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.result import Constraint
 from continuum_grasp.planning.shooting import derived, unstable
 
 _BACKWARDS = 1e3
@@ -254,6 +255,34 @@ class PlanProblem:
             half = 0.5 * ca.dot(weighted, weighted)
             term = derived("terminal", z, d, half, exact=motion.exact, squared=weighted)
             self.assembly.add(term, self._end, [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
+
+    def constraints(self, attempt: Attempt) -> dict[str, Constraint]:
+        """All constraints by name, in physical units."""
+        motion, lam, unit, grid = self.motion, attempt.multipliers, self.motion.input_unit, self.grid
+        found = {}
+
+        def add(name: str, key: str, unit: str, scale: Array, *arrays: Array) -> None:
+            values, low, high, force = arrays
+            # A multiplier is objective per bound: its unit is the quotient of both units of the problem.
+            bounds = values * scale, low * scale, high * scale
+            found[name] = Constraint(name, key, unit, *bounds, force * motion.scales.objective / scale)
+
+        for block in self.assembly.blocks:
+            values, force = self.bounds.values(attempt.x, attempt.g, block), lam.constraints[block.rows]
+            add(block.name, block.key, block.unit, block.scale, values, block.lower, block.upper, force)
+        of_columns = [
+            ("input", motion.scene.limit_keys, unit, self.inputs, motion.scales.u),
+            ("duration", "duration", "s", grid.time, np.array([motion.scales.time])),
+        ]
+        if motion.linear and motion.scene.input.rate_max is not None:
+            of_columns.append(("input rate", "input.rate_max", f"{unit}/s", grid.v, motion.scales.rate))
+        low, high = np.array(self.assembly.low), np.array(self.assembly.high)
+        for name, key, unit, columns, scale in of_columns:
+            # A bound counts once: the last input may be that before it.
+            once = np.zeros(columns.shape)
+            once.flat[np.unique(columns, return_index=True)[1]] = 1.0
+            add(name, key, unit, scale, *(v[columns] for v in (attempt.x, low, high)), once * lam.bounds[columns])
+        return found
 
     def violations(self, attempt: Attempt) -> list[Violation]:
         """By how much an attempt violates each block of constraints."""

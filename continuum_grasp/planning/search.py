@@ -151,19 +151,22 @@ class Search:
                 return
             planned, *followed = (places(model, x, path.u) for x in (path.x, states[::PARTS], ends))
             whole, own = (distances(planned, at).max(axis=1) for at in followed)
-            coarse = excess_over_intervals(motion, states)[:, motion.hard].max(axis=1, initial=0.0) > LEFT
+            coarse = left = excess_over_intervals(motion, states)[:, motion.hard].max(axis=1, initial=0.0) > LEFT
             if whole.max() > tolerance:
                 # Errors of all intervals would together be as much as the plan may depart.
-                coarse |= own[1:] > own[1:].mean() * tolerance / whole.max()
+                coarse = left | (own[1:] > own[1:].mean() * tolerance / whole.max())
             counts = np.where(coarse, np.minimum(2 * problem.grid.counts, _MOST_ELEMENTS), problem.grid.counts)
             if (counts == problem.grid.counts).all():
                 return
             self.budget.left *= problem.assembly.size  # iterations take longer
             self.problem = PlanProblem(motion, self.x0, counts=counts)
             self.budget.left //= self.problem.assembly.size
-            for name, x in (("simulated", states), ("as planned", problem.states(best.x, PARTS))):
+            # A bound that did not count before may lead elsewhere; else the plan is there already.
+            barriers = (_NEAR, _AT_PLAN) if left.any() else (_AT_PLAN, _NEAR)
+            starts = [("simulated", states, barrier) for barrier in barriers]
+            for name, x, barrier in (*starts, ("as planned", problem.states(best.x, PARTS), _AT_PLAN)):
                 self.best, start = None, self.problem.start(replace(path, x=x))
-                found = not self.over and self._try(f"{counts.sum()} elements, {name}", start, None, _AT_PLAN)
+                found = not self.over and self._try(f"{counts.sum()} elements, {name}", start, None, barrier)
                 if found and (missed or not self._misses(self.attempts[-1][1])):
                     break
             else:

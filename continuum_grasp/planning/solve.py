@@ -19,7 +19,7 @@ from continuum_grasp.planning.diagnosis import missed_goals
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
 from continuum_grasp.planning.problem import PlanProblem
-from continuum_grasp.planning.result import Constraint, Plan, PlanStatus
+from continuum_grasp.planning.result import Plan, PlanStatus
 from continuum_grasp.planning.search import Search
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.plan import PlanScene
@@ -134,7 +134,7 @@ def _result(search: Search) -> Plan:
         x=path.x,
         u=path.u,
         objective=_objective(search, problem, attempt),
-        constraints=_constraints(problem, attempt),
+        constraints=problem.constraints(attempt),
         iterations=attempt.iterations,
         violated=violated,
         advice=advice,
@@ -242,30 +242,3 @@ def _stopped(search: Search, attempt: Attempt) -> str:
         "Restoration_Failed": "the solver ended where no step lowers what is violated",
         "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
     }.get(attempt.outcome, f"the solver ended with {attempt.outcome}")
-
-
-def _constraints(problem: PlanProblem, attempt: Attempt) -> dict[str, Constraint]:
-    """All constraints by name, in physical units."""
-    motion, assembly = problem.motion, problem.assembly
-    unit_cost, lam = motion.scales.objective, attempt.multipliers
-    constraints = {}
-
-    def add(name: str, key: str, unit: str, scale: Array, values: Array, low: Array, high: Array, force: Array) -> None:
-        # A multiplier is objective per bound: its unit is the quotient of both units of the problem.
-        bounds = values * scale, low * scale, high * scale
-        constraints[name] = Constraint(name, key, unit, *bounds, force * unit_cost / scale)
-
-    for block in assembly.blocks:
-        values, force = problem.bounds.values(attempt.x, attempt.g, block), lam.constraints[block.rows]
-        add(block.name, block.key, block.unit, block.scale, values, block.lower, block.upper, force)
-    unit = motion.input_unit
-    of_columns = [
-        ("input", motion.scene.limit_keys, unit, problem.inputs, motion.scales.u),
-        ("duration", "duration", "s", problem.grid.time, np.array([motion.scales.time])),
-    ]
-    if motion.linear and motion.scene.input.rate_max is not None:
-        of_columns.append(("input rate", "input.rate_max", f"{unit}/s", problem.grid.v, motion.scales.rate))
-    low, high = np.array(assembly.low), np.array(assembly.high)
-    for name, key, unit, columns, scale in of_columns:
-        add(name, key, unit, scale, *(v[columns] for v in (attempt.x, low, high, lam.bounds)))
-    return constraints
