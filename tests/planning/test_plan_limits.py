@@ -26,9 +26,7 @@ LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, fine.PARTS
 
 @dataclass
 class Made:
-    """A plan at rest whose states are x and y of the tip [m], a bound's row and a soft one's [1], and x, y [m] and angle
-    [rad] of an object.
-    """
+    """A plan at rest: x and y of the tip [m], a bound's row and a soft one's [1], x, y [m] and angle [rad] of an object."""
 
     scene: Any
     warnings: tuple[str, ...] = ()

@@ -230,7 +230,7 @@ def test_steps_follow_a_motion_that_is_faster_than_was_thought(faster):
     w, size, before = problem.start(replace(path, x=faster * path.x)), problem.assembly.size, problem.steps
     # Damping forces per rate grow with the rate; the motion itself is the truth of how fast it decays.
     stiff = np.abs(problem.rates(w)[problem.rates(w).real < 0.0]).max()
-    step = path.duration / (problem.grid.intervals * before[0])
+    step = path.duration / (len(problem.grid.v) * before[0])
     assert problem.outpaced(w) == bool(abs(amplification(before[1], -stiff * step)) > 1.0) == (faster > 1.0)
     if faster > 1.0:
         problem.refine(w)
