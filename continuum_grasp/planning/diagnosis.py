@@ -72,7 +72,7 @@ def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[lis
     """
     motion = problem.motion
     z = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]])
-    numbers = motion.numbers([motion.scene.duration_range[1]]).ravel()
+    numbers = motion.numbers([1.0]).ravel()
     missed, worst = [], 0.0
     for part in problem.goal:
         # Rest with a weight is a means of the search, not an aim.

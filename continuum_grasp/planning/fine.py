@@ -56,17 +56,13 @@ def simulated(
         step = PARTIAL_STEP if INTEGRATORS[method].partial else 5e-4
         substeps = max(math.ceil(4 * share), math.ceil(h / step))
     run = _rollout(model, method, intervals * parts * substeps)
-    times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
-    p = parameters_over_time(scene, model, times)
     at = np.linspace(0.0, 1.0, 2 * substeps * parts + 1)  # half steps, at which the methods evaluate their slopes
     states = [x0[None]]
     # Interval by interval: at a node a held input has two values.
     for k in range(intervals):
         last = path.u[k + 1] if scene.input.form == "linear" else path.u[k]
         u = path.u[k] + (last - path.u[k]) * at[:, None]
-        instants = 2 * parts * (k + at)
-        columns = [np.interp(instants, np.arange(len(p)), column) for column in p.T]
-        w = np.ascontiguousarray(np.reshape(columns, (model.np, len(at))).T)
+        w = np.ascontiguousarray(parameters_over_time(scene, model, (k + at) * interval))
         begin = np.ascontiguousarray(path.x[k : k + 1] if afresh else states[-1][-1:])
         signals = Signal(u[None], model.nu, 0), Signal(w[None], model.np, 0)
         interval_states, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))

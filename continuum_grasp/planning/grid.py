@@ -12,7 +12,7 @@ from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.nlp import Block
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
-from continuum_grasp.planning.motion import Motion, parameters_over_time
+from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
 
@@ -93,7 +93,7 @@ def add_shooting(
     term = shooting_interval(flow, motion.ns, intervals, steps, stages)
     rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
-    data = _numbers(motion, (np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, steps + 1)) / intervals)
+    data = motion.numbers((np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, steps + 1)) / intervals)
     assembly.add(term, grid.reads(grid.s[:-1]), into, data, np.append(np.ones(motion.ns), weight))
     assembly.add_linear(rows, grid.s[1:], -1.0)
     return term, [ca.DM(each.T) for each in data]
@@ -102,7 +102,7 @@ def add_shooting(
 def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: float) -> None:
     """Polynomials whose rates are those of the motion at the collocation points."""
     intervals, degree, count = len(grid.v), grid.points.shape[1], len(grid.interval)
-    data = _numbers(motion, (grid.interval[:, None] + grid.shares) / intervals)
+    data = motion.numbers((grid.interval[:, None] + grid.shares) / intervals)
     h = grid.lengths[:, None] / intervals
     rates, ends, quadrature = (np.array(m) for m in ca.collocation_coeff(ca.collocation_points(degree, "radau")))
     for j in range(degree):
@@ -122,13 +122,6 @@ def _defects(assembly: Assembly, motion: Motion, intervals: int, name: str = "mo
     return assembly.rows(name, "intervals", "state", intervals, motion.s_scale)
 
 
-def _numbers(motion: Motion, shares: Array) -> Array:
-    """Numbers that the motion reads (count, points, nd) at shares of the duration (count, points)."""
-    # Only where the duration is given does anything vary over time.
-    rows = motion.numbers(shares.ravel() * motion.scene.duration_range[1])
-    return rows.reshape(*shares.shape, -1)
-
-
 class StateBounds:
     """Bounds of the state, at the nodes and between them; ``relaxed`` bounds have a penalty.
 
@@ -138,29 +131,29 @@ class StateBounds:
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
         self._assembly, self._motion = assembly, motion
-        # Entries of each bound, and places: columns of states, weights of their sum, columns of the input held there.
-        self._places: dict[str, tuple[list[int], Indices, Array, Indices]] = {}
+        # Terms of each bound by its key, columns that they read, and their numbers.
+        self._terms: dict[str, tuple[Term, Indices, Array]] = {}
         bounded = motion.bounded
         lower = np.where(bounded.least > -ABSENT, bounded.least, -np.inf)
         upper = np.where(bounded.most < ABSENT, bounded.most, np.inf)
-        zones = tuple(motion.scene.bounds.keep_out)
         # With contact at the nodes alone in the first search: with bounds between them too, IPOPT did not solve a plan
         # with a mug in 500 iterations; without, in 334.
         smooth = grid.points.size and (motion.scene.object is None or grid.counts.max() > 1)
-        for name, entries in _groups(bounded.names, zones).items():
-            key, unit, size = f"bounds.{name}", "of its limit", 1.0
-            if name in zones:
-                key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
+        for key, entries in motion.groups.items():
+            name = key.removeprefix("keep_out.")
+            of_zone, unit, size = name != key, "of its limit", 1.0
+            if of_zone:
+                unit, size = "m", motion.length
             places, held, lengths = (grid.s[1:, None], np.ones((len(grid.v), 1))), grid.v, np.ones(len(grid.v))
-            if smooth or name in zones:
+            if smooth or of_zone:
                 # 4: places per element at which bounds hold, the last one at the node
                 times = grid.starts[:, None] + grid.lengths[:, None] * np.arange(1, 5) / 4
                 places, held = grid.at(times.ravel()), np.repeat(grid.v[grid.interval], 4, axis=0)
                 lengths = np.repeat(grid.lengths / 4, 4)
-            self._places[name] = (entries, *places, held)
-            scale = np.full(len(entries), size)
-            rows = assembly.rows(name, key, unit, len(lengths), scale, lower[entries], upper[entries])
-            self._add(*self._places[name], rows)
+            term, columns, data = self._terms[f"bounds.{key}"] = self._term(entries, *places, held)
+            scale, limits = np.full(len(entries), size), (lower[entries], upper[entries])
+            rows = assembly.rows(name, f"bounds.{key}", unit, len(lengths), scale, *limits)
+            assembly.add(term, columns, rows, data)
             # Penalties are per second.
             share = motion.first_duration / len(grid.v) / motion.scales.objective * lengths[:, None]
             if relaxed:
@@ -170,7 +163,8 @@ class StateBounds:
             elif not motion.hard[entries].any():
                 self._soften(rows, bounded.linear[entries], bounded.quadratic[entries], share)
 
-    def _add(self, entries: list[int], columns: Indices, weights: Array, held: Indices, rows: Indices) -> None:
+    def _term(self, entries: list[int], states: Indices, weights: Array, held: Indices) -> tuple[Term, Indices, Array]:
+        """Entries of the bounds at places: columns of states, weights of their sum, columns of the input held there."""
         motion, (count, size) = self._motion, weights.shape
         z, numbers = motion.node
         x, u, _, p, _ = motion.physical
@@ -179,7 +173,7 @@ class StateBounds:
         z = ca.vertcat(ca.vec(basis), z[motion.ns :])
         term = derived("rows", z, ca.vertcat(numbers, share), value, exact=motion.exact)
         data = np.hstack([np.tile(motion.numbers([0.0]), (count, 1)), weights])
-        self._assembly.add(term, np.hstack([columns.reshape(count, -1), held]), rows, data)
+        return term, np.hstack([states.reshape(count, -1), held]), data
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array, share: Array | float) -> None:
         """Slacks of rows, and their penalty times the share of each row."""
@@ -195,21 +189,7 @@ class StateBounds:
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
         """Values that a block of constraints bounds (count, size), without slacks."""
-        if block.name not in self._places:
+        if block.key not in self._terms:
             return np.asarray(g[block.rows])
-        motion, (entries, columns, weights, held) = self._motion, self._places[block.name]
-        s, count = np.einsum("ij,ijk->ik", weights, w[columns]), len(columns)
-        x, u = s[:, : motion.nx] * motion.scales.x, (s[:, motion.nx :] if motion.linear else w[held]) * motion.scales.u
-        p = np.tile(parameters_over_time(motion.scene, motion.prediction, [0.0]).T, (1, count))
-        return np.array(motion.rows.map(count)(x.T, u.T, p)).T[:, entries]
-
-
-def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:
-    """Entries of each bound: curvature, speed, and zones by name."""
-    groups: dict[str, list[int]] = {}
-    for k, name in enumerate(names):
-        stem, _, number = name.rpartition("_")
-        # A zone may itself be called "post_1".
-        label = name if name in zones else stem if number.isdigit() else name
-        groups.setdefault("speed" if label == "bending_rate" else label, []).append(k)
-    return groups
+        term, columns, data = self._terms[block.key]
+        return np.array(term.value.map(len(columns))(w[columns.T], data.T)).T

@@ -39,14 +39,6 @@ class Posture:
 
 
 @dataclass(frozen=True)
-class Hint:
-    """Bending angles of the elements [rad] and input (nu) near which the last posture is."""
-
-    bends: Array
-    u: Array
-
-
-@dataclass(frozen=True)
 class Path:
     """States x (N + 1, nx), inputs u (N + 1, nu) and the duration [s]."""
 
@@ -55,7 +47,7 @@ class Path:
     duration: float
 
 
-def final_postures(motion: Motion, goal: list[GoalPart], first: Posture, near: Hint | None = None) -> list[Posture]:
+def final_postures(motion: Motion, goal: list[GoalPart], first: Posture, near: Posture | None = None) -> list[Posture]:
     """Postures at rest and nearly in balance that meet the goal as well as may be, near the first one or the hint; the
     best one comes first.
     """
@@ -68,10 +60,8 @@ def final_postures(motion: Motion, goal: list[GoalPart], first: Posture, near: H
         np.concatenate([np.full(n, side), np.array(limit) / motion.scales.u])
         for side, limit in zip((-2.0, 2.0), motion.scene.input_limits, strict=True)
     )
-    starts = [(first.q + side * reach, first.u) for side in (0.0, 0.5, -0.5)]
-    if near is not None:
-        starts = [(_with_bends(motion, first, near.bends), near.u)]
-    points = [np.concatenate([q / reach, u / motion.scales.u]) for q, u in starts]
+    starts = [near] if near else [Posture(first.q + side * reach, first.u) for side in (0.0, 0.5, -0.5)]
+    points = [np.concatenate([start.q / reach, start.u / motion.scales.u]) for start in starts]
     solutions = [_least_squares(residual, np.clip(y, low, high), low, high) for y in points]
     # A later start has to be clearly better: the first one is nearest.
     best = reduce(lambda best, new: new if new[0] < 0.9 * best[0] else best, solutions)
@@ -79,9 +69,9 @@ def final_postures(motion: Motion, goal: list[GoalPart], first: Posture, near: H
     return [Posture(y[:n] * reach, y[n:] * motion.scales.u) for _, y in ordered]
 
 
-def _with_bends(motion: Motion, first: Posture, bends: Array) -> Array:
+def _with_bends(model: Prediction, first: Posture, bends: Array) -> Array:
     """Coordinates nearest to the first ones with other bending angles."""
-    model, n = motion.prediction, len(first.q)
+    n = len(first.q)
 
     def bending(q: Array) -> Array:
         return np.array(model.bending(model.at_rest(q, first.u), first.u, model.p_nominal)).ravel()
@@ -104,7 +94,7 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     s = x / ca.DM(motion.scales.x)
     if motion.linear:
         s = ca.vertcat(s, y[n:])
-    numbers = ca.DM(motion.numbers([motion.scene.duration_range[1]]).ravel())
+    numbers = ca.DM(motion.numbers([1.0]).ravel())
     p = numbers[: model.np]
     errors = []
     for part in goal:
@@ -212,7 +202,7 @@ def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Pos
     return x, Posture(x[:n], np.array(u))
 
 
-def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None]:
+def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Posture | None]:
     """A copy of the plan with the goal of its grasp, and the posture there; a plan without a grasp as it is.
 
     ``given`` is the grasp, or its run folder, where it was found already.
@@ -243,9 +233,11 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None
         goal=scene.goal.model_copy(update={"contact_force": aim}),
     )
     # Bending angles of the plan's elements, whose ends are not the stations of the grasp.
-    edges = np.cumsum([0.0, *Prediction(closed).system.finger_model.lengths])
+    model = Prediction(closed)
+    edges = np.cumsum([0.0, *model.system.finger_model.lengths])
     bends = np.diff(np.interp(edges, backbone[:, 0], np.unwrap(backbone[:, 3])))
-    return closed, Hint(bends, np.clip(data[f"{name}.tensions"], *closed.input_limits))
+    q = _with_bends(model, first_state_of_plan(closed, model)[1], bends)
+    return closed, Posture(q, np.clip(data[f"{name}.tensions"], *closed.input_limits))
 
 
 def _arrays(grasp: GraspScene, given: Any) -> Mapping[str, Any]:

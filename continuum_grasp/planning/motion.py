@@ -55,11 +55,12 @@ class Motion:
             self.tracked = Outputs(scene.cost, model, terms)
             self._setpoints = setpoints(self.tracked, scene.reference)
         self.nr = 0 if self.tracked is None else len(self.tracked.names)
-        self.bounded = BoundedRows(state_bounds(scene.bounds, model))
-        for k, name in enumerate(self.bounded.names):
-            if name.startswith("tension_"):
-                greatest_tension = scene.finger.tendon_list[int(name.removeprefix("tension_")) - 1].max_tension
-                self.bounded.least[k] = scene.least_tension / greatest_tension
+        rows = state_bounds(scene.bounds, model)
+        self.bounded, ends = BoundedRows(rows), np.cumsum([0, *(len(row.names) for row in rows)]).tolist()
+        # Entries of each bound, by its key.
+        self.groups = {row.key: list(range(*ends[k : k + 2])) for k, row in enumerate(rows)}
+        for k, tendon in zip(self.groups.get("tension", ()), scene.finger.tendon_list, strict=False):
+            self.bounded.least[k] = scene.least_tension / tendon.max_tension
         self.hard = self.bounded.linear >= HARD.linear
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu
@@ -99,12 +100,13 @@ class Motion:
         length = 0.1 * self.length
         return {"m": length, "m/s": length / time, "rad/s": 1.0 / time}.get(unit, 1.0)
 
-    def numbers(self, times: ArrayLike) -> Array:
-        """Parameters, setpoints and units (len(times), nd) that the functions read, at instants [s]."""
-        instants = np.atleast_1d(np.asarray(times, dtype=float))
+    def numbers(self, shares: ArrayLike) -> Array:
+        """Parameters, setpoints and units (..., nd) that the functions read, at shares of the duration."""
+        # Only where the duration is given does anything vary over time.
+        instants = np.ravel(shares) * self.scene.duration_range[1]
         p = parameters_over_time(self.scene, self.prediction, instants)
         r = np.zeros((len(instants), 0)) if self._setpoints is None else self._setpoints.rows(instants)
-        return np.hstack([p, r, np.tile(self.units, (len(instants), 1))])
+        return np.hstack([p, r, np.tile(self.units, (len(instants), 1))]).reshape(*np.shape(shares), -1)
 
     def scaled_state(self, x: ArrayLike, u: ArrayLike) -> Array:
         """States (..., ns) of the problem."""
@@ -215,11 +217,6 @@ class Motion:
         return _with_given_friction(flow, self.prediction.x_names) if simulated else flow
 
     @cached_property
-    def flow_of_given_friction(self) -> Term:
-        """Flow with friction states of tendons that stay as they are, whatever slides."""
-        return replace(self.flow, value=_without_rows("flow_value", self.flow.value, self.friction_states))
-
-    @cached_property
     def tendon_friction(self) -> list[int]:
         """Places in the state of the friction of tendons."""
         return [k for k, name in enumerate(self.prediction.x_names) if name.startswith("friction_")]
@@ -289,10 +286,10 @@ def _with_given_friction(flow: Term, names: Sequence[str]) -> Term:
     friction of 0.15: with them, 40 steps of some 40 micrometers and no plan.
     """
     rows = [k for k, name in enumerate(names) if "friction_" in name]
-    return replace(flow, jacobian=_without_rows("flow_slope", flow.jacobian, rows)) if rows else flow
+    return replace(flow, jacobian=without_rows("flow_slope", flow.jacobian, rows)) if rows else flow
 
 
-def _without_rows(name: str, function: ca.Function, rows: list[int]) -> ca.Function:
+def without_rows(name: str, function: ca.Function, rows: list[int]) -> ca.Function:
     """A function (z, d) some rows of which are zero."""
     stay = np.ones(function.size1_out(0))
     stay[rows] = 0.0

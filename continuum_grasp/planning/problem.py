@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
 from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
 from continuum_grasp.planning.guess import Path
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.motion import Motion, without_rows
 from continuum_grasp.planning.result import Constraint
 from continuum_grasp.planning.shooting import derived, unstable
 
@@ -82,7 +82,9 @@ class PlanProblem:
         if motion.scene.transcription == "collocation":
             add_collocation(self.assembly, motion, self.grid, weight)
         else:
-            flow = motion.flow_of_given_friction if one_way is not None and one_way.given else motion.flow
+            flow = motion.flow
+            if one_way is not None and one_way.given:  # friction stays as it is, whatever slides
+                flow = replace(flow, value=without_rows("flow_value", flow.value, motion.friction_states))
             self.steps = motion.steps
             self.interval = add_shooting(self.assembly, motion, flow, self.grid, weight, self.steps)
         self.bounds = StateBounds(self.assembly, motion, self.grid, self.relaxed)
@@ -222,7 +224,7 @@ class PlanProblem:
         return np.hstack([self.grid.s[-1:], self.inputs[-1:]])
 
     def _add_goal(self) -> None:
-        data = self.motion.numbers([self.motion.scene.duration_range[1]])
+        data = self.motion.numbers([1.0])
         for part in self.goal:
             exact = part.weight is None
             if exact and not self.relaxed:
@@ -254,7 +256,7 @@ class PlanProblem:
             weighted = ca.DM(np.sqrt(motion.tracked.weights[:count, 1])) * errors
             half = 0.5 * ca.dot(weighted, weighted)
             term = derived("terminal", z, d, half, exact=motion.exact, squared=weighted)
-            self.assembly.add(term, self._end, [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
+            self.assembly.add(term, self._end, [OBJECTIVE], motion.numbers([1.0]))
 
     def constraints(self, attempt: Attempt) -> dict[str, Constraint]:
         """All constraints by name, in physical units."""
@@ -265,7 +267,10 @@ class PlanProblem:
             values, low, high, force = arrays
             # A multiplier is objective per bound: its unit is the quotient of both units of the problem.
             bounds = values * scale, low * scale, high * scale
-            found[name] = Constraint(name, key, unit, *bounds, force * motion.scales.objective / scale)
+            # A zone may have the name of something else.
+            found[name if name not in found else key] = Constraint(
+                name, key, unit, *bounds, force * motion.scales.objective / scale
+            )
 
         for block in self.assembly.blocks:
             values, force = self.bounds.values(attempt.x, attempt.g, block), lam.constraints[block.rows]
@@ -290,7 +295,12 @@ class PlanProblem:
         return [block.violation(values(attempt.x, attempt.g, block)) for block in self.assembly.blocks]
 
     def objective(self, w: Array) -> float:
-        """Objective of the scene at unknowns, without goals, penalties and smoothing, in its unit."""
+        """Objective of the scene at unknowns, without goals, penalties and smoothing, in its unit; also of a motion
+        that is sought for its distance from the goal alone.
+        """
+        if self.relaxed:
+            usual = PlanProblem(self.motion, self._first)
+            return usual.objective(usual.like(self, w))
         whole = float(self.assembly.values(w)[0])
         return (whole - self.assembly.aside(w)) * self.motion.scales.objective
 

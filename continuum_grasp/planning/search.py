@@ -21,7 +21,6 @@ from continuum_grasp.planning.diagnosis import Diagnosis, diagnose, missed_goals
 from continuum_grasp.planning.fine import LEFT, PARTS, distances, excess_over_intervals, places, simulated
 from continuum_grasp.planning.goal import MET
 from continuum_grasp.planning.guess import (
-    Hint,
     Path,
     Posture,
     final_postures,
@@ -81,7 +80,7 @@ class Search:
     the goal; ``diagnosis`` is what stops the nearest one of these.
     """
 
-    def __init__(self, scene: PlanScene, warm: Plan | None = None, near: Hint | None = None) -> None:
+    def __init__(self, scene: PlanScene, warm: Plan | None = None, near: Posture | None = None) -> None:
         self.scene, self.warm, self.near = scene, warm, near
         self.attempts: list[tuple[str, Attempt]] = []
         self.relaxed: list[tuple[str, Attempt]] = []
@@ -369,7 +368,7 @@ class Search:
         motion, model, first = self.motion, self.motion.prediction, self.first
         aim = np.array(self.scene.goal.targets["contact_force"])
         ends: list[tuple[int, float, float, int, Posture]] = []
-        p = motion.numbers([self.scene.duration_range[1]])[0, : model.np]
+        p = motion.numbers([1.0])[0, : model.np]
         for factor, posture in product(_GREATER, postures):
             u = np.clip(first.u + factor * (posture.u - first.u), *self.scene.input_limits)
             path = smooth_path(motion, self.x0, first, Posture(posture.q, u), share=_SHARES[0])
@@ -397,8 +396,9 @@ class Search:
         attempt = self._solved(self.problem, w, multipliers, barrier, most=most)
         self.attempts.append((name, attempt))
         feasible = attempt.violation <= self.feasible
-        if feasible and (self.best is None or _rank(attempt) < _rank(self.best)):
-            self.best = attempt
+        if feasible:
+            found = (a for a in (self.best, attempt) if a is not None)
+            self.best = min(found, key=lambda a: (not a.converged, a.objective))
         return feasible
 
     def _solved(
@@ -465,7 +465,3 @@ class Search:
         """Whether an attempt came to an end, as motions do too that creep to theirs along kinks."""
         creeps = attempt.outcome == "Search_Direction_Becomes_Too_Small"
         return (attempt.converged or creeps) and attempt.violation <= self.feasible
-
-
-def _rank(attempt: Attempt) -> tuple[bool, float]:
-    return not attempt.converged, attempt.objective

@@ -18,7 +18,6 @@ from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.planning.diagnosis import missed_goals
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
-from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Plan, PlanStatus
 from continuum_grasp.planning.search import Search
 from continuum_grasp.scene.load import scene_of
@@ -133,7 +132,7 @@ def _result(search: Search) -> Plan:
         t=np.linspace(0.0, path.duration, len(path.x)),
         x=path.x,
         u=path.u,
-        objective=_objective(search, problem, attempt),
+        objective=problem.objective(attempt.x),
         constraints=problem.constraints(attempt),
         iterations=attempt.iterations,
         violated=violated,
@@ -153,14 +152,6 @@ def _result(search: Search) -> Plan:
             "units": motion.units,
         },
     )
-
-
-def _objective(search: Search, problem: PlanProblem, attempt: Attempt) -> float:
-    """Objective of the scene, also of a motion that was sought for its distance from the goal alone."""
-    if not problem.relaxed:
-        return problem.objective(attempt.x)
-    usual = PlanProblem(problem.motion, search.x0)
-    return usual.objective(usual.like(problem, attempt.x))
 
 
 def _success(search: Search, attempt: Attempt) -> tuple[PlanStatus, str]:

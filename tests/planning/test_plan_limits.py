@@ -26,7 +26,7 @@ LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, fine.PARTS
 
 @dataclass
 class Made:
-    """A plan at rest: x and y of the tip [m], a bound's row and a soft one's [1], x, y [m] and angle [rad] of an object."""
+    """A plan at rest: tip (x, y) [m], a bound's row and a soft one's [1], x, y [m] and angle [rad] of an object."""
 
     scene: Any
     warnings: tuple[str, ...] = ()
@@ -332,6 +332,25 @@ def test_a_plan_says_in_a_word_how_the_search_ended(monkeypatch, searched, statu
     assert found.status is status
     assert text in found.message
     assert found.solved is (best is searched.best)
+
+
+@pytest.mark.parametrize("name", ["speed", "motion", "bending_rate_1", "speed_1"])
+def test_a_zone_may_have_any_name(name):
+    """A zone called speed was one with the bound of the speed, and one called motion with the equations of motion."""
+    wall = {"type": "half_plane", "point": (-9.0, 0.0), "normal_angle": 0.0, "of": "backbone"}
+    asked = small(intervals=3, bounds={"curvature": None, "speed": 20.0, "keep_out": {name: wall}})
+    search = Search(asked)
+    blocks = {block.key: block for block in search.problem.assembly.blocks}
+    speed, zone = blocks["bounds.speed"], blocks[f"bounds.keep_out.{name}"]
+    assert (speed.name, speed.unit, speed.rows.shape) == ("speed", "of its limit", (12, 1))
+    assert (zone.name, zone.unit, zone.rows.shape) == (name, "m", (12, 4))
+    path = Path(np.tile([0.3, 5.0], (4, 1)), np.zeros((4, 1)), 0.1)
+    w = search.problem.start(path)
+    values = [search.problem.bounds.values(w, np.zeros(9999), block) for block in (speed, zone)]
+    assert values[0] == pytest.approx(np.full((12, 1), 0.25))
+    # Four places of an arc of 0.3 m and 0.3 rad, 1 mm of half a diameter away from the backbone.
+    gaps = 9.0 - (1.0 - np.cos(0.3 * np.arange(1, 5) / 4)) - 1e-3
+    assert values[1] * 0.3 == pytest.approx(np.tile(gaps, (12, 1)))
 
 
 def test_what_is_violated_is_judged_in_units_of_the_problem(searched, monkeypatch):

@@ -32,7 +32,7 @@ class Row(NamedTuple):
 
     A violation s, as a share of the greater bound (of 1 where that is 0 or absent), costs linear s + quadratic s^2 / 2
     per node; ``penalty`` has both, None is a hard constraint: satisfied wherever it can be. ``names`` are those of the
-    entries, by default numbered ones.
+    entries, by default numbered ones; ``key`` that of the scene's ``bounds``.
     """
 
     value: Any
@@ -40,6 +40,7 @@ class Row(NamedTuple):
     most: Any = math.inf
     penalty: Any = None
     names: tuple[str, ...] = ()
+    key: str = ""
 
 
 class BoundedRows:
@@ -82,16 +83,17 @@ def state_bounds(bounds: Bounds, model: Prediction) -> list[Row]:
         kappa = model.curvature(*inputs)
         limits = np.minimum(*curvature_limits(bounds, model.system.finger_model))
         names = tuple(f"curvature_{k + 1}" for k in range(kappa.numel()))
-        rows.append(Row(kappa / ca.DM(limits), -1.0, 1.0, penalty, names))
+        rows.append(Row(kappa / ca.DM(limits), -1.0, 1.0, penalty, names, "curvature"))
     if bounds.speed is not None:
         rate = model.bending_rate(*inputs)
         names = tuple(f"bending_rate_{k + 1}" for k in range(rate.numel()))
-        rows.append(Row(rate / bounds.speed, -1.0, 1.0, penalty, names))
+        rows.append(Row(rate / bounds.speed, -1.0, 1.0, penalty, names, "speed"))
     if model.scene.finger.winches:
         # What drives leave, not an input: where the model has a higher tension than allowed, the plan must lower it.
         greatest_tensions = [tendon.max_tension for tendon in model.scene.finger.tendon_list]
         names = tuple(f"tension_{k + 1}" for k in range(len(greatest_tensions)))
-        rows.append(Row(model.tensions(*inputs) / ca.DM(greatest_tensions), -ABSENT, 1.0, penalty, names))
+        tensions = model.tensions(*inputs) / ca.DM(greatest_tensions)
+        rows.append(Row(tensions, -ABSENT, 1.0, penalty, names, "tension"))
     return [*rows, *_zones(bounds, model)]
 
 
@@ -112,7 +114,7 @@ def _zones(bounds: Bounds, model: Prediction) -> Iterator[Row]:
         gaps = distance_from(zone, where[0, :], where[1, :]).T - ca.DM(away)
         labels = (name,) if len(places) == 1 else tuple(f"{name}_{k + 1}" for k in range(len(places)))
         penalty = _penalty(zone.penalty or bounds.usual_penalty)
-        yield Row(gaps / finger.rod.length, 0.0, ABSENT, penalty, labels)
+        yield Row(gaps / finger.rod.length, 0.0, ABSENT, penalty, labels, f"keep_out.{name}")
 
 
 def distance_from(zone: HalfPlaneZone | DiscZone, x: Any, y: Any) -> Any:
