@@ -142,7 +142,8 @@ def checked(plan: Plan, motion: Motion) -> Plan:
         return replace(_departed(plan, str(error)), warnings=tuple(warnings))
     planned = places(model, plan.x, plan.u)
     deviation = _deviation("the plan's model, finely integrated", model, plan, planned, states)
-    most, final, what = deviation.worst
+    of_object = deviation.object, deviation.final_object, "of the object; "
+    most, final, what = max((deviation.tip, deviation.final_tip, ""), of_object)
     if most > scene.check.tolerance * plan.length:
         off = f"a fine simulation is up to {1e3 * most:.3g} mm off the plan ({what}{1e3 * final:.3g} mm at the end)"
         finer_steps = "more solver.substeps" if scene.transcription == "single_shooting" else "a higher solver.degree"

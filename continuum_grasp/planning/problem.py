@@ -16,7 +16,7 @@ from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, ad
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion, without_rows
 from continuum_grasp.planning.result import Constraint
-from continuum_grasp.planning.shooting import derived, unstable
+from continuum_grasp.planning.shooting import amplification, derived
 
 _BACKWARDS = 1e3
 """Unit of sliding, per the usual sliding [1]. Constraints hold to 1e-5; sliding back at a hundredth of the usual speed
@@ -102,8 +102,9 @@ class PlanProblem:
 
     def outpaced(self, w: Array) -> bool:
         """Whether a motion is faster somewhere than the steps of single shooting are stable for."""
-        steps, stages = self.steps
-        return unstable(self.rates(w), self.path(w).duration / (len(self.grid.v) * steps), stages)
+        (steps, stages), rates = self.steps, self.rates(w)
+        step = self.path(w).duration / (len(self.grid.v) * steps)
+        return bool((np.abs(amplification(stages, rates[rates.real < 0.0] * step)) > 1.0).any())
 
     def refine(self, w: Array) -> None:
         """Take steps that hold along a motion; unknowns and rows keep their places."""

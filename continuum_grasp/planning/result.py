@@ -106,11 +106,6 @@ class Deviation:
     final_object: float = 0.0
     """Deviation of the object at the end [m]."""
 
-    @property
-    def worst(self) -> tuple[float, float, str]:
-        """Greater deviation of tip and object, that at its end [m], and words for an object."""
-        return max((self.tip, self.final_tip, ""), (self.object, self.final_object, "of the object; "))
-
 
 @dataclass(frozen=True)
 class Plan(MotionResult):
@@ -224,12 +219,13 @@ class Plan(MotionResult):
 
     def pairs(self) -> dict[str, str]:
         """Objective, duration, where the tip ends, active constraints, effort, and how it fares in a simulation."""
-        x, y = self.tip[-1]
+        (x, y), aim = self.tip[-1], self.scene.goal.contact_force
+        asked = f"; asked {_listed(aim.value)}" if aim else ""
         rows = {
             "objective": f"{self.objective:.6g} {self.objective_unit} ({self.scene.objective})",
             "duration": f"{self.duration:.6g} s in {len(self.t) - 1} intervals",
             "tip at the end": f"({x:.4f}, {y:.4f}) m",
-            **self._pressed(),
+            "contact forces": f"{_listed(self.contact_forces[-1])} N at the end{asked}",
             "active constraints": ", ".join(self.active_constraints) or "nothing",
             "solver": f"{self.iterations} iterations; {self.times.get('total', 0.0):.2f} s in all",
         }
@@ -239,18 +235,9 @@ class Plan(MotionResult):
                 if check.object:
                     text += f"; object up to {1e3 * check.object:.3g} mm, {1e3 * check.final_object:.3g} mm at the end"
                 rows[name] = f"{text} ({check.model})"
-        return rows
-
-    def _pressed(self) -> dict[str, str]:
-        """Forces of the contacts at the end beside those asked for."""
-        aim = self.scene.goal.contact_force
         if not self.contact_forces.size:
-            return {}
-        pressed, asked = (
-            ", ".join(f"{force:.3g}" for force in forces)
-            for forces in (self.contact_forces[-1], aim.value if aim else ())
-        )
-        return {"contact forces": f"{pressed} N at the end" + (f"; asked {asked}" if asked else "")}
+            del rows["contact forces"]
+        return rows
 
     @property
     def solved(self) -> bool:
@@ -342,13 +329,9 @@ class Plan(MotionResult):
 
     def loads_at(self, index: int) -> list[tuple[Array, Array, str]]:
         """Known forces at a node: position (2,) [m], force (2,) [N], and kind."""
-        loads = []
-        for load in self.scene.loads:
-            if isinstance(load.force, tuple):
-                share = load.at / self.length
-                place = self.backbone([index], 101)[0][round(100 * share)]
-                loads.append((place, np.array(load.force), "load"))
-        return loads
+        places = self.backbone([index], 101)[0]
+        constant = [(load.at / self.length, load.force) for load in self.scene.loads if isinstance(load.force, tuple)]
+        return [(places[round(100 * share)], np.array(force), "load") for share, force in constant]
 
     def inputs_at(self, t: ArrayLike) -> Array:
         """Inputs (len(t), nu) at instants [s]; the last one after the end."""
@@ -426,3 +409,7 @@ class Plan(MotionResult):
             u=data["u"],
             **{name: meta[name] for name in ("message", "advice", "objective", "iterations", "times", "statistics")},
         )
+
+
+def _listed(forces: ArrayLike) -> str:
+    return ", ".join(f"{force:.3g}" for force in np.asarray(forces))

@@ -10,7 +10,6 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arrays import Array
@@ -92,8 +91,8 @@ class Search:
         # finger of 1 m, and rates of 1e-5 of their range
         self.feasible = 1e-5 if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
-        self.problem = PlanProblem(self.motion, self.x0)
-        """Problem of the last attempt."""
+        self.problem = self._usual = PlanProblem(self.motion, self.x0)
+        """Problem of the best attempt, or of the last one."""
         self.budget, options, size = Budget.of(scene.solver), scene.solver, self.problem.assembly.size
         if scene.transcription == "single_shooting":
             size = scene.intervals * int(np.prod(self.motion.steps))
@@ -126,7 +125,8 @@ class Search:
         if self.motion.friction_states and rests:
             self._try_one_way()
         if self.best is None and self.warm is not None and not self.over:
-            self._try("warm", *self._warm_start(self.warm), _NEAR)
+            w, multipliers = self._warm_start(self.warm)
+            self._try("warm", w, _NEAR, multipliers)
         if self.best is None:
             self._try_paths()
         if self.scene.transcription == "collocation":
@@ -158,14 +158,14 @@ class Search:
             if (counts == problem.grid.counts).all():
                 return
             self.budget.left *= problem.assembly.size  # iterations take longer
-            self.problem = PlanProblem(motion, self.x0, counts=counts)
-            self.budget.left //= self.problem.assembly.size
+            finer = PlanProblem(motion, self.x0, counts=counts)
+            self.budget.left //= finer.assembly.size
             # A bound that did not count before may lead elsewhere; else the plan is there already.
             barriers = (_NEAR, _AT_PLAN) if left.any() else (_AT_PLAN, _NEAR)
             starts = [("simulated", states, barrier) for barrier in barriers]
             for name, x, barrier in (*starts, ("as planned", problem.states(best.x, PARTS), _AT_PLAN)):
-                self.best, start = None, self.problem.start(replace(path, x=x))
-                found = not self.over and self._try(f"{counts.sum()} elements, {name}", start, None, barrier)
+                self.best, start = None, finer.start(replace(path, x=x))
+                found = not self.over and self._try(f"{counts.sum()} elements, {name}", start, barrier, problem=finer)
                 if found and (missed or not self._misses(self.attempts[-1][1])):
                     break
             else:
@@ -189,19 +189,16 @@ class Search:
             self._try_turning(change)
             return
         speed = float(np.abs(change).max()) / self.motion.first_duration
-        usual, one_way = self.problem, OneWay(ways, speed)
+        one_way = OneWay(ways, speed)
         if self.warm is not None:
             w = self._warm_start(self.warm)[0]
         else:
-            w = self.problem.start(smooth_path(self.motion, self.x0, self.first, self.last))
+            w = self._usual.start(smooth_path(self.motion, self.x0, self.first, self.last))
         self.problem = PlanProblem(self.motion, self.x0, one_way=replace(one_way, given=True))
         smooth = self._solved(self.problem, w)
         self.attempts.append(("friction one way", smooth))
         if smooth.violation <= self.feasible and not self.over:
-            self.problem = PlanProblem(self.motion, self.x0, one_way=one_way)
-            self._try("sliding one way", smooth.x)
-        if self.best is None and not self.over:
-            self.problem = usual
+            self._try("sliding one way", smooth.x, problem=PlanProblem(self.motion, self.x0, one_way=one_way))
 
     def _try_turning(self, change: Array) -> None:
         """Start from smooth motions in which friction turns around early; then tendons slide one way, up to rest.
@@ -211,7 +208,7 @@ class Search:
         time, intervals = self.motion.first_duration, self.scene.intervals
         speed = float(np.abs(change).max()) / time
         if self.warm is not None:
-            self._slide_on("warm", self.problem.path(self._warm_start(self.warm)[0]), speed)
+            self._slide_on("warm", self._usual.path(self._warm_start(self.warm)[0]), speed)
         if self.best is not None or self.over:
             return
         path = smooth_path(self.motion, self.x0, self.first, self.last)
@@ -226,37 +223,25 @@ class Search:
         With ``rate`` (N + 1, states), their usual sliding per presliding [1/s], they keep up with it first: friction is
         that of sliding, on which inputs have no effect. From there on they only do not slide back.
         """
-        motion, usual = self.motion, self.problem
+        motion = self.motion
         try:
             path = replace(path, x=simulated(self.scene, motion.prediction, path, self.x0, 1))
         except NumericalError:
             return
-        since = self._turned(path)
-        if since is None:
+        friction = path.x[:, motion.friction_states]
+        sliding = np.vstack([np.zeros(friction.shape[1], dtype=bool), friction * np.sign(friction[-1]) >= _TURNED])
+        # Nodes since which tendons slide as they do at the end.
+        since = np.asarray(len(path.x) - np.argmin(sliding[::-1], axis=0), dtype=np.int64)
+        if since.max() > _TURNED_BY * self.scene.intervals:
             return
-        one_way, w = OneWay(np.sign(path.x[-1, motion.friction_states]), speed, since=since), usual.start(path)
-        keeping_up = None
+        one_way, w = OneWay(np.sign(friction[-1]), speed, since=since), self._usual.start(path)
         if rate is not None:
             least = np.maximum(_PACE * one_way.ways * rate, 0.0)
-            self.problem = keeping_up = PlanProblem(motion, self.x0, one_way=replace(one_way, least=least))
-            self._try(f"{name}, at least as fast", w, most=_MOST_TURNING)
+            keeping_up = PlanProblem(motion, self.x0, one_way=replace(one_way, least=least))
+            self._try(f"{name}, at least as fast", w, problem=keeping_up, most=_MOST_TURNING)
             w = self.attempts[-1][1].x
-        first = self.best
         if not self.over:
-            self.problem = PlanProblem(motion, self.x0, one_way=one_way)
-            self._try(name, w, most=_MOST_TURNING)
-        if self.best is None and not self.over:
-            self.problem = usual
-        elif self.best is first and keeping_up is not None:
-            self.problem = keeping_up
-
-    def _turned(self, path: Path) -> NDArray[np.int64] | None:
-        """Nodes since which tendons slide as they do at the end, per friction state; None where some do too late."""
-        friction = path.x[:, self.motion.friction_states]
-        sliding = friction * np.sign(friction[-1]) >= _TURNED
-        sliding = np.vstack([np.zeros(friction.shape[1], dtype=bool), sliding])
-        since = np.asarray(len(path.x) - np.argmin(sliding[::-1], axis=0), dtype=np.int64)
-        return since if since.max() <= _TURNED_BY * self.scene.intervals else None
+            self._try(name, w, problem=PlanProblem(motion, self.x0, one_way=one_way), most=_MOST_TURNING)
 
     def _try_paths(self) -> None:
         """Start from paths, up to a plan that misses no goal; as long as none gave a plan, seek the least distance too.
@@ -268,7 +253,7 @@ class Search:
         for name, path, barrier in self._paths():
             if self.over and self.attempts:
                 return
-            planned = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
+            planned = self._try(name, self._usual.start(path), barrier) or self.best is not None
             if not (planned or contact) and self._approach(name, path, barrier):
                 return
             if contact and self.best is not None and not self._misses(self.best):
@@ -337,7 +322,7 @@ class Search:
         known, wanted = earlier.x_names, list(self.motion.prediction.x_names)
         if earlier.n != self.motion.prediction.system.n or earlier.u.shape[1] != self.motion.nu:
             raise InputError("the plan has other bending coordinates or inputs than this model", key="warm")
-        state, assembly = earlier.solver_state, self.problem.assembly
+        state, assembly = earlier.solver_state, self._usual.assembly
         if (
             np.array_equal(state.get("units", []), self.motion.units)
             and len(state["w"]) == assembly.size
@@ -350,12 +335,12 @@ class Search:
             if name in known:
                 x[:, k] = states[:, known.index(name)]
         path = Path(x, earlier.inputs_at(t), float(np.clip(earlier.duration, *self.scene.duration_range)))
-        return self.problem.start(path), None
+        return self._usual.start(path), None
 
     @cached_property
     def last(self) -> Posture:
         """A posture that meets the goal; of contacts that are to press one to which its inputs lead."""
-        postures = final_postures(self.motion, self.problem.goal, self.first, self.near)
+        postures = final_postures(self.motion, self._usual.goal, self.first, self.near)
         return postures[0] if self.scene.goal.contact_force is None else self._pressing(postures)
 
     def _pressing(self, postures: list[Posture]) -> Posture:
@@ -387,26 +372,27 @@ class Search:
         self,
         name: str,
         w: Array,
-        multipliers: Multipliers | None = None,
         barrier: float | None = None,
+        multipliers: Multipliers | None = None,
         *,
+        problem: PlanProblem | None = None,
         most: int | None = None,
     ) -> bool:
-        """Solve from a start, in ``most`` iterations of single shooting at most; whether that gave a plan."""
-        attempt = self._solved(self.problem, w, multipliers, barrier, most=most)
+        """Solve a problem from a start, in ``most`` iterations of single shooting at most; whether that gave a plan."""
+        problem, best = problem or self._usual, self.best
+        attempt = self._solved(problem, w, barrier, multipliers, most=most)
         self.attempts.append((name, attempt))
         feasible = attempt.violation <= self.feasible
-        if feasible:
-            found = (a for a in (self.best, attempt) if a is not None)
-            self.best = min(found, key=lambda a: (not a.converged, a.objective))
+        if best is None or (feasible and _rank(attempt) < _rank(best)):
+            self.problem, self.best = problem, attempt if feasible else None
         return feasible
 
     def _solved(
         self,
         problem: PlanProblem,
         w: Array,
-        multipliers: Multipliers | None = None,
         barrier: float | None = None,
+        multipliers: Multipliers | None = None,
         *,
         most: int | None = None,
     ) -> Attempt:
@@ -439,16 +425,16 @@ class Search:
         if self.over:
             return True
         problem = self._near_goal
-        attempt = self._solved(problem, problem.start(path), None, barrier)
+        attempt = self._solved(problem, problem.start(path), barrier)
         self.relaxed.append((name, attempt))
         if not self._ended(attempt):
             return False
         diagnosis = diagnose(problem, attempt)
         if diagnosis is None and not self.over:
-            w = self.problem.like(problem, attempt.x)
-            if not self._try(f"{name}, from the goal", w, None, barrier) and self.best is None:
+            w = self._usual.like(problem, attempt.x)
+            if not self._try(f"{name}, from the goal", w, barrier) and self.best is None:
                 # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
-                f, g = (np.array(v).ravel() for v in self.problem.assembly.values(w))
+                f, g = (np.array(v).ravel() for v in self._usual.assembly.values(w))
                 self.best = replace(self.attempts[-1][1], status=Status.FAILED, x=w, g=g, objective=float(f[0]))
         elif attempt.objective <= self.nearest[1].objective:
             self.diagnosis = diagnosis
@@ -465,3 +451,7 @@ class Search:
         """Whether an attempt came to an end, as motions do too that creep to theirs along kinks."""
         creeps = attempt.outcome == "Search_Direction_Becomes_Too_Small"
         return (attempt.converged or creeps) and attempt.violation <= self.feasible
+
+
+def _rank(attempt: Attempt) -> tuple[bool, float]:
+    return not attempt.converged, attempt.objective

@@ -99,12 +99,6 @@ def amplification(stages: int, z: ArrayLike) -> Array:
     return np.asarray(a[-1] + b[-1] * Chebyshev.basis(stages)(w0 + w1 * np.asarray(z)))
 
 
-def unstable(eigenvalues: Array, step: float, stages: int) -> bool:
-    """Whether a step [s] makes what decays by eigenvalues [1/s] grow."""
-    decaying = eigenvalues[eigenvalues.real < 0.0]
-    return bool((np.abs(amplification(stages, decaying * step)) > 1.0).any())
-
-
 def fewest_evaluations(eigenvalues: Array, length: float, steps: int | None = None) -> tuple[int, int]:
     """Steps over a length [s] and stages per step that are stable and accurate with the fewest evaluations.
 
