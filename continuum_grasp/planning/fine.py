@@ -225,8 +225,8 @@ def _deviation(name: str, model: Prediction, plan: Plan, planned: Array, states:
     off = distances(places(model, at_nodes, plan.u), planned)
     rates = np.array(model.bending_rate(states[-1], plan.u[-1], p)).ravel()
     force = np.array(model.contact_force(states[-1], plan.u[-1], p)).ravel() if model.contact_names else ()
-    (tip, thing), (final_tip, final_thing) = off.max(axis=0).tolist(), off[-1].tolist()
-    return Deviation(name, tip, final_tip, float(np.abs(rates).max()), tuple(map(float, force)), thing, final_thing)
+    (tip, body), (final_tip, final_body) = off.max(axis=0).tolist(), off[-1].tolist()
+    return Deviation(name, tip, final_tip, float(np.abs(rates).max()), tuple(map(float, force)), body, final_body)
 
 
 def _on_finer(scene: PlanScene, plan: Plan, planned: Array, path: Path) -> tuple[Deviation | None, str]:

@@ -42,7 +42,7 @@ class Grid:
 
     @cached_property
     def starts(self) -> Array:
-        """Where each element begins [intervals]."""
+        """Beginning of each element [intervals]."""
         within = np.arange(len(self.interval)) - (np.cumsum(self.counts) - self.counts)[self.interval]
         return np.asarray(self.interval + within * self.lengths)
 
