@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF, Data
-from continuum_grasp.identification.inference import FALSE_ALARMS, surely
+from continuum_grasp.identification.inference import FALSE_ALARMS, Inference, correlated, surely
 from continuum_grasp.identification.numbers import MeasuredColumn
 from continuum_grasp.identification.path_block import of_one_code
 from continuum_grasp.identification.problem import Problem, Solution
@@ -33,6 +33,9 @@ _LEAST = 4
 """Least rows of each way of loading [1]."""
 _FEW = 60
 """Residuals from which the median tells outliers [1]: of fewer its own scatter asks for 5 to 15 deviations."""
+_MATTERS = 1e-3
+"""Least change of predictions that is named, per scatter of the readings about their means [1]: a tenth of what models
+of real fingers are off, and ten times what two integrators differ by."""
 _WIDTH = "width"
 """Target of half the width of a loop of one reading."""
 _LATE, _BEFORE, _ORIGIN = "late", "before", "origin"
@@ -41,16 +44,52 @@ off along an axis [m]."""
 _SLIPS = (_LATE, _BEFORE, _ORIGIN)
 
 
-def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
+def doubts(problem: Problem, solution: Solution, inference: Inference) -> list[str]:
     """Evidence against normal, independent residuals, on which the intervals rest, and against the model."""
+    return [*doubts_of_noise(problem, solution, inference), *doubts_of_laws(problem, solution)]
+
+
+def doubts_of_noise(problem: Problem, solution: Solution, inference: Inference) -> list[str]:
+    """Evidence of the residuals alone: outliers, what follows one another alike, sets that differ, missed hold-outs."""
     weighted = (solution.predictions - problem.measured) / solution.sigma
     leverage = problem.leverage(solution.jacobian, solution.sigma)
     return [
-        *(_outliers(problem, weighted, freedom, leverage) if freedom >= 5 else ()),
-        *_series(problem, weighted),
+        *(_outliers(problem, weighted, inference.freedom, leverage) if inference.freedom >= 5 else ()),
+        *_correlated(problem, weighted),
         *_sets(problem, weighted),
-        *doubts_of_laws(problem, solution),
+        *_missed(problem, solution, inference),
     ]
+
+
+def _missed(problem: Problem, solution: Solution, inference: Inference) -> list[str]:
+    """Hold-outs that are missed by more than noise and uncertain parameters allow, even where all errors are one."""
+    messages, missed = [], solution.predictions - problem.measured
+    lost = ~np.isfinite(inference.deviations)
+    if problem.fitted.all() or inference.freedom <= 0.0:
+        return []
+    covariance = inference.correlation * np.outer(inference.deviations, inference.deviations)
+    # what a hold-out has of its own was sought in it; a parameter that no row shows may be anything
+    slopes, unknown = solution.jacobian.copy(), lost & (np.arange(lost.size) < problem.shared)
+    blind = slopes[:, unknown].any(axis=1)
+    slopes[:, lost], covariance[lost], covariance[:, lost] = 0.0, 0.0, 0.0
+    variance = solution.sigma**2 + np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
+    groups = [
+        (of.name, group, part)
+        for of, rows in zip(problem.sets, problem.slices, strict=True)
+        for group, members in problem.groups.items()
+        if (members & problem.fitted).any() or any(problem.described[k].sigma for k in np.flatnonzero(members))
+        if (part := np.flatnonzero(members[rows] & ~problem.fitted[rows] & ~blind[rows]) + rows.start).size
+    ]
+    for name, group, part in groups:
+        by, off = (float(np.sqrt(np.mean(v[part] ** 2))) for v in (missed / np.sqrt(variance), missed))
+        if by > surely(inference.freedom, len(groups)) and off > _MATTERS * float(np.std(problem.measured[part])):
+            unit = problem.described[part[0]].unit
+            messages.append(
+                f"{name}: {group} that were held out are missed by {off:.2g} {unit} r.m.s., {by:.2g} times what noise "
+                "and intervals allow: the model does not predict what it was not fitted to; the intervals hold for "
+                "what was fitted alone"
+            )
+    return messages
 
 
 def _outliers(problem: Problem, weighted: Array, freedom: float, leverage: Array | float = 0.0) -> list[str]:
@@ -80,7 +119,7 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
 
     messages = []
     which = np.repeat(np.arange(len(problem.sets)), [of.values.size for of in problem.sets])
-    # instants of a path are no repeats; `_series` judges them
+    # instants of a path are no repeats; `_correlated` judges them
     still = np.array([not of.moves for of in problem.sets])[which]
     for group, numbers in problem.groups.items():
         members = problem.fitted & still & numbers
@@ -97,23 +136,21 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
     return messages
 
 
-def _series(problem: Problem, weighted: Array) -> list[str]:
-    """Paths whose residuals are correlated: then they are the model's error rather than noise."""
-    messages, paths = [], sum(of.moves for of in problem.sets)
+def _correlated(problem: Problem, weighted: Array) -> list[str]:
+    """Sets whose residuals follow one another alike: then they are the model's error rather than noise."""
+    messages, sets = [], sum(of.ordered for of in problem.sets)
     for of, rows in zip(problem.sets, problem.slices, strict=True):
-        residuals = weighted[rows].reshape(of.values.shape)
-        # 30: instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long
-        # series
-        if not of.moves or len(residuals) < 30:
+        residuals = weighted[rows].reshape(of.values.shape)[of.fitted]
+        # 30: rows from which the correlation is tested; its deviation, 1 / sqrt(rows), holds for long series
+        if not of.ordered or len(residuals) < 30:
             continue
-        before, after = (part.ravel() - residuals.mean() for part in (residuals[:-1], residuals[1:]))
-        # of each coordinate with itself one instant later
-        share = float(before @ after) / max(float(before @ before), 1e-300)
-        if share > surely(residuals.size, chances=paths) / np.sqrt(residuals.size):
+        last, sure = correlated(residuals)
+        if sure > surely(chances=sets * int(math.log2(len(residuals) / 2))):
+            span = f"over {last} instants" if of.moves else f"over {last} rows"
             messages.append(
-                f"residuals of {of.name} are correlated in time (correlation {share:.2f} from one instant to the "
-                "next): the model misses something, for which the intervals are wider, as if it were noise; more "
-                "elements show whether it is the family's own error"
+                f"residuals of {of.name} are correlated in time ({span}, {sure:.0f} deviations): the model misses "
+                "something, for which the intervals are wider, as if it were noise, and estimates may be off by more; "
+                "more elements show whether it is the family's own error"
             )
     return messages
 
@@ -130,9 +167,7 @@ def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
     further += _origins(problem)
     readings = [rows for *_, rows in _shapes(problem)]
     about = [(problem.measured[rows] - problem.measured[rows].mean()) / solution.sigma[rows] for rows in readings]
-    # 1e-3: least change of the predictions by a further law, per scatter of the readings about their means: a tenth of
-    # what models of real fingers are off, and ten times what two integrators differ by
-    least, named = 1e-3 * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
+    least, named = _MATTERS * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
     doubts = list[str]()
     chances = len(further)  # all make one verdict together
     while further:

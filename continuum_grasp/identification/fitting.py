@@ -270,7 +270,7 @@ def _credible(problem: Problem, solution: Solution) -> tuple[Solution, list[str]
     starts: a local minimum says nothing about the data.
     """
     for restarts in (True, False):
-        evidence = doubts(problem, solution, problem.inferred(solution).inference.freedom)
+        evidence = doubts(problem, solution, problem.inferred(solution).inference)
         accused = questionable(problem, solution) or (evidence and may_be_local(problem, solution))
         if not restarts or not accused:
             break

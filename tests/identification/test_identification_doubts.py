@@ -10,12 +10,13 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy.stats
+from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import brentq
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification import problem as module
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.doubts import _outliers, _series, _sets
+from continuum_grasp.identification.doubts import _correlated, _missed, _outliers, _sets
 from continuum_grasp.identification.inference import FALSE_ALARMS, infer, model_error_warnings
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.problem import Problem
@@ -140,5 +141,65 @@ def test_parameters_are_hardly_distinguished_from_a_correlation_of_99_percent_on
 def test_correlation_along_a_path_is_judged_from_thirty_instants_on(instants, judged):
     drift = np.linspace(-1.0, 1.0, instants)
     block = Level(drift)
-    block.measured = replace(block.measured, moves=True)
-    assert bool(_series(Problem([block], [ONE]), drift)) == judged
+    block.measured = replace(block.measured, moves=True, ordered=True)
+    assert bool(_correlated(Problem([block], [ONE]), drift)) == judged
+
+
+@pytest.mark.parametrize(("slow", "least", "most"), [(0.0, 0, 2), (0.4, 45, 50)])
+def test_a_slow_part_that_is_small_beside_the_noise_is_seen(slow, least, most):
+    """Beside white noise of 1: single lags show a correlation of 0.14, as noise does at some."""
+    rng, warned, hits = np.random.default_rng(2), 0, []
+    for _ in range(50):
+        noise, bends = rng.standard_normal((500, 2)), gaussian_filter1d(rng.standard_normal((500, 12)), 20.0, axis=0)
+        noise += slow * bends[:, :2] / bends[:, :2].std(axis=0)
+        slopes = bends[:, 2:].reshape(1000, 5) / bends[:, 2:].std()
+        values = np.linalg.lstsq(slopes, noise.ravel(), rcond=None)[0]
+        left = slopes @ values - noise.ravel()
+        block = Level(left)
+        block.measured = replace(block.measured, moves=True, ordered=True)
+        warned += bool(_correlated(Problem([block], [ONE]), left))
+        found = infer([ONE] * 5, values, slopes, left, [np.arange(1000).reshape(500, 2)])
+        hits.append(np.abs(values) < 0.5 * np.ptp(found.intervals, axis=1))
+    assert least <= warned <= most
+    assert np.mean(hits) > 0.85
+
+
+class Line(Block):
+    """Numbers that are predicted by a level and a slope of their places, some of them held out."""
+
+    def __init__(self, places: np.ndarray, values: np.ndarray, fitted: np.ndarray) -> None:
+        self.places = places
+        self.measured = replace(level_set("line", values, None), fitted=fitted)
+
+    def predict(self, values, until=np.inf):
+        slopes = np.stack([np.ones(self.places.size), self.places], axis=1)
+        return slopes @ values, slopes
+
+
+@pytest.mark.parametrize(("bend", "least", "most"), [(0.0, 0, 1), (0.4, 98, 100)])
+def test_hold_outs_that_are_missed_by_far_are_reported(bend, least, most):
+    """Extrapolated by the law that the data have, and by another, which the fitted rows hardly show."""
+    rng, told = np.random.default_rng(5), 0
+    places = np.append(np.linspace(0.0, 1.0, 15), [6.0, 6.5, 7.0])
+    unknowns = [ONE, ONE._replace(name="slope")]
+    for _ in range(100):
+        values = 0.3 + 2.0 * places + bend * places**2 + 0.1 * rng.standard_normal(18)
+        problem = Problem([Line(places, values, places < 2.0)], unknowns)
+        solution = problem.solve(lambda share: None)
+        texts = _missed(problem, solution, problem.inferred(solution).inference)
+        assert all("line: level" in text for text in texts)
+        told += len(texts)
+    assert least <= told <= most
+
+
+def test_a_further_parameter_leaves_the_others_between_their_bounds():
+    """A step that would take a delay below zero, against the least squares of the others alone."""
+    places = np.linspace(0.0, 1.0, 9)
+    values = 1.0 - 0.5 * places + 0.01 * np.cos(40.0 * places)
+    unknowns = [ONE, ONE._replace(name="delay", lower=0.0)]
+    problem = Problem([Line(places, values, np.ones(9, dtype=bool))], unknowns)
+    solution = problem.solve(lambda share: None)
+    assert solution.values[1] == 0.0
+    found = problem.inferred(solution, (ONE._replace(name="friction", lower=0.0), -(places**2)))
+    level, bend = np.linalg.lstsq(np.stack([np.ones(9), -(places**2)], axis=1), values, rcond=None)[0]
+    assert found.values == pytest.approx([level, 0.0, bend])

@@ -15,11 +15,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.integration import Integration
 from continuum_grasp.closed_loop.plant import choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.wiring import TIP, wiring_of
-from continuum_grasp.core.rollouts import Signal
+from continuum_grasp.core.integrators import step_function
+from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.numbers import Measured, MeasuredColumn
@@ -99,7 +99,11 @@ class Bench:
         stable = {"rk4": explicit, "rodas": 1}.get(method.name, method.substeps)
         self.step = period / max(stable, math.ceil(period / _LONGEST))
         self._stored = max(1, math.floor(_LONGEST / self.step + 1e-9))
-        self._integration = Integration(self.model, method.name)
+        step = step_function(self.model, method.name)
+        x, _, u, _, *others = inputs = step.sx_in() if step.is_a("SXFunction") else step.mx_in()
+        # a command that jumps between two steps acts in the second one alone
+        held = ca.Function("held_" + step.name(), inputs, step.call([x, u, u, u, *others]), step.name_in(), ["xn"])
+        self._run = Rollouts.of(held, what="the bench")
         x, u, w, p = self.model.symbols
         rate = self.model.forward_dynamics(x, u, w, p)
         self._rate = ca.Function("rate", [x, u, w, p], [rate, ca.jacobian(rate, x)])
@@ -128,18 +132,20 @@ class Bench:
         """
         step, stored = self.step, self._stored
         count = max(1, math.ceil((end - t[0]) / (stored * step)))
-        halves = t[0] + 0.5 * step * np.arange(2 * stored * count + 1)
-        # A command at an instant acts from then on; 1e-9 s: instants are rounded.
-        rows = u[np.clip(np.searchsorted(t, halves + 1e-9, side="right") - 1, 0, len(t) - 1)]
+        ends = t[0] + step * np.arange(stored * count + 1)
+        # each step has the mean of the commands that are held in it
+        knots = np.append(t, max(t[-1], ends[-1]) + step)
+        sums = np.cumsum(np.vstack([0.0 * u[:1], np.diff(knots)[:, None] * u]), axis=0)
+        means = np.diff([np.interp(ends, knots, column) for column in sums.T]).T / step
+        rows = np.vstack([np.repeat(means, 2, axis=0), means[-1:]])  # at half steps
         w = self.model.forces(0.0)
         begin = self._at_rest(rows[0], w[0], p)
         signals = Signal(np.ascontiguousarray(rows)[None], self.model.nu, 0), Signal(w[None], 0, 0)
-        states, valid = self._integration.run(begin[None], count, stored, step, *signals, p)
-        whole = slice(None, None, 2 * stored)
+        states, valid = self._run(begin[None], count, stored, step, *signals, p)
         if valid[0] < count:
-            time = float(halves[whole][valid[0]])
+            time = float(ends[::stored][valid[0]])
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
-        return halves[whole], states[0], rows[whole]
+        return ends[::stored], states[0], rows[:: 2 * stored]
 
     def _at_rest(self, u: Array, w: Array, p: Array) -> Array:
         """State at rest (nx) under a command (nu), which drives have reached; friction is near that of the start."""
