@@ -17,14 +17,16 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF, Data
-from continuum_grasp.identification.inference import FALSE_ALARMS, Inference, correlated, surely
+from continuum_grasp.identification.inference import FALSE_ALARMS, Inference, correlated, model_error_warnings, surely
 from continuum_grasp.identification.numbers import MeasuredColumn
 from continuum_grasp.identification.path_block import of_one_code
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import Inferred, Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
 
 Further = tuple[Unknown, Array]
@@ -36,6 +38,8 @@ _FEW = 60
 _MATTERS = 1e-3
 """Least change of predictions that is named, per scatter of the readings about their means [1]: a tenth of what models
 of real fingers are off, and ten times what two integrators differ by."""
+_MOST = 12
+"""Elements beyond which a model is not refined to see its error: twice as many take far longer than the search."""
 _WIDTH = "width"
 """Target of half the width of a loop of one reading."""
 _LATE, _BEFORE, _ORIGIN = "late", "before", "origin"
@@ -64,13 +68,13 @@ def doubts_of_noise(problem: Problem, solution: Solution, inference: Inference) 
 def _missed(problem: Problem, solution: Solution, inference: Inference) -> list[str]:
     """Hold-outs that are missed by more than noise and uncertain parameters allow, even where all errors are one."""
     messages, missed = [], solution.predictions - problem.measured
-    lost = ~np.isfinite(inference.deviations)
+    lost = np.isinf(inference.deviations)
     if problem.fitted.all() or inference.freedom <= 0.0:
         return []
     covariance = inference.correlation * np.outer(inference.deviations, inference.deviations)
     # what a hold-out has of its own was sought in it; a parameter that no row shows may be anything
     slopes, unknown = solution.jacobian.copy(), lost & (np.arange(lost.size) < problem.shared)
-    blind = slopes[:, unknown].any(axis=1)
+    blind = np.asarray(slopes[:, unknown].any(axis=1))
     slopes[:, lost], covariance[lost], covariance[:, lost] = 0.0, 0.0, 0.0
     variance = solution.sigma**2 + np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
     groups = [
@@ -153,6 +157,33 @@ def _correlated(problem: Problem, weighted: Array) -> list[str]:
                 "more elements show whether it is the family's own error"
             )
     return messages
+
+
+def doubts_of_elements(problem: Problem, solution: Solution, inferred: Inferred) -> tuple[str, ...]:
+    """Parameters that a model with twice the elements would move, those among them that are ``inferred`` alone."""
+    finer = _finer(problem, solution.values)
+    if finer is None:
+        return ()
+    coarse, fine = ((part / solution.sigma)[problem.fitted] for part in (solution.predictions, finer))
+    return model_error_warnings(
+        inferred.unknowns, inferred.inference.deviations, inferred.jacobian[: len(coarse)], coarse, fine
+    )
+
+
+def _finer(problem: Problem, values: Array) -> Array | None:
+    """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
+    predictions = []
+    for block, _, mix in problem.parts:
+        model = FingerModel(block.scene)
+        # the start that was estimated is in coordinates of the coarser one
+        if len(model.lengths) > _MOST or block.own:
+            return None
+        try:
+            finer = block.again(problem.sought, scene=refined(block.scene, model), by=())
+            predictions.append(finer.predict(mix @ values)[0])
+        except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
+            return None
+    return np.concatenate(predictions)
 
 
 def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:

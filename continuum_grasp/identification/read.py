@@ -310,6 +310,9 @@ class _Points:
             raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self.key}.axes")
         origin = data_set.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
         values = sign * _column(table, m, UNIT_OF[quantity], gaps=True) + origin
+        if not np.isfinite(values).any():
+            message = f"column {m.column}: every cell is empty; expected numbers, or leave the column out of measured"
+            raise table.error(message, table.index(m.column))
         if quantity in ("x", "y") and m.sigma is not None and m.sigma > length:
             message = f"{m.sigma:g} m is more than the finger is long: a deviation is in m, whatever the column is in"
             raise InputError(message, key=f"{self.key}.{key}.sigma")

@@ -8,7 +8,8 @@ differences.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -66,7 +67,7 @@ class Bench:
         alone bends the finger, and is half of each.
     """
 
-    def __init__(self, scene: ControlScene, friction: bool = False) -> None:
+    def __init__(self, scene: ControlScene, friction: bool = False, compiled: bool = True) -> None:
         self.scene, finger = scene, scene.finger
         initial = scene.initial.replaced(reached_by=None, friction_states=None)
         finger = finger.with_tendons(friction=0.0) if finger.has_tendon_friction else finger
@@ -100,10 +101,11 @@ class Bench:
         self.step = period / max(stable, math.ceil(period / _LONGEST))
         self._stored = max(1, math.floor(_LONGEST / self.step + 1e-9))
         step = step_function(self.model, method.name)
-        x, _, u, _, *others = inputs = step.sx_in() if step.is_a("SXFunction") else step.mx_in()
+        inputs: Any = step.sx_in() if step.is_a("SXFunction") else step.mx_in()
+        x, _, u, _, *others = inputs
         # a command that jumps between two steps acts in the second one alone
         held = ca.Function("held_" + step.name(), inputs, step.call([x, u, u, u, *others]), step.name_in(), ["xn"])
-        self._run = Rollouts.of(held, what="the bench")
+        self._run = Rollouts.of(held, compiled, "the bench")
         x, u, w, p = self.model.symbols
         rate = self.model.forward_dynamics(x, u, w, p)
         self._rate = ca.Function("rate", [x, u, w, p], [rate, ca.jacobian(rate, x)])
@@ -194,6 +196,7 @@ class BenchBlock(Block):
     """
 
     kinked = True  # where a tendon comes to be slack
+    _by: Any = slice(None)
 
     def __init__(self, bench: Bench, log: Log, way: Mounting) -> None:
         lines = tuple(Connection(of=k + 1) for k in range(bench.model.nu))
@@ -228,11 +231,22 @@ class BenchBlock(Block):
         camera = self.way.camera.model_copy(update={"position": (x, y), "angle": angle, "scale": scale})
         return self.way.model_copy(update={"camera": camera, "drives": tuple(drives), "tensions": tuple(cells)})
 
+    def again(
+        self, unknowns: Sequence[Unknown], *, scene: Any = None, by: Sequence[int] | None = None, **_: Any
+    ) -> Self:
+        """The log with the finger of another scene, and its model; not compiled, as it is predicted once."""
+        same = {key: getattr(scene, key) for key in ("finger", "fidelity", "initial")}
+        changed = self.bench.scene.model_copy(update=same)
+        again = type(self)(Bench(changed, compiled=False), self._log, self.way)
+        again._by = self._by if by is None else list(by)
+        return again
+
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         seen = self._seen(values)
         # 1e-4: change of an unknown, per typical size, of which the readings are compared
-        steps = np.diag([1e-4 * unknown.typical for unknown in self.unknowns])
-        return seen, np.column_stack([(self._seen(values + step) - seen) / step.max() for step in steps])
+        steps = np.diag([1e-4 * unknown.typical for unknown in self.unknowns])[self._by]
+        slopes = [(self._seen(values + step) - seen) / step.max() for step in steps]
+        return seen, np.reshape(slopes, (len(steps), seen.size)).T
 
     def by_friction(self, values: Array) -> Array:
         """Derivative (m,) of what is read by friction of the tendons, where there is none yet."""
