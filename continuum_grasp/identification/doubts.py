@@ -59,6 +59,7 @@ def doubts_of_noise(problem: Problem, solution: Solution, inference: Inference) 
     leverage = problem.leverage(solution.jacobian, solution.sigma)
     return [
         *(_outliers(problem, weighted, inference.freedom, leverage) if inference.freedom >= 5 else ()),
+        *_stated(problem, weighted, leverage),
         *_correlated(problem, weighted),
         *_sets(problem, weighted),
         *_missed(problem, solution, inference),
@@ -115,6 +116,27 @@ def _outliers(problem: Problem, weighted: Array, freedom: float, leverage: Array
         return []
     worst = problem.labels[int(far[np.argmax(np.abs(weighted[far]))])]
     return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {worst}"]
+
+
+def _stated(problem: Problem, weighted: Array, leverage: Array) -> list[str]:
+    """Groups whose residuals scatter otherwise than stated, by the chi-squared test: weights are then wrong."""
+    from scipy.stats import chi2
+
+    messages = []
+    known = np.array([of.sigma is not None for of in problem.described]) & problem.fitted
+    for group, members in problem.groups.items():
+        used = members & known
+        squares, freedom = float(np.sum(weighted[used] ** 2)), float(np.sum(1.0 - leverage[used]))
+        ratio = math.sqrt(squares / freedom) if freedom > 1.0 else 1.0
+        tail = min(chi2.cdf(squares, freedom), chi2.sf(squares, freedom)) if freedom > 1.0 else 1.0
+        # 2.0: factor up to which deviations are stated by round numbers, and intervals are off by less
+        if tail < 0.5 * FALSE_ALARMS / len(problem.groups) and not 0.5 <= ratio <= 2.0:
+            why = "the model misses something, or there is more noise" if ratio > 1.0 else "there is less noise"
+            messages.append(
+                f"{group}: residuals scatter by {ratio:.2g} times the stated deviation: {why}; weights and intervals of "
+                "unlike quantities are wrong where sigma is"
+            )
+    return messages
 
 
 def _sets(problem: Problem, weighted: Array) -> list[str]:

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification import problem as module
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.doubts import _correlated, _missed, _outliers, _sets
+from continuum_grasp.identification.doubts import _correlated, _missed, _outliers, _sets, _stated
 from continuum_grasp.identification.inference import FALSE_ALARMS, infer, model_error_warnings
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.problem import Problem
@@ -188,6 +188,25 @@ def test_hold_outs_that_are_missed_by_far_are_reported(bend, least, most):
         solution = problem.solve(lambda share: None)
         texts = _missed(problem, solution, problem.inferred(solution).inference)
         assert all("line: level" in text for text in texts)
+        told += len(texts)
+    assert least <= told <= most
+
+
+@pytest.mark.parametrize(("stated", "least", "most"), [(1.0, 0, 2), (3.0, 95, 100), (1.0 / 3.0, 95, 100)])
+def test_a_deviation_that_is_stated_wrongly_is_reported(stated, least, most):
+    """Of one of two sensors: the other one's is right."""
+    rng, told = np.random.default_rng(6), 0
+    for _ in range(100):
+        noise = rng.standard_normal((2, 25))
+        blocks = [Level(noise[0], "camera", 1.0), Level(noise[1], "gyroscope", stated)]
+        for block in blocks:
+            own = block.measured.columns[0]._replace(group=block.measured.name)
+            block.measured = replace(block.measured, columns=(own,))
+        problem = Problem(blocks, [ONE])
+        solution = problem.solve(lambda share: None)
+        weighted = (solution.predictions - problem.measured) / solution.sigma
+        texts = _stated(problem, weighted, problem.leverage(solution.jacobian, solution.sigma))
+        assert all(text.startswith("gyroscope: residuals scatter by") for text in texts)
         told += len(texts)
     assert least <= told <= most
 
