@@ -133,8 +133,8 @@ def _stated(problem: Problem, weighted: Array, leverage: Array) -> list[str]:
         if tail < 0.5 * FALSE_ALARMS / len(problem.groups) and not 0.5 <= ratio <= 2.0:
             why = "the model misses something, or there is more noise" if ratio > 1.0 else "there is less noise"
             messages.append(
-                f"{group}: residuals scatter by {ratio:.2g} times the stated deviation: {why}; weights and intervals of "
-                "unlike quantities are wrong where sigma is"
+                f"{group}: residuals scatter by {ratio:.2g} times the stated deviation: {why}; weights of unlike "
+                "quantities, and intervals, are wrong where sigma is"
             )
     return messages
 
