@@ -231,9 +231,7 @@ class BenchBlock(Block):
         camera = self.way.camera.model_copy(update={"position": (x, y), "angle": angle, "scale": scale})
         return self.way.model_copy(update={"camera": camera, "drives": tuple(drives), "tensions": tuple(cells)})
 
-    def again(
-        self, unknowns: Sequence[Unknown], *, scene: Any = None, by: Sequence[int] | None = None, **_: Any
-    ) -> Self:
+    def again(self, unknowns: Sequence[Unknown], *, scene: Any = None, by: Any = None, **_: Any) -> Self:
         """The log with the finger of another scene, and its model; not compiled, as it is predicted once."""
         same = {key: getattr(scene, key) for key in ("finger", "fidelity", "initial")}
         changed = self.bench.scene.model_copy(update=same)

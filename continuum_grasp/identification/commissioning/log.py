@@ -21,7 +21,7 @@ from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.commissioning.bench import FRICTION, Bench, BenchBlock, Log, camera_through
 from continuum_grasp.identification.commissioning.plan import checked, design_commissioning, names_of
 from continuum_grasp.identification.commissioning.result import Alternative, Commissioning
-from continuum_grasp.identification.doubts import doubts_of_elements, doubts_of_noise
+from continuum_grasp.identification.doubts import doubts, doubts_of_elements
 from continuum_grasp.identification.experiments import ExperimentPlan
 from continuum_grasp.identification.fit import estimates
 from continuum_grasp.identification.periods import columns_of
@@ -244,7 +244,7 @@ def _result(
     found = problem.inferred(solution, *((Unknown(FRICTION, "1", FRICTION, typical=0.01), slope) for slope in friction))
     step = found.values - np.pad(solution.values, (0, len(friction)))
     predictions = solution.predictions + np.column_stack([solution.jacobian, *friction]) @ step
-    doubted = doubts_of_noise(problem, solution._replace(predictions=predictions), found.inference)
+    doubted = doubts(problem, solution._replace(predictions=predictions), found.inference, laws=False)
     doubted += doubts_of_elements(problem, solution, found)
     mounting = block.mounting(found.values[: len(block.unknowns)])
     if len(cells) < bench.model.nu:
