@@ -22,7 +22,7 @@ from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF, Data
-from continuum_grasp.identification.inference import FALSE_ALARMS, Inference, correlated, model_error_warnings, surely
+from continuum_grasp.identification.inference import FALSE_ALARMS, Inference, correlated, surely
 from continuum_grasp.identification.numbers import MeasuredColumn
 from continuum_grasp.identification.path_block import of_one_code
 from continuum_grasp.identification.problem import Inferred, Problem, Solution
@@ -176,31 +176,28 @@ def _correlated(problem: Problem, weighted: Array) -> list[str]:
     return messages
 
 
-def doubts_of_elements(problem: Problem, solution: Solution, inferred: Inferred) -> tuple[str, ...]:
-    """Parameters that a model with twice the elements would move, those among them that are ``inferred`` alone."""
-    finer = _finer(problem, solution.values)
-    if finer is None:
-        return ()
-    coarse, fine = ((part / solution.sigma)[problem.fitted] for part in (solution.predictions, finer))
-    return model_error_warnings(
-        inferred.unknowns, inferred.inference.deviations, inferred.jacobian[: len(coarse)], coarse, fine
-    )
-
-
-def _finer(problem: Problem, values: Array) -> Array | None:
-    """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
-    predictions = []
-    for block, _, mix in problem.parts:
+def doubts_of_elements(problem: Problem, solution: Solution, inferred: Inferred) -> list[str]:
+    """Parameters that a model with twice the elements would move by more than their deviations, all that are
+    ``inferred``; none where such a model is not feasible.
+    """
+    finer = np.zeros(len(problem.measured))
+    for block, rows, mix in problem.parts:
         model = FingerModel(block.scene)
         # the start that was estimated is in coordinates of the coarser one
         if len(model.lengths) > _MOST or block.own:
-            return None
+            return []
         try:
-            finer = block.again(problem.sought, scene=refined(block.scene, model), by=())
-            predictions.append(finer.predict(mix @ values)[0])
+            again = block.again(problem.sought, scene=refined(block.scene, model), by=())
+            finer[rows] = again.predict(mix @ solution.values)[0]
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
-            return None
-    return np.concatenate(predictions)
+            return []
+    change = ((solution.predictions - finer) / solution.sigma)[problem.fitted]
+    # a Gauss-Newton step of the finer model, by the coarse one's Jacobian: the error of that is of higher order
+    moved = np.linalg.lstsq(inferred.jacobian[: len(change)], change, rcond=None)[0]
+    rows_of = zip(inferred.unknowns, moved, np.abs(moved) / inferred.inference.deviations.clip(1e-300), strict=True)
+    parts = [f"{unknown.name} by {by:.2g} ({share:.1f} deviations)" for unknown, by, share in rows_of if share > 1.0]
+    why = "the intervals leave the model's own error out; take more elements"
+    return [f"twice the elements would move {', '.join(parts)}: {why}"] if parts else []
 
 
 def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:

@@ -5,8 +5,6 @@ the estimates scatter by the sandwich B M B, with B = (J^T J)^-1 and M = J^T G J
 residuals: here their own autocovariance, of all readings of a motion with each other, tapered by Parzen's window (E.
 Parzen, 1957), which leaves M without negative variances (W. K. Newey, K. D. West, 1987, doi:10.2307/1913610).
 
-A model with twice the elements says whether the model's own error matters beside these deviations.
-
 Before anything is measured, J^T J is Fisher's information: of independent experiments it adds up, and its inverse is
 the least covariance that estimates can have (C. R. Rao, 1945). Shapes at rest, parts of a motion, and what is known
 already are summed alike.
@@ -105,7 +103,7 @@ def infer(
     ]
     warnings += [
         f"{unknown.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip "
-        "than its law of stiffness says, so that law is wrong"
+        "than the model says, so that its elements are too few, or its law of stiffness is wrong"
         for unknown, value, deviation in zip(reported, values, deviations, strict=False)
         if unknown.target == "tendon_friction" and value < -surely(freedom) * deviation
     ]
@@ -182,26 +180,6 @@ def _weakness(
                     f"correlated by {correlation[k, j]:+.4f}"
                 )
     return messages
-
-
-def model_error_warnings(
-    unknowns: Sequence[Unknown], deviations: Array, jacobian: Array, predictions: Array, finer: Array
-) -> tuple[str, ...]:
-    """Parameters that a finer model would move by more than their deviations.
-
-    ``predictions`` and ``finer`` (m,), of the model and of one with twice the elements at the same parameters, and the
-    Jacobian (m, n) of the former are of what was fitted, per standard deviation.
-    """
-    # a Gauss-Newton step of the finer model, by the coarse one's Jacobian: the error of that is of higher order
-    moved = np.linalg.lstsq(jacobian, predictions - finer, rcond=None)[0]
-    shares = np.abs(moved) / np.maximum(deviations, _TINY)
-    seen = [k for k in range(len(unknowns)) if np.isfinite(deviations[k]) and shares[k] > 1.0]
-    if not seen:
-        return ()
-    parts = ", ".join(f"{unknowns[k].name} by {moved[k]:.2g} ({shares[k]:.1f} deviations)" for k in seen)
-    return (
-        f"twice the elements would move {parts}: the intervals leave the model's own error out; take more elements",
-    )
 
 
 def surely(freedom: float = math.inf, chances: int = 1) -> float:

@@ -6,6 +6,7 @@ import re
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,12 +15,13 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import brentq
 
 from continuum_grasp.errors import SolverError
+from continuum_grasp.identification import doubts as evidence
 from continuum_grasp.identification import problem as module
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.doubts import _correlated, _missed, _outliers, _sets, _stated
-from continuum_grasp.identification.inference import FALSE_ALARMS, infer, model_error_warnings
+from continuum_grasp.identification.doubts import _correlated, _missed, _outliers, _sets, _stated, doubts_of_elements
+from continuum_grasp.identification.inference import FALSE_ALARMS, infer
 from continuum_grasp.identification.least_squares import Minimum, least_squares
-from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.problem import Inferred, Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
 from tests.identification_cases import level_set
 
@@ -67,15 +69,23 @@ def test_sets_that_differ_are_reported_by_the_analysis_of_variance(share, report
     assert all(f"ratio of variances {ratio:.0f}" in one for one in found)
 
 
-def test_what_a_finer_model_would_move_is_exact_of_a_linear_one():
-    rng = np.random.default_rng(7)
-    jacobian, moved = rng.standard_normal((12, 3)), np.array([0.3, -0.02, 0.5])
-    coarse = rng.standard_normal(12)
+def test_what_a_finer_model_would_move_is_exact_of_a_linear_one(monkeypatch):
+    """The same data are met by parameters that are so much greater, where predictions are so much smaller."""
+    rng, moved = np.random.default_rng(7), np.array([0.3, -0.02, 0.5])
+    jacobian, coarse = rng.standard_normal((12, 3)), rng.standard_normal(12)
     unknowns = [ONE._replace(name=name) for name in ("a", "b", "c")]
-    # The same data are met by parameters that are so much greater, where predictions are so much smaller.
-    (found,) = model_error_warnings(unknowns, np.array([0.2, 0.1, np.inf]), jacobian, coarse, coarse - jacobian @ moved)
-    assert re.findall(r"(\w) by (-?[\d.]+) \(([\d.]+) deviations\)", found) == [("a", "0.3", "1.5")]
-    assert not model_error_warnings(unknowns, np.full(3, 0.51), jacobian, coarse, coarse - jacobian @ moved)
+    block, finer = Level(coarse), Level(coarse)
+    monkeypatch.setattr(finer, "predict", lambda values: (coarse - jacobian @ moved, None))
+    monkeypatch.setattr(block, "again", lambda sought, scene, by: finer)
+    block.scene = None
+    monkeypatch.setattr(evidence, "FingerModel", lambda scene: SimpleNamespace(lengths=[0.1]))
+    monkeypatch.setattr(evidence, "refined", lambda scene, model: scene)
+    problem = Problem([block], unknowns)
+    solution = Solution(np.zeros(3), coarse, jacobian, np.ones(12), 0, 0)
+    for deviations, named in (([0.2, 0.1, np.inf], [("a", "0.3", "1.5")]), ([0.51, 0.51, 0.51], [])):
+        inference = SimpleNamespace(deviations=np.array(deviations))
+        texts = doubts_of_elements(problem, solution, Inferred(unknowns, np.zeros(3), jacobian, inference))
+        assert re.findall(r"(\w) by (-?[\d.]+) \(([\d.]+) deviations\)", "".join(texts)) == named
 
 
 def test_outliers_are_found_among_many_and_not_in_normal_noise():
