@@ -17,6 +17,7 @@ from continuum_grasp.control.log import ControlLog
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.commissioning import commission, design_commissioning
 from continuum_grasp.identification.commissioning.bench import Bench, Log, camera_through
+from continuum_grasp.identification.commissioning.log import _log_of
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from tests.identification.test_replay import SCENE
@@ -116,6 +117,20 @@ def test_commands_are_held_from_their_instants_on(at):
     expected = 2.0 + 18.0 * risen(instants - at) - 11.0 * risen(instants - at - 0.03)
     assert np.abs(shown[:, 2] - expected).max() < 0.06
     assert shown[:, 3] == pytest.approx(3.0)
+
+
+def test_commands_without_a_cell_stay_as_they_were(tmp_path):
+    """Of a logger that writes what changes; and times in ms, read as s, are refused before the motion is followed."""
+    tried, file = scene(), tmp_path / "log.csv"
+    rows = [f"{0.01 * k:g},{2 + k // 20 if k % 20 == 0 else ''},3,0,0.18,2,3" for k in range(60)]
+    names = "tip_x [m],tip_y [m],tension_1 [N],tension_2 [N]"
+    file.write_text("\n".join([f"t,commanded_tension_1 [N],commanded_tension_2 [N],{names}", *rows]))
+    log, _ = _log_of(tried, Bench(tried), file)
+    assert log.u[:, 0].tolist() == [2.0] * 20 + [3.0] * 20 + [4.0] * 20
+    text = file.read_text().splitlines()
+    file.write_text("\n".join([text[0], *(f"{1e4 * k:g},{row.partition(',')[2]}" for k, row in enumerate(text[1:]))]))
+    with pytest.raises(InputError, match="check the unit of t"):
+        commission(tried, file)
 
 
 @pytest.mark.deep
