@@ -189,7 +189,7 @@ class Line(Block):
 @pytest.mark.parametrize(("bend", "least", "most"), [(0.0, 0, 1), (0.4, 98, 100)])
 def test_hold_outs_that_are_missed_by_far_are_reported(bend, least, most):
     """Extrapolated by the law that the data have, and by another, which the fitted rows hardly show."""
-    rng, told = np.random.default_rng(5), 0
+    rng, reported = np.random.default_rng(5), 0
     places = np.append(np.linspace(0.0, 1.0, 15), [6.0, 6.5, 7.0])
     unknowns = [ONE, ONE._replace(name="slope")]
     for _ in range(100):
@@ -198,14 +198,14 @@ def test_hold_outs_that_are_missed_by_far_are_reported(bend, least, most):
         solution = problem.solve(lambda share: None)
         texts = _missed(problem, solution, problem.inferred(solution).inference)
         assert all("line: level" in text for text in texts)
-        told += len(texts)
-    assert least <= told <= most
+        reported += len(texts)
+    assert least <= reported <= most
 
 
 @pytest.mark.parametrize(("stated", "least", "most"), [(1.0, 0, 2), (3.0, 95, 100), (1.0 / 3.0, 95, 100)])
 def test_a_deviation_that_is_stated_wrongly_is_reported(stated, least, most):
     """Of one of two sensors: the other one's is right."""
-    rng, told = np.random.default_rng(6), 0
+    rng, reported = np.random.default_rng(6), 0
     for _ in range(100):
         noise = rng.standard_normal((2, 25))
         blocks = [Level(noise[0], "camera", 1.0), Level(noise[1], "gyroscope", stated)]
@@ -217,8 +217,8 @@ def test_a_deviation_that_is_stated_wrongly_is_reported(stated, least, most):
         weighted = (solution.predictions - problem.measured) / solution.sigma
         texts = _stated(problem, weighted, problem.leverage(solution.jacobian, solution.sigma))
         assert all(text.startswith("gyroscope: residuals scatter by") for text in texts)
-        told += len(texts)
-    assert least <= told <= most
+        reported += len(texts)
+    assert least <= reported <= most
 
 
 def test_a_further_parameter_leaves_the_others_between_their_bounds():
