@@ -310,9 +310,6 @@ class _Points:
             raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self.key}.axes")
         origin = data_set.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
         values = sign * _column(table, m, UNIT_OF[quantity], gaps=True) + origin
-        if not np.isfinite(values).any():
-            message = f"column {m.column}: every cell is empty; expected numbers, or leave the column out of measured"
-            raise table.error(message, table.index(m.column))
         if quantity in ("x", "y") and m.sigma is not None and m.sigma > length:
             message = f"{m.sigma:g} m is more than the finger is long: a deviation is in m, whatever the column is in"
             raise InputError(message, key=f"{self.key}.{key}.sigma")
@@ -356,11 +353,16 @@ class _Points:
 
     def patterns(self, measured: Sequence[ReadingColumn]) -> Iterator[tuple[list[Reading], NDArray[np.bool_]]]:
         """Readings that groups have, and which groups have just these; in the order of their first group."""
-        readings = [reading for k, m in enumerate(measured) for reading in self.readings(m, f"measured[{k}]")]
+        each = [list(self.readings(m, f"measured[{k}]")) for k, m in enumerate(measured)]
+        readings = [reading for of in each for reading in of]
         there = np.isfinite([np.asarray(reading.values) for reading in readings]).T
         for k, row in enumerate(there):
             if not row.any():
                 raise self.table.empty(self.table.index(measured[0].column), int(self.first[k]))
+        for m, of in zip(measured, each, strict=True):
+            if not np.isfinite([np.asarray(reading.values) for reading in of]).any():
+                message = f"column {m.column}: every cell is empty; expected numbers, or leave it out of measured"
+                raise self.table.error(message, self.table.index(m.column))
         for pattern in dict.fromkeys(map(tuple, there)):
             have = [reading for reading, yes in zip(readings, pattern, strict=True) if yes]
             yield have, (there == pattern).all(axis=1)

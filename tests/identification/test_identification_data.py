@@ -169,7 +169,7 @@ def test_a_column_without_a_number_is_named(tmp_path):
     path.write_text("weight,x [mm],drop [mm]\n0,,10\n1,399,20\n")
     assert [len(of.measured) for of in read_data(both, [path])] == [1, 2]
     path.write_text("weight,x [mm],drop [mm]\n0,,10\n1,nan,20\n")
-    with pytest.raises(InputError, match=r"column x \[mm\]: every cell is empty"):
+    with pytest.raises(InputError, match=r"drops.csv:1:8: column x \[mm\]: every cell is empty"):
         read_data(both, [path])
 
 
