@@ -1,6 +1,7 @@
 """Evidence against normal, independent residuals, on which intervals rest, and against the laws of the model.
 
-Outliers, residuals that are correlated, and sets that differ are found by tests of their own. For what a wrong law of
+Outliers, residuals that are correlated or scatter otherwise than stated, sets that differ, and hold-outs that are
+missed are found by tests of their own; of the elements, twice as many are tried. For what a wrong law of
 material or damping leaves, or a slip in the data, one Gauss-Newton step is taken towards a model with further
 parameters (a score test; C. R. Rao, 1948), so that all samples count by their noise: quadratic damping of motions, a
 stiffness that depends on the bend, a friction with memory by which shapes at rest depend on the direction of loading,
@@ -17,14 +18,16 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF, Data
-from continuum_grasp.identification.inference import FALSE_ALARMS, surely
+from continuum_grasp.identification.inference import FALSE_ALARMS, Inference, correlated, surely
 from continuum_grasp.identification.numbers import MeasuredColumn
 from continuum_grasp.identification.path_block import of_one_code
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import Inferred, Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.simulate import Scene
 
 Further = tuple[Unknown, Array]
@@ -33,6 +36,11 @@ _LEAST = 4
 """Least rows of each way of loading [1]."""
 _FEW = 60
 """Residuals from which the median tells outliers [1]: of fewer its own scatter asks for 5 to 15 deviations."""
+_MATTERS = 1e-3
+"""Least change of predictions that is named, per scatter of the readings about their means [1]: a tenth of what models
+of real fingers are off, and ten times what two integrators differ by."""
+_MOST = 12
+"""Elements beyond which a model is not refined to see its error: twice as many take far longer than the search."""
 _WIDTH = "width"
 """Target of half the width of a loop of one reading."""
 _LATE, _BEFORE, _ORIGIN = "late", "before", "origin"
@@ -41,16 +49,49 @@ off along an axis [m]."""
 _SLIPS = (_LATE, _BEFORE, _ORIGIN)
 
 
-def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
-    """Evidence against normal, independent residuals, on which the intervals rest, and against the model."""
+def doubts(problem: Problem, solution: Solution, inference: Inference, *, laws: bool = True) -> list[str]:
+    """Evidence against normal, independent residuals, on which intervals rest, and against ``laws`` of the model."""
     weighted = (solution.predictions - problem.measured) / solution.sigma
     leverage = problem.leverage(solution.jacobian, solution.sigma)
     return [
-        *(_outliers(problem, weighted, freedom, leverage) if freedom >= 5 else ()),
-        *_series(problem, weighted),
+        *(_outliers(problem, weighted, inference.freedom, leverage) if inference.freedom >= 5 else ()),
+        *_stated(problem, weighted, leverage),
+        *_correlated(problem, weighted),
         *_sets(problem, weighted),
-        *doubts_of_laws(problem, solution),
+        *_missed(problem, solution, inference),
+        *(doubts_of_laws(problem, solution) if laws else ()),
     ]
+
+
+def _missed(problem: Problem, solution: Solution, inference: Inference) -> list[str]:
+    """Hold-outs that are missed by more than noise and uncertain parameters allow, even where all errors are one."""
+    messages, missed = [], solution.predictions - problem.measured
+    lost = np.isinf(inference.deviations)
+    if problem.fitted.all() or inference.freedom <= 0.0:
+        return []
+    covariance = inference.correlation * np.outer(inference.deviations, inference.deviations)
+    # what a hold-out has of its own was sought in it; a parameter that no row shows may be anything
+    slopes, unknown = solution.jacobian.copy(), lost & (np.arange(lost.size) < problem.shared)
+    blind = np.asarray(slopes[:, unknown].any(axis=1))
+    slopes[:, lost], covariance[lost], covariance[:, lost] = 0.0, 0.0, 0.0
+    variance = solution.sigma**2 + np.einsum("mi,ij,mj->m", slopes, covariance, slopes)
+    groups = [
+        (of.name, group, part)
+        for of, rows in zip(problem.sets, problem.slices, strict=True)
+        for group, members in problem.groups.items()
+        if (members & problem.fitted).any() or any(problem.described[k].sigma for k in np.flatnonzero(members))
+        if (part := np.flatnonzero(members[rows] & ~problem.fitted[rows] & ~blind[rows]) + rows.start).size
+    ]
+    for name, group, part in groups:
+        by, off = (float(np.sqrt(np.mean(v[part] ** 2))) for v in (missed / np.sqrt(variance), missed))
+        if by > surely(inference.freedom, len(groups)) and off > _MATTERS * float(np.std(problem.measured[part])):
+            unit = problem.described[part[0]].unit
+            messages.append(
+                f"{name}: {group} that were held out are missed by {off:.2g} {unit} r.m.s., {by:.2g} times what noise "
+                "and intervals allow: the model does not predict what it was not fitted to; the intervals hold for "
+                "what was fitted alone"
+            )
+    return messages
 
 
 def _outliers(problem: Problem, weighted: Array, freedom: float, leverage: Array | float = 0.0) -> list[str]:
@@ -74,13 +115,32 @@ def _outliers(problem: Problem, weighted: Array, freedom: float, leverage: Array
     return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {worst}"]
 
 
+def _stated(problem: Problem, weighted: Array, leverage: Array) -> list[str]:
+    """Groups whose residuals surely scatter otherwise than stated: weights are then wrong."""
+    messages = []
+    known = np.array([of.sigma is not None for of in problem.described]) & problem.fitted
+    for group, members in problem.groups.items():
+        used = members & known
+        freedom = max(float(np.sum(1.0 - leverage[used])), 1e-9)
+        ratio = math.sqrt(max(float(np.sum(weighted[used] ** 2)), 1e-300) / freedom)
+        # 2.0: factor up to which deviations are stated by round numbers, and intervals are off by less; the logarithm
+        # of a scatter has the variance 1 / (2 freedom)
+        if abs(math.log(ratio)) > max(math.log(2.0), surely(chances=len(problem.groups)) / math.sqrt(2.0 * freedom)):
+            why = "the model misses something, or there is more noise" if ratio > 1.0 else "there is less noise"
+            messages.append(
+                f"{group}: residuals scatter by {ratio:.2g} times the stated deviation: {why}; weights of unlike "
+                "quantities, and intervals, are wrong where sigma is"
+            )
+    return messages
+
+
 def _sets(problem: Problem, weighted: Array) -> list[str]:
     """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
     from scipy.stats import f_oneway
 
     messages = []
     which = np.repeat(np.arange(len(problem.sets)), [of.values.size for of in problem.sets])
-    # instants of a path are no repeats; `_series` judges them
+    # instants of a path are no repeats; `_correlated` judges them
     still = np.array([not of.moves for of in problem.sets])[which]
     for group, numbers in problem.groups.items():
         members = problem.fitted & still & numbers
@@ -97,25 +157,47 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
     return messages
 
 
-def _series(problem: Problem, weighted: Array) -> list[str]:
-    """Paths whose residuals are correlated: then they are the model's error rather than noise."""
-    messages, paths = [], sum(of.moves for of in problem.sets)
+def _correlated(problem: Problem, weighted: Array) -> list[str]:
+    """Sets whose residuals follow one another alike: then they are the model's error rather than noise."""
+    messages, sets = [], sum(of.ordered for of in problem.sets)
     for of, rows in zip(problem.sets, problem.slices, strict=True):
-        residuals = weighted[rows].reshape(of.values.shape)
-        # 30: instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long
-        # series
-        if not of.moves or len(residuals) < 30:
+        residuals = weighted[rows].reshape(of.values.shape)[of.fitted]
+        # 30: rows from which the correlation is tested; its deviation, 1 / sqrt(rows), holds for long series
+        if not of.ordered or len(residuals) < 30:
             continue
-        before, after = (part.ravel() - residuals.mean() for part in (residuals[:-1], residuals[1:]))
-        # of each coordinate with itself one instant later
-        share = float(before @ after) / max(float(before @ before), 1e-300)
-        if share > surely(residuals.size, chances=paths) / np.sqrt(residuals.size):
+        last, sure = correlated(residuals)
+        if sure > surely(chances=sets * int(math.log2(len(residuals) / 2))):
+            span = f"over {last} instants" if of.moves else f"over {last} rows"
             messages.append(
-                f"residuals of {of.name} are correlated in time (correlation {share:.2f} from one instant to the "
-                "next): the model misses something, for which the intervals are wider, as if it were noise; more "
-                "elements show whether it is the family's own error"
+                f"residuals of {of.name} are correlated in time ({span}, {sure:.0f} deviations): the model misses "
+                "something, for which the intervals are wider, as if it were noise, and estimates may be off by more; "
+                "more elements show whether it is the family's own error"
             )
     return messages
+
+
+def doubts_of_elements(problem: Problem, solution: Solution, inferred: Inferred) -> list[str]:
+    """Parameters that a model with twice the elements would move by more than their deviations, all that are
+    ``inferred``; none where such a model is not feasible.
+    """
+    finer = np.zeros(len(problem.measured))
+    for block, rows, mix in problem.parts:
+        model = FingerModel(block.scene)
+        # the start that was estimated is in coordinates of the coarser one
+        if len(model.lengths) > _MOST or block.own:
+            return []
+        try:
+            again = block.again(problem.sought, scene=refined(block.scene, model), by=())
+            finer[rows] = again.predict(mix @ solution.values)[0]
+        except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
+            return []
+    change = ((solution.predictions - finer) / solution.sigma)[problem.fitted]
+    # a Gauss-Newton step of the finer model, by the coarse one's Jacobian: the error of that is of higher order
+    moved = np.linalg.lstsq(inferred.jacobian[: len(change)], change, rcond=None)[0]
+    rows_of = zip(inferred.unknowns, moved, np.abs(moved) / inferred.inference.deviations.clip(1e-300), strict=True)
+    parts = [f"{unknown.name} by {by:.2g} ({share:.1f} deviations)" for unknown, by, share in rows_of if share > 1.0]
+    why = "the intervals leave the model's own error out; take more elements"
+    return [f"twice the elements would move {', '.join(parts)}: {why}"] if parts else []
 
 
 def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
@@ -126,13 +208,10 @@ def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
         with suppress(ContinuumGraspError):
             further += _of_law(name, problem, solution)
     further += _widths(problem, solution.predictions)
-    further += _late(problem, solution.predictions)
-    further += _origins(problem)
+    further += _slips(problem, solution.predictions)
     readings = [rows for *_, rows in _shapes(problem)]
     about = [(problem.measured[rows] - problem.measured[rows].mean()) / solution.sigma[rows] for rows in readings]
-    # 1e-3: least change of the predictions by a further law, per scatter of the readings about their means: a tenth of
-    # what models of real fingers are off, and ten times what two integrators differ by
-    least, named = 1e-3 * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
+    least, named = _MATTERS * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
     doubts = list[str]()
     chances = len(further)  # all make one verdict together
     while further:
@@ -236,8 +315,10 @@ def _widths(problem: Problem, predictions: Array) -> list[Further]:
     return widths
 
 
-def _late(problem: Problem, predictions: Array) -> list[Further]:
-    """By how many samples rows of motions are late, and whether readings are those of the row before or behind."""
+def _slips(problem: Problem, predictions: Array) -> list[Further]:
+    """By how many samples rows of motions are late; whether readings are those of the row before or behind; offsets of
+    the positions of all sets along the axes.
+    """
     motions, before, behind = np.zeros((3, len(predictions)))
     for block, part, _ in problem.parts:
         t, rows = block.measured.at, predictions[part].reshape(block.measured.values.shape)
@@ -247,24 +328,14 @@ def _late(problem: Problem, predictions: Array) -> list[Further]:
         elif not moves:
             before[part] = (np.vstack([rows[:1], rows[:-1]]) - rows).ravel()
             behind[part] = (np.vstack([rows[1:], rows[-1:]]) - rows).ravel()
-    return [
-        *_directions("rows of motions are late", "samples", _LATE, motions),
-        *_directions("readings are those of the row before their conditions,", "rows", _BEFORE, before),
-        *_directions("readings are those of the row behind their conditions,", "rows", _BEFORE, behind),
+    along = [np.array([float(column.quantity == axis) for column in problem.described]) for axis in "xy"]
+    slips = [
+        (Unknown("rows of motions are late", "samples", _LATE), motions),
+        (Unknown("readings are those of the row before their conditions,", "rows", _BEFORE), before),
+        (Unknown("readings are those of the row behind their conditions,", "rows", _BEFORE), behind),
+        *((Unknown(f"positions are off along {k}", "m", _ORIGIN), of) for k, of in zip("xy", along, strict=True)),
     ]
-
-
-def _origins(problem: Problem) -> list[Further]:
-    """Offset of the positions of all sets along an axis."""
-    origins = []
-    for axis in "xy":
-        slope = np.array([float(column.quantity == axis) for column in problem.described])
-        origins += _directions(f"positions are off along {axis}", "m", _ORIGIN, slope)
-    return origins
-
-
-def _directions(name: str, unit: str, target: str, slope: Array) -> list[Further]:
-    return [(Unknown(name, unit, target), slope)] if slope.any() else []
+    return [(unknown, slope) for unknown, slope in slips if slope.any()]
 
 
 def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:

@@ -13,31 +13,24 @@ import numpy as np
 
 from continuum_grasp import interrupt
 from continuum_grasp.accuracy.choose import resolve_fidelity
-from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError, SolverError
+from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.data import Data, Poses, TipPath
-from continuum_grasp.identification.doubts import doubts
+from continuum_grasp.identification.doubts import doubts, doubts_of_elements
 from continuum_grasp.identification.fit import Fit, estimates
-from continuum_grasp.identification.inference import model_error_warnings
 from continuum_grasp.identification.path_block import block_of, of_one_code
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, questionable, too_far
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
 from continuum_grasp.identification.searches import LawTrial, choose_law, may_be_local, restarted
 from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
-
-_MOST = 12
-"""Elements beyond which a model is not refined to see its error: twice as many take far longer than the search."""
 
 
 @interrupt.computing()
@@ -236,22 +229,6 @@ def posed(
     return Task(scene, note, Problem(blocks, unknowns))
 
 
-def _finer(problem: Problem, values: Array) -> Array | None:
-    """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
-    predictions = []
-    for block, _, mix in problem.parts:
-        model = FingerModel(block.scene)
-        # the start that was estimated is in coordinates of the coarser one
-        if len(model.lengths) > _MOST or block.own:
-            return None
-        try:
-            finer = block.again(problem.sought, scene=refined(block.scene, model), by=())
-            predictions.append(finer.predict(mix @ values)[0])
-        except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
-            return None
-    return np.concatenate(predictions)
-
-
 def resolved(scene: Scene) -> tuple[Scene, str]:
     """The scene with a model in place of a tolerance, and what was chosen and why."""
     chosen, note = resolve_fidelity(plain_scene(scene))
@@ -270,7 +247,7 @@ def _credible(problem: Problem, solution: Solution) -> tuple[Solution, list[str]
     starts: a local minimum says nothing about the data.
     """
     for restarts in (True, False):
-        evidence = doubts(problem, solution, problem.inferred(solution).inference.freedom)
+        evidence = doubts(problem, solution, problem.inferred(solution).inference)
         accused = questionable(problem, solution) or (evidence and may_be_local(problem, solution))
         if not restarts or not accused:
             break
@@ -286,12 +263,9 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     problem = task.problem
     unknowns, shared = problem.unknowns, problem.shared
     solution, evidence = _credible(problem, solution)
-    sigma, (*_, jacobian, inference) = solution.sigma, problem.inferred(solution)
-    doubted: tuple[str, ...] = ()
-    finer = _finer(problem, solution.values)
-    if finer is not None:
-        coarse, fine = ((part / sigma)[problem.fitted] for part in (solution.predictions, finer))
-        doubted = model_error_warnings(unknowns, inference.deviations, jacobian[: len(coarse)], coarse, fine)
+    inferred = problem.inferred(solution)
+    inference = inferred.inference
+    doubted = doubts_of_elements(problem, solution, inferred)
     followed = problem.followed
     verdict = judge(problem, solution)
     problem.followed = followed  # slips are tried elsewhere
@@ -300,7 +274,7 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
         set_names=tuple(f"{unknown.name} [{unknown.unit}]" for unknown in unknowns[shared:]),
         set_values=solution.values[shared:],
         set_deviations=inference.deviations[shared:],
-        sigma=sigma,
+        sigma=solution.sigma,
         **problem.predicted(solution.values, solution.predictions),
         scene=task.scene,
         status=IMPLAUSIBLE if verdict.reason else "converged",

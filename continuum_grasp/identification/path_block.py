@@ -64,7 +64,7 @@ def of_one_code(pairs: Sequence[tuple[Scene, Data]], unknowns: Sequence[Unknown]
     return scenes
 
 
-_MOST_STEPS = 200_000
+MOST_STEPS = 200_000
 """Steps of a path: seconds per evaluation, of which a search takes dozens."""
 _INSTANT = 1e-6
 """Half the distance of the instants between which a late command is differentiated by its delay [s]."""
@@ -228,10 +228,10 @@ class PathBlock(Block):
             return cast(_Grid, settled[2])
         grid = _Grid(self._t - self._begins, rate)
         count = grid.steps * grid.substeps
-        if count > _MOST_STEPS:
+        if count > MOST_STEPS:
             raise NumericalError(
                 f"{count:.3g} steps are needed to follow this motion from {self._begins:g} to {self._t[-1]:g} s at "
-                f"these parameters; at most {_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, "
+                f"these parameters; at most {MOST_STEPS} are taken: use fewer elements, a shorter part of the data, "
                 "bounds on stiffness and damping, or instants that count from the start of the motion (zero of t)",
                 time=0.0,
             )

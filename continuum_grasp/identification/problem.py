@@ -167,6 +167,8 @@ class Problem(Numbers):
         ``further`` parameters, each with the derivatives (m,) of all predictions by it, are none in the solution; a
         Gauss-Newton step finds them beside the others.
         """
+        from scipy.optimize import lsq_linear
+
         unknowns, more = [*self.unknowns, *(of for of, _ in further)], [slope[:, None] for _, slope in further]
         missed, slopes = self.prior(solution.values)
         jacobian = (np.hstack([solution.jacobian, *more]) / solution.sigma[:, None])[self.fitted]
@@ -175,7 +177,12 @@ class Problem(Numbers):
         values = np.pad(solution.values, (0, len(more)))
         if further:
             step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
-            values, residuals = values + step, residuals + jacobian @ step
+            own = [*self.unknowns, *(of._replace(lower=-math.inf, upper=math.inf) for of, _ in further)]
+            lower, upper, sizes = np.array([(of.lower, of.upper, of.typical) for of in own]).T
+            if np.any((values + step < lower) | (values + step > upper)):
+                ends = (lower - values) / sizes, (upper - values) / sizes
+                step = sizes * lsq_linear(jacobian * sizes, -residuals, ends, method="bvls").x
+            values, residuals = np.clip(values + step, lower, upper), residuals + jacobian @ step
         return Inferred(unknowns, values, jacobian, infer(unknowns, values, jacobian, residuals, self.series))
 
     def misfit(self, values: Array, *, early: bool = False) -> float:

@@ -353,11 +353,16 @@ class _Points:
 
     def patterns(self, measured: Sequence[ReadingColumn]) -> Iterator[tuple[list[Reading], NDArray[np.bool_]]]:
         """Readings that groups have, and which groups have just these; in the order of their first group."""
-        readings = [reading for k, m in enumerate(measured) for reading in self.readings(m, f"measured[{k}]")]
+        each = [list(self.readings(m, f"measured[{k}]")) for k, m in enumerate(measured)]
+        readings = [reading for of in each for reading in of]
         there = np.isfinite([np.asarray(reading.values) for reading in readings]).T
         for k, row in enumerate(there):
             if not row.any():
                 raise self.table.empty(self.table.index(measured[0].column), int(self.first[k]))
+        for m, of in zip(measured, each, strict=True):
+            if not np.isfinite([np.asarray(reading.values) for reading in of]).any():
+                message = f"column {m.column}: every cell is empty; expected numbers, or leave it out of measured"
+                raise self.table.error(message, self.table.index(m.column))
         for pattern in dict.fromkeys(map(tuple, there)):
             have = [reading for reading, yes in zip(readings, pattern, strict=True) if yes]
             yield have, (there == pattern).all(axis=1)

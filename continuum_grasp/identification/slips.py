@@ -29,8 +29,10 @@ _AXES: Mapping[str, Columns] = {
     "the data are turned by 90 degrees": {"x": ("y", 1.0), "y": ("x", -1.0)},
     "the data are turned by -90 degrees": {"x": ("y", -1.0), "y": ("x", 1.0)},
     "columns of x and y are swapped, and both signs": {"x": ("y", -1.0), "y": ("x", -1.0)},
+    "angle counts from the base (it is a bend)": {"angle": ("bend", 1.0)},
+    "bend counts in the world (it is an angle)": {"bend": ("angle", 1.0)},
 }
-"""Columns of x and y, for all frames with axes along those of the world."""
+"""Columns of x and y, for all frames with axes along those of the world, and of angles that count from elsewhere."""
 _GROUPS = {
     "positions": {"x": 1, "y": 1},
     "times": {"t": 1, "frequency": -1, "decay_rate": -1},

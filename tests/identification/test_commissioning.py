@@ -16,7 +16,8 @@ from continuum_grasp.closed_loop.wiring import TIP, wiring_of
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.commissioning import commission, design_commissioning
-from continuum_grasp.identification.commissioning.bench import Bench, camera_through
+from continuum_grasp.identification.commissioning.bench import Bench, Log, camera_through
+from continuum_grasp.identification.commissioning.log import _log_of
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.scene.estimator import Camera, Connection, Mounting
 from tests.identification.test_replay import SCENE
@@ -99,6 +100,37 @@ def test_a_motion_begins_at_rest_under_its_first_command():
             zip(bench.model.x_names, bench.moved(t, np.tile(tensions, (t.size, 1)), p, t[-1])[1][0], strict=True)
         )
         assert [begins[name] for name in TENSIONS] == pytest.approx(tensions, abs=1e-9)
+
+
+@pytest.mark.parametrize("at", [0.05, 0.0512])
+def test_commands_are_held_from_their_instants_on(at):
+    """Tensions after a step, by the closed form of two equal lags; a sixth of a step of the motion earlier is 0.2 N."""
+    bench, lag = Bench(scene()), SCENE["finger"]["tendons"]["time_constant"]
+    t, u = np.array([0.0, at, at + 0.03]), np.array([[2.0, 3.0], [20.0, 3.0], [9.0, 3.0]])
+    values = np.array([unknown.start for unknown in bench.unknowns])
+    log = Log(t, u, np.array([0.0, 0.2]), np.zeros((2, 4)), bench.names)
+    instants, shown = bench.shown(log, Mounting(), values)
+
+    def risen(time):
+        return np.where(time > 0.0, 1.0 - (1.0 + time / lag) * np.exp(-time / lag), 0.0)
+
+    expected = 2.0 + 18.0 * risen(instants - at) - 11.0 * risen(instants - at - 0.03)
+    assert np.abs(shown[:, 2] - expected).max() < 0.06
+    assert shown[:, 3] == pytest.approx(3.0)
+
+
+def test_commands_without_a_cell_stay_as_they_were(tmp_path):
+    """Of a logger that writes what changes; and times in ms, read as s, are refused before the motion is followed."""
+    tried, file = scene(), tmp_path / "log.csv"
+    rows = [f"{0.01 * k:g},{2 + k // 20 if k % 20 == 0 else ''},3,0,0.18,2,3" for k in range(60)]
+    names = "tip_x [m],tip_y [m],tension_1 [N],tension_2 [N]"
+    file.write_text("\n".join([f"t,commanded_tension_1 [N],commanded_tension_2 [N],{names}", *rows]))
+    log, _ = _log_of(tried, Bench(tried), file)
+    assert log.u[:, 0].tolist() == [2.0] * 20 + [3.0] * 20 + [4.0] * 20
+    text = file.read_text().splitlines()
+    file.write_text("\n".join([text[0], *(f"{1e4 * k:g},{row.partition(',')[2]}" for k, row in enumerate(text[1:]))]))
+    with pytest.raises(InputError, match="check the unit of t"):
+        commission(tried, file)
 
 
 @pytest.mark.deep

@@ -162,6 +162,17 @@ def test_wrong_cells_are_named_with_their_place(tmp_path, cell, words):
     assert "drop" in error.message
 
 
+def test_a_column_without_a_number_is_named(tmp_path):
+    """A camera that lost one coordinate; of single cells the rows are read that have others."""
+    path, of_x = tmp_path / "drops.csv", {"quantity": "x", "column": "x [mm]"}
+    both = scene(STATIC | {"measured": [of_x, *STATIC["measured"]]})
+    path.write_text("weight,x [mm],drop [mm]\n0,,10\n1,399,20\n")
+    assert [len(of.measured) for of in read_data(both, [path])] == [1, 2]
+    path.write_text("weight,x [mm],drop [mm]\n0,,10\n1,nan,20\n")
+    with pytest.raises(InputError, match=r"drops.csv:1:8: column x \[mm\]: every cell is empty"):
+        read_data(both, [path])
+
+
 def test_cells_that_nothing_separates_are_named(tmp_path):
     path = tmp_path / "drops.csv"
     path.write_text("weight drop\n0 1\n10 2\n")

@@ -187,6 +187,18 @@ def test_slips_are_named(change, words):
         fit.apply()
 
 
+@pytest.mark.parametrize(
+    ("quantity", "offset", "words"), [("angle", 0.0, "angle counts from the base"), ("bend", -np.pi / 2, "bend counts")]
+)
+def test_angles_that_count_from_elsewhere_are_named(quantity, offset, words):
+    """Of a rod that is clamped at an angle of its own, bends as angles and the other way round."""
+    scene = loaded_scene(2, finger={"base": {"angle": -np.pi / 2}})
+    rows = Poses([Reading(quantity, tips()[:, 2] + offset)], {"load_1_y": -LOADS})
+    fit = cg.identify(scene, rows, parameters=["bending_stiffness"])
+    assert fit.status == "implausible"
+    assert any(cause.startswith(words) for cause in fit.causes)
+
+
 def test_slips_are_named_where_the_search_ended_at_a_rigid_finger():
     """From there no shape is followed back to the start values, which other slips are tried at."""
     loads = np.array([0.0, 0.1, 0.2, 0.4, 0.6])

@@ -8,18 +8,19 @@ differences.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.integration import Integration
 from continuum_grasp.closed_loop.plant import choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.wiring import TIP, wiring_of
-from continuum_grasp.core.rollouts import Signal
+from continuum_grasp.core.integrators import step_function
+from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.numbers import Measured, MeasuredColumn
@@ -66,7 +67,7 @@ class Bench:
         alone bends the finger, and is half of each.
     """
 
-    def __init__(self, scene: ControlScene, friction: bool = False) -> None:
+    def __init__(self, scene: ControlScene, friction: bool = False, compiled: bool = True) -> None:
         self.scene, finger = scene, scene.finger
         initial = scene.initial.replaced(reached_by=None, friction_states=None)
         finger = finger.with_tendons(friction=0.0) if finger.has_tendon_friction else finger
@@ -99,7 +100,12 @@ class Bench:
         stable = {"rk4": explicit, "rodas": 1}.get(method.name, method.substeps)
         self.step = period / max(stable, math.ceil(period / _LONGEST))
         self._stored = max(1, math.floor(_LONGEST / self.step + 1e-9))
-        self._integration = Integration(self.model, method.name)
+        step = step_function(self.model, method.name)
+        inputs: Any = step.sx_in() if step.is_a("SXFunction") else step.mx_in()
+        x, _, u, _, *others = inputs
+        # a command that jumps between two steps acts in the second one alone
+        held = ca.Function("held_" + step.name(), inputs, step.call([x, u, u, u, *others]), step.name_in(), ["xn"])
+        self._run = Rollouts.of(held, compiled, "the bench")
         x, u, w, p = self.model.symbols
         rate = self.model.forward_dynamics(x, u, w, p)
         self._rate = ca.Function("rate", [x, u, w, p], [rate, ca.jacobian(rate, x)])
@@ -128,18 +134,20 @@ class Bench:
         """
         step, stored = self.step, self._stored
         count = max(1, math.ceil((end - t[0]) / (stored * step)))
-        halves = t[0] + 0.5 * step * np.arange(2 * stored * count + 1)
-        # A command at an instant acts from then on; 1e-9 s: instants are rounded.
-        rows = u[np.clip(np.searchsorted(t, halves + 1e-9, side="right") - 1, 0, len(t) - 1)]
+        ends = t[0] + step * np.arange(stored * count + 1)
+        # each step has the mean of the commands that are held in it
+        knots = np.append(t, max(t[-1], ends[-1]) + step)
+        sums = np.cumsum(np.vstack([0.0 * u[:1], np.diff(knots)[:, None] * u]), axis=0)
+        means = np.diff([np.interp(ends, knots, column) for column in sums.T]).T / step
+        rows = np.vstack([np.repeat(means, 2, axis=0), means[-1:]])  # at half steps
         w = self.model.forces(0.0)
         begin = self._at_rest(rows[0], w[0], p)
         signals = Signal(np.ascontiguousarray(rows)[None], self.model.nu, 0), Signal(w[None], 0, 0)
-        states, valid = self._integration.run(begin[None], count, stored, step, *signals, p)
-        whole = slice(None, None, 2 * stored)
+        states, valid = self._run(begin[None], count, stored, step, *signals, p)
         if valid[0] < count:
-            time = float(halves[whole][valid[0]])
+            time = float(ends[::stored][valid[0]])
             raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
-        return halves[whole], states[0], rows[whole]
+        return ends[::stored], states[0], rows[:: 2 * stored]
 
     def _at_rest(self, u: Array, w: Array, p: Array) -> Array:
         """State at rest (nx) under a command (nu), which drives have reached; friction is near that of the start."""
@@ -188,6 +196,7 @@ class BenchBlock(Block):
     """
 
     kinked = True  # where a tendon comes to be slack
+    _by: Any = slice(None)
 
     def __init__(self, bench: Bench, log: Log, way: Mounting) -> None:
         lines = tuple(Connection(of=k + 1) for k in range(bench.model.nu))
@@ -222,11 +231,20 @@ class BenchBlock(Block):
         camera = self.way.camera.model_copy(update={"position": (x, y), "angle": angle, "scale": scale})
         return self.way.model_copy(update={"camera": camera, "drives": tuple(drives), "tensions": tuple(cells)})
 
+    def again(self, unknowns: Sequence[Unknown], *, scene: Any = None, by: Any = None, **_: Any) -> Self:
+        """The log with the finger of another scene, and its model; not compiled, as it is predicted once."""
+        same = {key: getattr(scene, key) for key in ("finger", "fidelity", "initial")}
+        changed = self.bench.scene.model_copy(update=same)
+        again = type(self)(Bench(changed, compiled=False), self._log, self.way)
+        again._by = self._by if by is None else list(by)
+        return again
+
     def predict(self, values: Array, until: float = math.inf) -> tuple[Array, Array]:
         seen = self._seen(values)
         # 1e-4: change of an unknown, per typical size, of which the readings are compared
-        steps = np.diag([1e-4 * unknown.typical for unknown in self.unknowns])
-        return seen, np.column_stack([(self._seen(values + step) - seen) / step.max() for step in steps])
+        steps = np.diag([1e-4 * unknown.typical for unknown in self.unknowns])[self._by]
+        slopes = [(self._seen(values + step) - seen) / step.max() for step in steps]
+        return seen, np.reshape(slopes, (len(steps), seen.size)).T
 
     def by_friction(self, values: Array) -> Array:
         """Derivative (m,) of what is read by friction of the tendons, where there is none yet."""

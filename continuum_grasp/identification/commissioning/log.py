@@ -21,8 +21,10 @@ from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.commissioning.bench import FRICTION, Bench, BenchBlock, Log, camera_through
 from continuum_grasp.identification.commissioning.plan import checked, design_commissioning, names_of
 from continuum_grasp.identification.commissioning.result import Alternative, Commissioning
+from continuum_grasp.identification.doubts import doubts, doubts_of_elements
 from continuum_grasp.identification.experiments import ExperimentPlan
 from continuum_grasp.identification.fit import estimates
+from continuum_grasp.identification.path_block import MOST_STEPS
 from continuum_grasp.identification.periods import columns_of
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
@@ -132,8 +134,13 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
     absent = [name_of(name) for name in (*TIP, *commands) if not columns[name][0].size]
     if absent:
         raise InputError(f"the log has no {', '.join(absent)}", file=file)
-    t = columns[commands[0]][0]
-    u = np.column_stack([np.interp(t, *columns[name]) for name in commands])
+    t = np.unique(np.concatenate([columns[name][0] for name in commands]))
+    if (t[-1] - t[0]) / bench.step > MOST_STEPS:
+        message = f"the log lasts {t[-1] - t[0]:g} s, more than {MOST_STEPS} steps of the motion: check the unit of t"
+        raise InputError(f"{message}, or give a part of it", file=file)
+    # a command that has no cell at an instant stays as it was
+    held = [np.clip(np.searchsorted(columns[name][0], t, side="right") - 1, 0, None) for name in commands]
+    u = np.column_stack([columns[name][1][at] for name, at in zip(commands, held, strict=True)])
     present = [name for name in names if columns[name][0].size]
     at = columns[present[0]][0]
     for name in present:
@@ -243,6 +250,8 @@ def _result(
     found = problem.inferred(solution, *((Unknown(FRICTION, "1", FRICTION, typical=0.01), slope) for slope in friction))
     step = found.values - np.pad(solution.values, (0, len(friction)))
     predictions = solution.predictions + np.column_stack([solution.jacobian, *friction]) @ step
+    doubted = doubts(problem, solution._replace(predictions=predictions), found.inference, laws=False)
+    doubted += doubts_of_elements(problem, solution, found)
     mounting = block.mounting(found.values[: len(block.unknowns)])
     if len(cells) < bench.model.nu:
         mounting = mounting.model_copy(update={"tensions": ()})
@@ -275,7 +284,7 @@ def _result(
         **problem.predicted(solution.values, predictions),
         scene=scene,
         status=status,
-        warnings=found.inference.warnings,
+        warnings=(*found.inference.warnings, *doubted),
         statistics={"ways": len(alike), "evaluations": solution.evaluations},
         mounting=mounting,
         alternatives=tuple(Alternative(_words(of.way), missed) for missed, of, *_ in alike),
