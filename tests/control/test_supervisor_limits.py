@@ -124,7 +124,14 @@ class Watch:
             setattr(self.state, name, type(getattr(self.state, name))(*value) if isinstance(value, tuple) else value)
 
     def judge(
-        self, nis=(-1.0, -1.0), echo=(0.0, 0.0), behind=(0.0, 0.0), verdict=(0, 0), y=None, expected=(0.0, 0.0), **others
+        self,
+        nis=(-1.0, -1.0),
+        echo=(0.0, 0.0),
+        behind=(0.0, 0.0),
+        verdict=(0, 0),
+        y=None,
+        expected=(0.0, 0.0),
+        **others,
     ) -> Report:
         """A call; without a reading the camera's is an outlier, so that what is known of it stays."""
         readings, report = TWO(*(y or (0.0, 0.0))), Report()
