@@ -20,9 +20,10 @@
 
 #define SUPERVISOR_ECHO 0.15    /* mean product of successive normalized innovations of a drive: -0.2 where it is known, 0.2 to
                                    0.45 of a loop that swings by 9 to 15 mm with an unknown delay of three periods */
-#define SUPERVISOR_BEHIND 0.15  /* mean square of a drive's innovations that is in proportion to its motion: below 0.05 in trials of
-                                   17 shipped loops; 0.2 of a drive twice as slow as the model's, 0.6 of thrice, as
-                                   the tip of tip_arc follows by 13 and 22 mm, with a mismatch of 2 at most */
+#define SUPERVISOR_BEHIND 0.15  /* mean square of a drive's innovations that is in proportion to its motion: 0.05 at most in trials
+                                   of 12 shipped loops, beyond the limit in none of all 17; in tip_arc 0.2 of a drive
+                                   twice as slow as the model's and 0.6 of thrice, as the tip is 13 and 22 mm off, with a
+                                   mismatch of 2 at most */
 #define SUPERVISOR_TRAVEL 1.0   /* mean square of that motion below which noise leads it */
 #define SUPERVISOR_ANSWER 0.15  /* mean product of successive readings of a live image, per squared motion that drives cause: half
                                    of it where friction of three times the model's holds the finger, 0.3 to 1 else */
