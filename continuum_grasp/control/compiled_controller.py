@@ -125,11 +125,11 @@ class CompiledController(Remade, Summarized):
             else:
                 rows = reference
             _copy(self._setpoints, rows, np.ndim(rows) == 1 and np.size(rows) == self.stages.nr)
-            flags = _LATE if (self._late if late is None else late) else 0
+            flags = _LATE if (self._late if late is None else numbers(late).item()) else 0
             if applied is not None:
                 self._put("applied", self._applied, applied)
                 flags |= _APPLIED
-            now = math.nan if time is None else float(numbers(time))
+            now = math.nan if time is None else numbers(time).item()
             # Below 0 the C takes the time since the last call as unknown: at the first, and where a clock went back.
             self._elapsed[0] = now - self._time if now > self._time else -1.0
             self._time = now if math.isfinite(now) else math.nan
@@ -137,7 +137,7 @@ class CompiledController(Remade, Summarized):
             raise
         except (ValueError, TypeError) as error:
             raise self._shape_error(
-                measurement=measurement, reference=reference, p=p, applied=applied, time=time
+                measurement=measurement, reference=reference, p=p, applied=applied, late=late, time=time
             ) from error
         c = self._c
         status = self._call(c.address, c.input_address, flags, c.output_address)
@@ -319,30 +319,30 @@ class CompiledController(Remade, Summarized):
         return rows
 
     def _shape_error(self, **arguments: Any) -> InputError:
-        """Name what has another shape than expected, or everything where the shapes fit but entries are no numbers."""
+        """Name what has another shape than expected, or entries that are no numbers."""
         s = self.stages
         shapes: dict[str, tuple[Any, ...]] = {
             "measurement": (self._measurement.shape,),
             "reference": ((s.nr,), self._setpoints.shape),
             "p": ((s.np,),),
             "applied": ((s.nu,),),
-            "time": ((),),
+            **dict.fromkeys(("late", "time"), ((),)),
         }
-        present = {name: value for name, value in arguments.items() if value is not None}
-        wrong = [name for name, value in present.items() if _shape(value) not in shapes[name]] or list(present)
         messages = []
-        for name in wrong:
-            value, shape, expected = present[name], _shape(present[name]), shapes[name]
-            got = shown(value, 80) if shape in (None, (), *expected) else str(shape)
+        for name, value in arguments.items():
+            shape, expected = _shape(value), shapes[name]
+            if value is None or isinstance(value, Mapping) or shape in expected:
+                continue
+            got = shown(value, 80) if shape in (None, ()) else str(shape)
             messages.append(f"{self._called.get(name, name)}: expected {' or '.join(map(str, expected))}, got {got}")
         return InputError("a step takes arrays of numbers; " + "; ".join(messages))
 
 
 def _shape(value: Any) -> tuple[int, ...] | None:
-    """Shape of an argument; None where it is ragged."""
+    """Shape of an argument; None where it is ragged, or no array of numbers."""
     try:
-        return tuple(np.shape(value))
-    except ValueError:
+        return numbers(value).shape
+    except (ValueError, TypeError):
         return None
 
 

@@ -17,6 +17,7 @@ from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction, first_state
+from continuum_grasp.errors import InputError
 from continuum_grasp.labels import quoted
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
@@ -133,15 +134,20 @@ class Controller(CompiledController):
         state : (nx,) array_like, optional
             State of the prediction from which the estimator starts; the scene's initial pose where not given.
         u : (nu,) array_like, optional
-            Input that was applied before; least tensions or no moment where not given.
+            Input that was applied before; least tensions or no moment where not given. Beyond the limits of commands it
+            may be as far as drives can be.
 
         Raises
         ------
         InputError
-            If something has another size or is not finite.
+            If something has another size or is not finite, or u is beyond what drives can have.
         """
         x = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", self.scene.rest_input if u is None else u, self.stages.nu)
+        least, most = self.parts.ranges.applied.T
+        for name, value, low, high in zip(self.stages.u_names, before, least, most, strict=True):
+            if not low <= value <= high:
+                raise InputError(f"{name}: {value:g} is beyond what a drive can have, {low:g} to {high:g}", key="u")
         self._start(x, before, given=state is not None)
 
     def step(

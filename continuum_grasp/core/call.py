@@ -189,12 +189,14 @@ def section_check(model: FingerModel, function: ca.Function) -> Callable[[Sequen
 def check_moment(model: FingerModel, u: Array) -> None:
     """Refuse inputs in time (rollouts, rows, nu) whose tip moment varies where the model takes it to be constant."""
     structure = model.structure
-    if not structure.moment_is_constant or u.shape[1] < 2:
+    if not structure.matched or structure.inputs.rates or u.shape[1] < 2:
         return
     values = list(np.moveaxis(u[:, :, : structure.inputs.count], -1, 0))
     for source in structure.sources:
         driven, couples = source.amplitudes(values, len(structure.inputs.drives))
-        amplitude = np.broadcast_to(source.gain * driven + couples, values[0].shape)
+        # A lag gives the rates of what it follows, not those of a couple beside it.
+        known = 0.0 if source.lags else source.gain * driven
+        amplitude = np.broadcast_to(known + couples, values[0].shape)
         largest = max([1.0] * bool(source.couples) + [abs(source.gain * arm) for arm in source.arms])
         if np.ptp(amplitude, axis=1).max() > _ROUNDING * np.abs(u).max() * largest:
             break

@@ -402,6 +402,35 @@ def test_what_is_no_array_of_numbers_is_refused(wrong):
         given().step(wrong, REFERENCE)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "expected"),
+    [
+        ({"late": np.array([True, False])}, r"late: expected \(\), got \(2,\)"),
+        ({"late": "no"}, r"late: expected \(\), got 'no'"),
+        ({"time": [1.0, 2.0]}, r"time: expected \(\), got \(2,\)"),
+        ({"p": ["0.0471"]}, r"p: expected \(1,\), got \['0.0471'\]"),
+    ],
+)
+def test_a_step_blames_the_argument_that_is_wrong_and_no_other(wrong, expected):
+    given().reset()
+    with pytest.raises(InputError, match=f"^a step takes arrays of numbers; {expected}$"):
+        given().step(np.zeros(4), REFERENCE, **wrong)
+    given().step(np.zeros(4), REFERENCE)
+    for late in (np.True_, 1, np.array([1])):  # a flag in other words
+        assert Anomaly.LATE in given().step(np.zeros(4), REFERENCE, late=late).anomaly
+
+
+def test_a_start_begins_with_inputs_as_far_as_drives_can_be():
+    """Commands reach 0.3 N m, what acts twice as far: from there a command comes back at its rate."""
+    control = estimating()
+    for u in (2.0 * MOST, -2.0 * MOST):
+        control.reset(u=[u])
+        assert abs(control.step(None).u[0]) == pytest.approx(2.0 * MOST - RATE * 0.01)
+    for u in (2.01 * MOST, -2.01 * MOST):
+        with pytest.raises(InputError, match=r"u: tip_moment \[N m\]: .* beyond what a drive can have, -0.6 to 0.6"):
+            control.reset(u=[u])
+
+
 def test_a_limit_moved_past_the_command_is_approached_at_the_rate_and_said():
     control = Controller(swing_scene(**GIVEN), deadline=math.inf)
     control.reset(u=[0.28])

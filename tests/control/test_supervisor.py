@@ -93,6 +93,21 @@ def test_wrong_plants_are_held(change):
     assert not found.tripped
 
 
+@pytest.mark.deep
+@pytest.mark.parametrize(("slower", "reported"), [(1.0, False), (3.0, True), (4.0, True)])
+def test_a_slow_drive_is_reported_where_the_tip_falls_behind_although_nothing_swings(slower, reported):
+    """12 cm to and fro at 1 Hz: the tip follows by the rise of the ramp that lag adds, which no single call shows."""
+    path = "configs/mpc/tip_arc.yaml"
+    found = run_closed_loop(load(path, [f"plant.time_constant={slower * 0.02}"]))
+    assert found.mismatch.max() < 3.0
+    # A critically damped lag of time T follows a ramp by 2 T; r.m.s. of the setpoint's speed times that, and friction.
+    behind = 2.0 * (slower - 1.0) * 0.02 * np.linalg.norm(np.gradient(found.r[:, :2], found.t, axis=0), axis=1)
+    assert error(found) == pytest.approx(np.sqrt(np.mean(behind[found.t > 2.0] ** 2)), abs=4e-3)
+    later = [health for t, health in zip(found.t, found.health, strict=False) if t > 1.0]
+    assert set(later) == ({"mismatch"} if reported else {"ok"})
+    assert all("tension" in text for text in found.health_texts[-50:]) is reported
+
+
 def swapped(*pairs):
     order = np.arange(4)
     for i, j in pairs:

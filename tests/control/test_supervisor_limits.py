@@ -70,12 +70,15 @@ State = _structure(
     c=("path", TWO),
     d=("mismatch", THREE),
     e=("activity", REAL),
-    f=("echo usual before common caused silent together", TWO),
+    f=("echo along travel usual before common caused silent together", TWO),
     g=("calls rung raises since calm doubted late", INT),
     h=("swinging contradicted away unseen implausible tripped trips since_rearmed suspect", INT),
 )
 Evidence = _structure(
-    "Evidence", a=("nis echo y expected verdict", ctypes.c_void_p), b=("implausible", INT), c=("elapsed distance", REAL)
+    "Evidence",
+    a=("nis echo along travel y expected verdict", ctypes.c_void_p),
+    b=("implausible", INT),
+    c=("elapsed distance", REAL),
 )
 Report = _structure("Report", a=("health sensor entry reason rung contradicts", INT), b=("mismatch activity", REAL))
 
@@ -120,14 +123,24 @@ class Watch:
         for name, value in state.items():
             setattr(self.state, name, type(getattr(self.state, name))(*value) if isinstance(value, tuple) else value)
 
-    def judge(self, nis=(-1.0, -1.0), echo=(0.0, 0.0), verdict=(0, 0), y=None, expected=(0.0, 0.0), **others) -> Report:
+    def judge(
+        self,
+        nis=(-1.0, -1.0),
+        echo=(0.0, 0.0),
+        behind=(0.0, 0.0),
+        verdict=(0, 0),
+        y=None,
+        expected=(0.0, 0.0),
+        **others,
+    ) -> Report:
         """A call; without a reading the camera's is an outlier, so that what is known of it stays."""
         readings, report = TWO(*(y or (0.0, 0.0))), Report()
         verdicts = INTS(*verdict) if y is not None or verdict[0] else INTS(Verdict.OUTLIER, verdict[1])
         library().supervisor_screen(*map(ctypes.byref, (self.state, self.settings, readings, report)))
         if math.isnan(readings[0]) and y is not None:
             verdicts[0] = Verdict.FROZEN
-        arrays = TWO(*nis), TWO(*echo), readings, TWO(*expected), verdicts
+        along, travel = TWO(0.0, behind[0]), TWO(0.0, behind[1])  # of the drive
+        arrays = TWO(*nis), TWO(*echo), along, travel, readings, TWO(*expected), verdicts
         seen = Evidence(*map(ctypes.addressof, arrays), **{"elapsed": -1.0, "distance": -1.0, **others})
         library().supervisor_judge(*map(ctypes.byref, (self.state, self.settings, seen, report)))
         return report
@@ -163,7 +176,7 @@ def seen(happens, **state):
     """Calls until something happens with an entry of the state: the greatest mismatch, or the drive's echo."""
 
     def calls(name, value):
-        entry = {"mismatch": (0.0, value, 0.0), "echo": (0.0, value)}.get(name, value)
+        entry = {"mismatch": (0.0, value, 0.0), "echo": (0.0, value), "along": (0.0, value)}.get(name, value)
         return Watch(**{**state, name: entry}).when(happens)
 
     return calls
@@ -175,6 +188,8 @@ RAISED = {"rung": 1, "raises": 1}
 LIMITS = {
     "mismatch reported": (seen(health(Health.MISMATCH)), "mismatch", 2.5, 401, 1),
     "mismatch that contradicts now": (seen(lambda r: r.contradicts, **RAISED), "mismatch", 2.5, 401, 1),
+    # 1.5 = (0.15 (14 + 1))^0.5
+    "a drive that falls behind": (seen(health(Health.MISMATCH), travel=(0.0, 14.0)), "along", 1.5, 401, 1),
     "mismatch that lasts": (seen(raised, **ACTIVE), "mismatch", 3.0, 401, LONG),
     "severe mismatch": (seen(raised, **ACTIVE), "mismatch", 10.0, LONG, 1),
     "activity of a loop that is detuned": (seen(raised, **DOUBTED), "activity", 0.002, 401, LONG),
@@ -199,6 +214,21 @@ def test_a_limit_of_a_mean_is_held_below_and_broken_above(case):
     calls, name, limit, below, above = LIMITS[case]
     assert (calls(name, 0.999 * limit), calls(name, 1.001 * limit)) == (below, above)
     assert calls(name, limit) == (below if name == "echo" else max(below, above))  # at the limit nothing happens
+
+
+def test_a_drive_that_falls_behind_or_runs_ahead_is_reported_alone():
+    """By a sum that grows with the motion; noise of one standard deviation that follows itself at rest is none."""
+    for along, travel, expected in ((1.6, 14.0, 1), (-1.6, 14.0, 1), (1.0, 1.0, 1), (0.3, 0.3, -1)):
+        report = Watch(along=(9.0, along), travel=(1.0, travel)).judge()  # the camera is no drive
+        assert (report.health, report.contradicts) == (Health.MISMATCH if expected >= 0 else Health.OK, 0)
+        assert report.sensor == max(expected, 0)
+    watch = Watch(along=(0.0, 9.0))
+    assert watch.judge().sensor == 1
+    watch.put(mismatch=(5.0, 0.0, 0.0))  # what contradicts most is named first
+    assert (watch.judge().sensor, watch.judge().contradicts) == (0, 1)
+    watch = Watch()
+    assert watch.when(raised, nis=(1.0, 1.0), behind=(20.0, 40.0)) == 401  # a report, no action
+    assert watch.judge().health == Health.MISMATCH
 
 
 def test_a_tip_is_away_beyond_the_distance_only_with_a_mismatch():
@@ -326,10 +356,11 @@ def test_the_path_of_a_command_counts_for_what_it_moves():
 def test_means_are_over_windows():
     """A window of innovations and motions, five of echoes, half a window of readings; none before the delay."""
     watch = Watch()
-    watch.judge(nis=(2.0, 4.0), echo=(0.5, 1.0), y=(3.0, 0.0))
+    watch.judge(nis=(2.0, 4.0), echo=(0.5, 1.0), behind=(2.0, 3.0), y=(3.0, 0.0))
     state = watch.state
     assert list(state.mismatch) == pytest.approx([2.0 / W, 4.0 / W, 0.0])
     assert list(state.echo) == pytest.approx([0.5 / (5 * W), 1.0 / (5 * W)])
+    assert (state.along[1], state.travel[1]) == pytest.approx((2.0 / (5 * W), 3.0 / (5 * W)))
     assert state.usual[0] == pytest.approx(2.0 * 3.0 / W)
     watch = Watch(mismatch=(1.0, 1.0, 0.0))
     assert watch.judge(nis=(0.0, 0.0)).sensor == 0  # of two alike the first

@@ -234,6 +234,24 @@ def test_what_goes_beside_measurements(libraries):
         assert getattr(c, f"finger_{name}_init_abi")(control._memory, ctypes.c_uint32(1)) == Code.ERR_ABI
 
 
+@needs("cc")
+@pytest.mark.parametrize("applied", [(-25.0, 1.0), (1.0, 115.0), (-25.0, 115.0)])
+def test_no_command_follows_what_was_applied_beyond_the_limits(applied, libraries):
+    """Slack drives, and one that overshoots, for the estimator alone: in C as in Python."""
+    finger, library = libraries("limited", "double")
+    control, other = Controller(scene("limited"), deadline=math.inf), finger.Controller(library)
+    rows = np.tile([0.5, 0.5, 1.0, 1.0], (9, 1))
+    for k in range(6):
+        x = np.array([0.2, 0.1, 0.0, 0.0]) + 0.01 * k
+        if k % 2:
+            other.applied(finger.Command(*applied))
+        found = values(other.step(finger.Measurement(*x), reference(finger, rows)))
+        assert other.code in (Code.OK, Code.WARN_BOUND_LEFT)  # what was applied is beyond the rate's bound
+        assert min(found) >= 1.0 - 1e-6
+        assert max(found) <= 60.0 + 1e-6
+        assert found == pytest.approx(control.step(x, rows, applied=applied if k % 2 else None).u, rel=1e-7)
+
+
 @pytest.mark.deep
 @needs("cc")
 def test_what_is_left_out_is_not_measured_and_the_reference_is_that_of_the_scene(libraries):

@@ -16,6 +16,7 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Tendons
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.loads import MomentLoad
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation import equilibrium, initial_state, simulate, stepping
 from tests.marks import but, few
@@ -143,6 +144,13 @@ def test_a_moment_that_varies_is_refused_where_the_model_takes_it_to_be_constant
     pair.rollout(x0, 10, 1e-3, u=3.0 + growing @ [[1.0, 1.0]])
     with pytest.raises(InputError, match="the tip moment varies"):
         pair.rollout(x0, 10, 1e-3, u=3.0 + growing @ [[1.0, -1.0]])
+    for at in (0.5, 1.0):  # a lag of the tendons gives no rates of a couple beside them
+        load = MomentLoad(at=at * finger.rod.length, moment=0.0, input=True)
+        beside = Core(FingerModel(lagged, family="matched_clothoid", loads=(load,), input_rates=False))
+        rest = np.zeros(beside.model.nx)
+        beside.rollout(rest, 10, 1e-3, u=3.0 + growing @ [[1.0, -1.0, 0.0]])
+        with pytest.raises(InputError, match="the tip moment varies"):
+            beside.rollout(rest, 10, 1e-3, u=growing @ [[0.0, 0.0, 1.0]])
     for model in (FingerModel(finger), FingerModel(lagged), FingerModel(finger, input_rates=True)):
         u = growing @ np.eye(1, model.nu)
         assert np.all(np.isfinite(Core(model).rollout(np.zeros(model.nx), 10, 1e-3, u=u)))

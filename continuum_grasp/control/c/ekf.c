@@ -326,7 +326,13 @@ static void ekf_expect(ekf_state *state, const ekf_work *work, const ekf_setting
     } else state->answer[i] *= 1 - settings->fade / 2;
   for (int row = 0; row < EKF_NY; ++row) {
     real sum = 0;
-    for (int i = 0; i < EKF_NX; ++i) sum += work->H[row + EKF_NY * i] * state->answer[i];
+    int drive = 1;
+    for (int i = 0; i < EKF_NX; ++i) {
+      const real h = work->H[row + EKF_NY * i];
+      sum += h * state->answer[i];
+      drive &= settings->drive[i] || !(h > 0 || h < 0);
+    }
+    report->motion[row] = drive ? sum : 0;
     for (int j = 0; j < EKF_NM; ++j) report->expected[j] += settings->mixing[row][j] * sum;
   }
 }
@@ -337,12 +343,15 @@ static void ekf_expect(ekf_state *state, const ekf_work *work, const ekf_setting
 static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, ekf_report *report)
 {
   const real gate = settings->gate * settings->gate;
-  real sum = 0, echo = 0;
+  real sum = 0, echo = 0, along = 0, travel = 0;
   int rows = 0, out = 0;
   for (int row = 0; row < EKF_NY; ++row) {
     if (settings->sensor[row] != sensor || !(report->variance[row] > 0)) continue;
-    real normal = report->innovation[row] / CG_SQRT(report->variance[row]);
+    const real deviation = CG_SQRT(report->variance[row]), motion = report->motion[row] / deviation;
+    real normal = report->innovation[row] / deviation;
     cg_limit(&normal, -(real)EKF_HUBER, (real)EKF_HUBER);
+    along += normal * motion;
+    travel += motion * motion;
     state->bias[row] += settings->fade * (normal - state->bias[row]);
     normal -= state->bias[row];
     echo += normal * state->before[row];
@@ -361,6 +370,8 @@ static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, 
   if (out && *bucket <= (real)EKF_PATIENCE) return CG_OUTLIER;
   report->nis[sensor] = sum / (real)rows;
   report->echo[sensor] = echo / (real)rows;
+  report->along[sensor] = along / (real)rows;
+  report->travel[sensor] = travel / (real)rows;
   return out ? CG_REOPENED : CG_USED;
 }
 

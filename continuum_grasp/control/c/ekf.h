@@ -116,6 +116,10 @@ typedef struct {
                                  sensor was not used */
   real echo[EKF_NS];          /* mean product of normalized innovations, about slow means, of two calls in a row: about 0 or
                                  less where the filter knows the motion, above where a delay or a lag is unknown */
+  real motion[EKF_NY];        /* of each compared quantity that is the state of a drive alone, about its slow mean */
+  real along[EKF_NS], travel[EKF_NS];   /* mean product of the normalized innovations of drives with that motion, and mean square of
+                                 the motion, in the same deviations: a drive that is slower than its model falls behind
+                                 its motion again and again, by less than any one call shows */
   real expected[EKF_NM];      /* motion of each measurement about its slow mean, as far as drives cause it */
 } ekf_report;
 

@@ -9,7 +9,7 @@
  * health                       when
  * ---------------------------- -----------------------------------------------------------------------------------
  *  0 SUPERVISOR_OK
- *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 2.5
+ *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 2.5, or a drive falls behind its motion, or runs ahead
  *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a lasting mismatch with an active command
  *                              or for a drive that follows its command late
  *  3 SUPERVISOR_FROZEN         a reading has not moved for a window and the delay while the command did: missing until it moves
@@ -69,6 +69,7 @@ typedef struct {
   real path[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* of the command in the meantime, in `change` */
   real mismatch[CONTROLLER_NS + 1], activity;
   real echo[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* of drives, over five windows */
+  real along[SUPERVISOR_SIZE(CONTROLLER_NS)], travel[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* the same */
   real usual[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* slow means of readings */
   real before[SUPERVISOR_SIZE(CONTROLLER_NM)];  /* last readings about them, in standard deviations */
   /* of devices that show the shape: mean product with the motion that drives cause, greatest square of it lately as far as a
@@ -85,7 +86,7 @@ typedef struct {
 } supervisor_state;
 
 typedef struct {
-  const real *nis, *echo;     /* of each sensor, as in ekf.h; nis below 0: not used */
+  const real *nis, *echo, *along, *travel;      /* of each sensor, as in ekf.h; nis below 0: not used */
   const real *y, *expected;   /* measurement, and its motion as far as drives cause it; null without an estimator */
   const int *verdict;         /* on each measurement, as in checks.h */
   int implausible;            /* whether a disturbance was clipped to a limit beyond which it means nothing */

@@ -50,7 +50,8 @@ int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   read_command(applied, u);
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
-  memcpy(controller->memory.state.u, u, sizeof u);
+  memcpy(controller->memory.applied, u, sizeof u); /* beside the last command, by which the next one stays within limits */
+  controller->memory.differs = 1;
   return <<P>>_OK;
 }
 
@@ -109,11 +110,11 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   input.measurement = y;
   input.setpoints = &work->reference[0][0];
   input.p = <<if known>>p<<else>>0<<end>>;
-  input.applied = 0;
+  input.applied = controller->memory.differs ? controller->memory.applied : 0;
   input.late = controller->memory.late;
   input.elapsed = controller->memory.elapsed;
   code = <<p>>_loop_step(&controller->memory.state, &work->loop, &work->settings, &input, &controller->memory.last);
-  controller->memory.late = 0;
+  controller->memory.late = controller->memory.differs = 0;
   controller->memory.elapsed = -1;
   if (code < 0 || check(controller->memory.last.u, applied_low, applied_high, <<loop.command.size>>) < 0) return <<P>>_ERR_RESULT;
   write_command(controller->memory.last.u, command);
