@@ -109,7 +109,7 @@ class NotLifted:
             "tension (drive_tension), more time (phases.settle), or a grasp with its object, base or contacts elsewhere"
         )
         if not self.known:
-            advice = "Look at the sensors and at the controller's health"
+            advice = "Look at the sensors, at the controller's health, and whether the object stands as in the grasp"
         why = "; ".join([*(shortfall.text for shortfall in self.shortfalls), self.cause])
         return f"not lifted at {self.time:.2f} s: {why}. {advice}"
 
