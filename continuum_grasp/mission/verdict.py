@@ -160,7 +160,7 @@ def judge(
     """The verdict on a mission, read off the plant; ``refused`` is why nothing was lifted, ``slipped`` what was noticed
     of slip, ``doubted`` what contradicted the lift.
     """
-    contacts, pose, t = record.contacts, record.object_pose, record.t
+    pose, t = record.object_pose, record.t
     lift, hold, lower = (record.timetable.span(name) for name in ("lift", "hold", "lower"))
     carried = (t >= lift.start) & (t <= lower.start)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
