@@ -143,14 +143,12 @@ def drawn_evenly(count: int) -> Array:
 
 @dataclass(frozen=True)
 class _Linear:
-    """Plants to first order with one set of open contacts: by errors and 1 (E + 1,), for forces that open contacts no
-    longer have, and by K ways that the equations leave.
-    """
+    """Plants to first order with some contacts open: by errors and 1 (E + 1,), and by K ways that equations leave."""
 
     touching: list[str]  # contacts that are not open
     missed: Array  # (M, E + 1) what errors leave of the equations, whatever follows
-    spare: tuple[Array, Array, Array]  # (L,), (L, E + 1), (L, K) of limits and gaps
-    forces: tuple[Array, Array, Array]  # (C, F), (C, F, E + 1), (C, F, K)
+    spare: tuple[Array, Array]  # (L, E + 1), (L, K) of limits and gaps
+    forces: tuple[Array, Array]  # (C, F, E + 1), (C, F, K)
 
 
 class _Plants:
@@ -189,54 +187,45 @@ class _Plants:
         # Open may be all contacts that bear nothing in the grasp, and each one of a finger.
         subsets = chain.from_iterable(combinations(idle, count) for count in range(len(idle) + 1))
         singles = ((name,) for name in self.start.contacts if scene.support_of(name) is None)
-        self._open_sets = list(dict.fromkeys([*subsets, *singles]))
+        sets = dict.fromkeys([*subsets, *singles])
+        self._open_sets = [some for some in sets if len(some) < len(self.start.contacts)]
         self._touching = self._with_open((), x, numbers)
         self.unbalanced = np.abs(self._touching.missed[:, :-1]).max(axis=0, initial=0.0) > MISSED
         """Errors (E,) with which the contacts of the grasp cannot all touch and balance the object."""
 
     def _with_open(self, some: Sequence[str], x: Array, numbers: Array) -> _Linear:
         """The plants in which some contacts are open."""
-        problem, of = self.solver.problem, [str(name) for name in self.arrays["contact_names"]]
+        at, stored = self.solver.problem.x.at, [str(name) for name in self.arrays["contact_names"]]
         equations, limits, gaps = list[int](), list[int](), np.zeros((len(self._slopes), len(some)))
-        gone = np.zeros(x.size)
-        for block in problem.rows.blocks:
+        for block in self.solver.problem.rows.blocks:
             rows, (kind, _, name) = block.rows.ravel().tolist(), block.name.partition(", ")
             if name in some and kind == "contact gap":
-                support, normal = self.scene.support_of(name), self.arrays["contact_normals"][of.index(name)]
+                support, normal = self.scene.support_of(name), self.arrays["contact_normals"][stored.index(name)]
                 outwards = normal if support is None else [-1.0, 1.0] if isinstance(support, Wall) else -normal
                 gaps[rows, some.index(name)] = outwards
-            elif name in some and kind.startswith((*_LIMITS, "landing")):
-                continue
-            equations += rows if kind.startswith(_EQUATIONS) else []
-            limits += rows if kind.startswith(_LIMITS) else []
+            if name not in some or not kind.startswith((*_LIMITS, "landing")):
+                equations += rows if kind.startswith(_EQUATIONS) else []
+                limits += rows if kind.startswith(_LIMITS) else []
+        forces = x.copy()
         for name in some:
-            gone[problem.x.at[f"force, {name}"]] = -x[problem.x.at[f"force, {name}"]]
+            forces[at[f"force, {name}"]] = 0.0
         columns = self._open(x, some)
-        broken = np.column_stack([self._broken, self._slopes @ gone])
+        broken = np.column_stack([self._broken, self._slopes @ (forces - x)])
         slopes = np.concatenate([self._slopes[:, columns], -gaps], axis=1)
         unknown, known = slopes[equations], broken[equations]
         # What changes least of all that satisfies the equations, and the ways that they leave.
         left, values, right = np.linalg.svd(unknown)
         rank = int((values > ROUNDING * values[0]).sum())
         answer, ways = -right[:rank].T @ (left[:, :rank].T @ known / values[:rank, None]), right[rank:].T
-        moved, moves = np.column_stack([self._moved, gone]), np.zeros((x.size, ways.shape[1]))
+        spare = broken[limits] + slopes[limits] @ answer
+        spare[:, -1] += self._rows(x, numbers)[limits]
+        moved, moves = np.column_stack([self._moved, forces]), np.zeros((x.size, ways.shape[1]))
         moved[columns] += answer[: columns.size]
         moves[columns] = ways[: columns.size]
-        touching = [contact.name for contact in problem.spec.contacts if contact.name not in some]
-        at = [problem.x.at[f"force, {name}"] for name in touching]
-        spare = (
-            np.concatenate([self._rows(x, numbers)[limits], np.zeros(len(some))]),
-            np.concatenate([broken[limits] + slopes[limits] @ answer, answer[columns.size :]]),
-            np.concatenate([slopes[limits] @ ways, ways[columns.size :]]),
-        )
-        forces = [np.array([values[index] for index in at]) for values in (x, moved, moves)]
-        return _Linear(touching, unknown @ answer + known, spare, (forces[0], forces[1], forces[2]))
-
-    def _outwards(self, name: str, rows: int) -> Array:
-        """What the rows of a contact's gap become per gap that opens, in units of the problem."""
-        normal = np.asarray(self.arrays["contact_normals"])[list(map(str, self.arrays["contact_names"])).index(name)]
-        wall = isinstance(self.scene.support_of(name), Wall)
-        return np.array([-1.0, 1.0]) if wall else normal if self.scene.support_of(name) is None else -normal
+        touching = [contact.name for contact in self.solver.problem.spec.contacts if contact.name not in some]
+        by_error, by_way = (np.array([v[at[f"force, {name}"]] for name in touching]) for v in (moved, moves))
+        opened = np.vstack([spare, answer[columns.size :]]), np.vstack([slopes[limits] @ ways, ways[columns.size :]])
+        return _Linear(touching, unknown @ answer + known, opened, (by_error, by_way))
 
     def reserves(self, points: Array) -> Array:
         """By how much all cones could be narrower in plants (D,) of errors (D, E) from -1 to 1, per force reference;
@@ -255,22 +244,19 @@ class _Plants:
     def _reserves(self, linear: _Linear, points: Array) -> Array:
         friction = np.array([self.scene.friction(name) for name in linear.touching])
         slippery = np.outer(1.0 + points[:, :-1] @ self.sides[:, ERRORS.index("friction")], friction)
-        here, by_error, by_way = linear.forces
-        forces = here + np.einsum("cfe,de->dcf", by_error, points)
+        (spare, spare_by_way), (by_error, by_way) = linear.spare, linear.forces
+        forces = np.einsum("cfe,de->dcf", by_error, points)
         # Tangent planes stand for a spatial cone, beside that at the force of the grasp: 0.9 % wider.
         turns = 2.0 * np.pi * np.arange(Loads.directions) / Loads.directions
         around = np.stack([np.cos(turns), np.sin(turns)], axis=1) if forces.shape[2] == 3 else np.array([[1.0], [-1.0]])
-        ways = by_way.shape[2]
-        spare, spare_by_error, spare_by_way = linear.spare
-        rows = [np.tile(-spare_by_way, (len(points), 1, 1))]
-        limits = [spare + points @ spare_by_error.T]
-        for k, (_, *sideways) in enumerate(here):
+        rows, limits = [np.tile(-spare_by_way, (len(points), 1, 1))], [points @ spare.T]
+        for k, (_, *sideways) in enumerate(by_error[:, :, -1]):
             # Friction times normal force, less the force along each direction; and what presses.
             direction = np.array(sideways) / max(float(np.linalg.norm(sideways)), 1e-300)
             cone = np.zeros((len(points), len(around) + 2, forces.shape[2]))
             cone[:, :-1, 0], cone[:, -1, 0] = slippery[:, k, None], 1.0
             cone[:, :-1, 1:] = -np.vstack([around, direction])
-            rows.append((-cone.reshape(-1, cone.shape[2]) @ by_way[k]).reshape(*cone.shape[:2], ways))
+            rows.append((-cone.reshape(-1, cone.shape[2]) @ by_way[k]).reshape(*cone.shape[:2], by_way.shape[2]))
             limits.append(np.einsum("drf,df->dr", cone, forces[:, k]))
         matrix = np.concatenate(rows, axis=1)
         matrix = np.concatenate([matrix, np.ones((*matrix.shape[:2], 1))], axis=2)
