@@ -295,9 +295,8 @@ class _Verdict:
         message = reasons[0].text
         if len(self.scene.setups) > 2 and not self.search.impossible:
             # One of ten random scenes of three fingers is held from one start of a hundred.
-            message += (
-                f"; of all postures {len(self.search.tried)} samples were tried (solver.effort: thorough tries more)"
-            )
+            message += f"; of all postures {len(self.search.tried)} samples were tried"
+            message += f" ({self._more} tries more)" if self._more else ""
         return self._failed(Status.INFEASIBLE, message, advice, closest, reasons)
 
     def _unsolved(self, closest: Tried | None) -> GraspResult:
@@ -317,9 +316,10 @@ class _Verdict:
                 f"no start led to a grasp ({ends or 'no posture touches'}), and neither one limit nor two at once "
                 "explain it"
             )
+            first = f"Try {self._more}, which tries more starts; else likely" if self._more else "Likely"
             advice = (
-                "Likely the geometry: move the base or the object, let the middle contact be elsewhere "
-                "(contacts.middle_range), or raise solver.effort."
+                f"{first} the geometry: move the base or the object, or let the middle contact be elsewhere "
+                "(contacts.middle_range)."
             )
             if outcomes == {OVERDETERMINED}:
                 advice = "Add a contact: let the object lie against a support, or another finger hold it."
@@ -340,6 +340,11 @@ class _Verdict:
             statistics=self._statistics(None if closest is None else closest.attempt),
             exploration=self.search.exploration,
         )
+
+    @property
+    def _more(self) -> str:
+        """Key and value with which the search tries more; empty where nothing does."""
+        return "" if self.scene.solver.effort == "thorough" else "solver.effort: thorough"
 
     def _cut(self) -> str:
         """Limit that cut the search short, in words."""

@@ -26,6 +26,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Contact
 from continuum_grasp.mission.assignment import LARGEST, Assignment, object_of
 from continuum_grasp.mission.budget import lowered_by_pulls, promised
+from continuum_grasp.mission.causes import CLEAR
 from continuum_grasp.mission.on_pads import standing
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.model import FingerModel
@@ -355,8 +356,7 @@ def _about_to_touch(
         shape = equilibrium_under(free, u, [], guess=q).q
         points = core.batch("position", shape, u, places[:, None])
         gaps = [body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True)]
-        # 0.003: distance from the object at which the approach ends [m]
-        if min(gaps) < 0.003:
+        if min(gaps) < CLEAR:
             nearest = float(places[int(np.argmin(gaps))]) * (-1.0 if share == 0.0 and min(gaps) < 0.0 else 1.0)
             break
         before, q = u, shape

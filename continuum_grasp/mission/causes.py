@@ -15,6 +15,8 @@ from continuum_grasp.mission.budget import CertifiedContact, Lowered, bodies, ce
 from continuum_grasp.mission.plant import Span
 from continuum_grasp.mission.record import Record
 
+CLEAR = 0.003
+"""Distance from the object at which the approach ends, and to which fingers open again [m]."""
 FALLEN = 0.005
 """Height that an object loses before it counts as dropped [m]."""
 ON_CONE = 0.99
@@ -131,6 +133,32 @@ def find_tripped(record: Record) -> Tripped | None:
         if health == "tripped"
     ]
     return min(trips, key=lambda trip: trip.time, default=None)
+
+
+@dataclass(frozen=True)
+class Touching:
+    """Contacts of fingers that still touch the object in the end."""
+
+    forces: tuple[tuple[str, float], ...]  # their names on the plant, and what they bear [N]
+    away: float  # distance of the object from where the grasp has it [m]
+
+    @property
+    def text(self) -> str:
+        """Contacts, forces, where the object stands, and advice."""
+        each = ", ".join(f"{name} presses with {force:.2g} N" for name, force in self.forces)
+        where = f"{each} in the end; the object stands {1e3 * self.away:.2g} mm from where the grasp has it"
+        if self.away < CLEAR:
+            return f"{where}: try more time (phases.release)"
+        return f"{where}, in the way of fingers that open to {1e3 * CLEAR:g} mm from there"
+
+
+def find_touching(record: Record) -> Touching | None:
+    """Contacts of fingers that touch at the end of a mission; None where none does."""
+    contacts, grasp = record.contacts, np.array(record.assignments[0].object_pose[:2])
+    last = zip(contacts.names, contacts.normal_force[-1].tolist(), strict=True)
+    forces = tuple((name, force) for name, force in last if contacts.on_finger(name) and force > 0.0)
+    away = float(np.linalg.norm(record.object_pose[-1, :2] - grasp))
+    return Touching(forces, away) if forces else None
 
 
 _TIP = ".tip"

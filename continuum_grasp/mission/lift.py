@@ -105,11 +105,11 @@ class NotLifted:
     def text(self) -> str:
         """Time, contacts with both forces, cause, and advice."""
         advice = (
-            "Try stiffer pads (contact_law.stiffness), more tension (drive_tension), more time (phases.settle), or a "
-            "grasp with its object, base or contacts elsewhere"
+            "See that the object stands where the grasp has it; else try stiffer pads (contact_law.stiffness), more "
+            "tension (drive_tension), more time (phases.settle), or a grasp with its object, base or contacts elsewhere"
         )
         if not self.known:
-            advice = "Look at the sensors and at the controller's health"
+            advice = "Look at the sensors, at the controller's health, and whether the object stands as in the grasp"
         why = "; ".join([*(shortfall.text for shortfall in self.shortfalls), self.cause])
         return f"not lifted at {self.time:.2f} s: {why}. {advice}"
 
@@ -239,6 +239,6 @@ class LiftCheck:
             normal = command.contact_forces.force[names.index(assignment.contact)]
             reached.append(f"{normal:.2f} N of {assignment.force:.2f} N at {assignment.own_name(assignment.contact)}")
         return (
-            f"the forces that are followed are {', '.join(reached)}: the object gave way on its contacts, or a finger "
-            "lies elsewhere than in the grasp"
+            f"the forces that are followed are {', '.join(reached)}: the object stands elsewhere, or gave way on its "
+            "contacts, or a finger lies elsewhere than in the grasp"
         )

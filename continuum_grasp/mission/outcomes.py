@@ -134,6 +134,7 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored("doubted", "(plant,)", "text", "what contradicted the lift; empty where nothing did"),
         Stored("slipped", "(plant,)", "text", "what was noticed of slip, and done about it; empty where nothing was"),
         Stored("drop", "(plant,)", "text", "why the object was dropped; empty where it was not"),
+        Stored("touching", "(plant,)", "text", "what was not released, and why; empty where all was"),
         Stored("error", "(plant,)", "text", "why there is no verdict"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("plant", "plants, in the order of the draws"),)
@@ -220,7 +221,7 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     if (verdict := outcome.verdict) is not None:
         judged = (
             asdict(verdict)
-            | dict.fromkeys(("tripped", "refused", "doubted", "slipped", "drop"), "")
+            | dict.fromkeys(("tripped", "refused", "doubted", "slipped", "drop", "touching"), "")
             | verdict.explained
         )
         del judged["turned"]

@@ -113,8 +113,8 @@ def mission_settings(
 
 
 NOTICES = 3
-"""Calls in a row in which a contact bears hardly anything until it counts as parted [1]: one update of an estimate that
-jumps is none. As many heights tell what sinks fast from a glitch."""
+"""Calls in a row in which a contact bears hardly anything until it counts as parted, or all bear enough to lift [1]:
+one update of an estimate that jumps is none. As many heights tell what sinks fast from a glitch."""
 _SMOOTHED = 0.15
 """Time constant in which the height from which losses count is smoothed [s]: half of a shipped mission's lift, so that
 it has what contacts give way under the weight, and 0.18 standard deviations of a height."""

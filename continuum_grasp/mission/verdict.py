@@ -13,7 +13,17 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment, object_height, present
 from continuum_grasp.mission.budget import is_table
-from continuum_grasp.mission.causes import FALLEN, Drop, Tripped, Turned, find_drop, find_tripped, find_turned
+from continuum_grasp.mission.causes import (
+    FALLEN,
+    Drop,
+    Touching,
+    Tripped,
+    Turned,
+    find_drop,
+    find_touching,
+    find_tripped,
+    find_turned,
+)
 from continuum_grasp.mission.lift import SOFT, Doubted, NotLifted, Slipped
 from continuum_grasp.mission.record import Record
 
@@ -28,6 +38,7 @@ _WORDS = {
     "doubted": "lifted in doubt",
     "slipped": "slipped",
     "drop": "dropped",
+    "touching": "not released",
     "turned": "turned",
 }
 """Attributes of a verdict that explain something, and what that is called."""
@@ -61,6 +72,8 @@ class Verdict:
     """Turn of the object before it was grasped; None where that was not asked for."""
     tripped: Tripped | None = None
     """The first controller that gave up; None where none did."""
+    touching: Touching | None = None
+    """Contacts that were not released; None where all were, or the mission did not come to that."""
     doubted: Doubted | None = None
     """A lift by forces that sensors contradicted; None where they agreed."""
 
@@ -147,7 +160,7 @@ def judge(
     """The verdict on a mission, read off the plant; ``refused`` is why nothing was lifted, ``slipped`` what was noticed
     of slip, ``doubted`` what contradicted the lift.
     """
-    contacts, pose, t = record.contacts, record.object_pose, record.t
+    pose, t = record.object_pose, record.t
     lift, hold, lower = (record.timetable.span(name) for name in ("lift", "hold", "lower"))
     carried = (t >= lift.start) & (t <= lower.start)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
@@ -158,7 +171,8 @@ def judge(
     if slipped is not None and slipped.down < np.inf:
         slipped = replace(slipped, slid=slid)
     drop = find_drop(record, lost if slid > SOFT else np.where(carried, lost, 0.0))
-    fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
+    ended = whole or refused is not None
+    touching = find_touching(record) if ended else None
     margins = _margins(record)
     return Verdict(
         held=whole and drop is None,
@@ -167,13 +181,14 @@ def judge(
         **_force_errors(record, (t >= hold.end - _SETTLED * (hold.end - hold.start)) & (t <= hold.end)),
         slip_margin=_over(np.min, margins[(t >= hold.start) & (t <= hold.end)]),
         pulled_margin=_over(np.min, margins[(t > hold.end) & (t < lower.start)]),
-        released=(whole or refused is not None) and bool(np.all(contacts.normal_force[-1, fingers] == 0.0)),
+        released=ended and touching is None,
         fallbacks=sum(word in _FALLBACKS for run in record.runs for word in run.status),
         drop=drop,
         refused=refused,
         slipped=slipped,
         turned=find_turned(record),
         tripped=find_tripped(record),
+        touching=touching,
         doubted=doubted,
     )
 

@@ -23,7 +23,7 @@ from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_rea
 from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.values import Reason
-from continuum_grasp.nlp import Violation
+from continuum_grasp.nlp import Budget, Violation
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
 from continuum_grasp.scene.load import load
@@ -33,6 +33,16 @@ from tests import certificate_cases as cases
 def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
     contacts = GraspContacts(friction=friction, normal_force_max=30.0, tip="off")
     return make_scene(family, gravity, contacts=contacts, **changes)
+
+
+@pytest.mark.parametrize(("effort", "more"), [("quick", True), ("normal", True), ("thorough", False)])
+def test_advice_names_the_effort_that_tries_more_where_there_is_one(effort, more):
+    scene = load(CONFIGS / "pinch.yaml").changed({"solver.effort": effort})
+    found = solve._Verdict(scene, Budget())._unsolved(None)
+    assert found.status is Status.NOT_SOLVED
+    assert ("Try solver.effort: thorough" in found.advice) is more
+    assert "solver.effort" in found.advice or not more
+    assert "move the base or the object" in found.advice
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.5, 3.0])

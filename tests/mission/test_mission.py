@@ -280,7 +280,19 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
 # -- the verdict ------------------------------------------------------------------------------------------------------
 
 
-def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, firmer=0.0, incidents=(), slipped=None):
+def judged(
+    t,
+    *,
+    height=None,
+    normal=5.0,
+    shear=1.0,
+    status="solved",
+    fall=0.0,
+    firmer=0.0,
+    incidents=(),
+    slipped=None,
+    away=0.0,
+):
     """A closed loop by hand: one contact of the finger and a palm, a force of 5 N, from 2 s on firmer by a share; and
     the verdict on it.
     """
@@ -299,7 +311,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, 
     certified = SimpleNamespace(contacts=(), fingers={"finger": None})
     force = np.where(t < 7.0, normal, 0.0) * np.ones(len(t))
     pose = np.zeros((len(t), 4))
-    pose[:, 3] = 0.0 if height is None else height(t)
+    pose[:, 0], pose[:, 3] = away, 0.0 if height is None else height(t)
     contacts = SimpleNamespace(
         names=("finger.1", "palm", "table"),
         normal_force=np.stack([force, force, 0.0 * t], axis=1),
@@ -323,6 +335,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, 
     )
     control = SimpleNamespace(contacts=(0.1,))
     held = {"contact": "finger.1", "force": 5.0, "forces": {"finger.1": 5.0}, "middles": ("finger.middle",)}
+    held["object_pose"] = (0.0, 0.0, 0.0)
     work = SimpleNamespace(mission=asked, grasp=certified, name="finger", control=control, **held)
     return judge(Record((work,), table, Variation(friction=0.8), (run,), contacts), slipped=slipped)
 
@@ -383,6 +396,19 @@ def test_a_mission_that_was_stopped_is_not_held():
     assert np.isnan(found.force_error)
     assert np.isnan(found.slip_margin)
     assert not judged(INSTANTS[:65]).released
+
+
+@pytest.mark.parametrize(
+    ("away", "why"), [(0.0029, "try more time (phases.release)"), (0.0031, "in the way of fingers")]
+)
+def test_what_still_touches_is_named(away, why):
+    """An object that stands beside its place is touched by fingers that open to 3 mm from there."""
+    found = judged(INSTANTS[:65], away=away)
+    assert (found.released, found.status) == (False, "not_released")
+    assert "finger.1 presses with 5 N in the end" in found.texts["not released"]
+    assert why in found.texts["not released"]
+    assert found.texts["not released"] in Outcome(Variation(), found).text
+    assert judged(INSTANTS, away=away).touching is None
 
 
 def test_what_was_not_lifted_says_so():

@@ -64,12 +64,24 @@ void mission_start(mission_state *state, const mission_settings *o, real t, cons
   mission_enter(state, o, 0, t, u);
 }
 
-/* Decide before the lift, or take what was decided; whether there is a decision. */
-static int mission_decide(mission_state *state, const mission_settings *o, real since, const real *forces,
-                          int reported)
+/* Whether the phase is the wait before the lift, or the one before that. */
+static int mission_feels(const mission_state *state, const mission_settings *o)
+{
+  return state->phase == o->confirm || state->phase + 1 == o->confirm;
+}
+
+/* Count the calls in a row in which all contacts bear enough: an estimate that jumps is no force. */
+static void mission_feel(mission_state *state, const mission_settings *o, const real *forces)
 {
   int enough = state->sight != MISSION_BLIND;
   for (int c = 0; c < MISSION_NC; ++c) enough &= forces[c] >= o->needed[c];     /* not those that are no numbers */
+  state->borne = enough ? state->borne + 1 : 0;
+}
+
+/* Decide before the lift, or take what was decided; whether there is a decision. */
+static int mission_decide(mission_state *state, const mission_settings *o, real since, int reported)
+{
+  const int enough = state->borne >= o->parts;
   state->bears = !enough ? MISSION_LACKS : state->sight == MISSION_SEES ? MISSION_BEARS : MISSION_DOUBTS;
   if (!o->leads) state->decision = reported;
   else if (state->bears == MISSION_BEARS && reported == MISSION_BEARS) state->decision = MISSION_LIFTS;
@@ -127,13 +139,14 @@ static void mission_watch(mission_state *state, const mission_settings *o, real 
 
 int mission_asks(const mission_state *state, const mission_settings *o)
 {
-  return state->phase == o->confirm || (o->watches && mission_holds(state, o));
+  return mission_feels(state, o) || (o->watches && mission_holds(state, o));
 }
 
 int mission_advance(mission_state *state, const mission_settings *o, real t, const real *forces, const real *u,
                     int reported)
 {
   state->changed = 0;
+  if (forces && mission_feels(state, o)) mission_feel(state, o, forces);
   if (forces && o->watches && mission_holds(state, o)) mission_watch(state, o, t, forces, u);
   for (;;) {
     const real since = t - state->start;
@@ -142,7 +155,7 @@ int mission_advance(mission_state *state, const mission_settings *o, real t, con
     int over = since > o->length[state->phase] - (real)1e-3 * o->period;
     if (state->phase == o->confirm) {
       if (over) state->decision = MISSION_LETS_GO;      /* who decides was not heard of */
-      else over = forces && mission_decide(state, o, since, forces, reported);
+      else over = forces && mission_decide(state, o, since, reported);
       if (state->decision == MISSION_LETS_GO) next = o->release;
     }
     if (!over || (o->holds_on && next == o->lower)) return 1;

@@ -52,7 +52,8 @@ typedef struct {
   real glitch;                  /* most doubt of one height */
   real fresh;                   /* share of a new height in the smoothed one */
   int settles;                  /* heights until a firm grip counts as such */
-  int parts, stays;             /* calls in a row in which a contact bears less than `lost` [N], for the same */
+  int parts, stays;             /* calls in a row in which a contact bears less than `lost` [N], for the same; `parts` calls in
+                                   which all bear what is needed lift */
   real lost[MISSION_SIZE(MISSION_NC)];
   real firm[MISSION_SIZE(MISSION_NR)];          /* further setpoints of a firm grip */
   real weights[MISSION_FOLLOWED][MISSION_SIZE(MISSION_NR)];
@@ -67,6 +68,7 @@ typedef struct {
 typedef struct {
   int phase, changed;           /* changed: whether weights or limits did in the last call */
   int decision, bears;
+  int borne;                    /* for how many calls all contacts have borne what is needed */
   int sight;                    /* blind: nothing is seen, a reading is frozen or the controller is tripped, so that estimated
                                    forces count for none; contradicted: a sensor contradicts the model, which is waited for */
   int follows;                  /* row of weights */
