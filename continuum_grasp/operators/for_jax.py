@@ -139,7 +139,7 @@ def _primitive() -> Any:
             wide = jnp.moveaxis(array, dim, 0) if mapped else jnp.broadcast_to(array, (size, *array.shape))
             rows.append(wide.reshape(math.prod(wide.shape[:2]), *wide.shape[2:]))
         results = call.bind(*rows, operator=operator)
-        return [value.reshape(size, -1, *value.shape[1:]) for value in results], [0] * len(results)
+        return [value.reshape(size, wide.shape[1], *value.shape[1:]) for value in results], [0] * len(results)
 
     call.def_impl(evaluate)
     call.def_abstract_eval(abstract)

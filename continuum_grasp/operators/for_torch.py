@@ -133,8 +133,8 @@ def _function() -> Any:
             size, rows = info.batch_size, []
             for array, dim in zip(arrays, dims[1:], strict=True):
                 wide = array.unsqueeze(0).expand(size, *array.shape) if dim is None else array.movedim(dim, 0)
-                rows.append(wide.reshape(-1, *wide.shape[2:]))
+                rows.append(wide.flatten(0, 1))  # reshaped to -1, what has no entries is ambiguous
             results = Apply.apply(operator, *rows)
-            return tuple(value.reshape(size, -1, *value.shape[1:]) for value in results), (0,) * len(results)
+            return tuple(value.reshape(size, wide.shape[1], *value.shape[1:]) for value in results), (0,) * len(results)
 
     return Apply

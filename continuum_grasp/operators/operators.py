@@ -89,9 +89,6 @@ class Operators(Remade, Summarized, ABC):
             by_name[key] = value
         sizes = {key: function.nnz_in(k) for k, key in enumerate(inputs)}
         arrays, _ = self._complete(by_name, sizes)
-        for key, size in sizes.items():
-            if not arrays[key].shape and size == 1:
-                arrays[key] = arrays[key].reshape(1)
         batch = _batch(name, {key: tuple(arrays[key].shape) for key in inputs}, sizes)
         rows = [self._rows(arrays[key], batch, arrays[key].shape[-1:]) for key in inputs]
         results = self._apply(self._point(name), rows)
@@ -106,6 +103,8 @@ class Operators(Remade, Summarized, ABC):
             if key not in arrays:
                 default = self.model.p_nominal if key == "p" else np.zeros(size)
                 arrays[key] = convert(np.array(default, dtype=float))
+            elif not arrays[key].shape and size == 1:
+                arrays[key] = arrays[key].reshape(1)
         return arrays, convert
 
     def _point(self, name: str) -> Point:
@@ -216,7 +215,7 @@ class Operators(Remade, Summarized, ABC):
         if x is None:
             raise InputError("expected an array, got None", key="x")
         arrays, _ = self._arrays({key: value for key, value in {"x": x, "u": u, "w": w}.items() if value is not None})
-        held = {key: arrays[key][..., None, :] for key in ("u", "w") if key in arrays}
+        held = {key: arrays[key][..., None, :] if arrays[key].shape else arrays[key] for key in arrays if key != "x"}
         states = self.rollout(arrays["x"], 1, step, **held, p=p, substeps=substeps, method=method)
         return states[..., -1, :]
 

@@ -72,6 +72,21 @@ def test_a_release_is_that_of_simulate_to_the_order_of_the_method(release, facto
     assert away < 2.0e-4 / factor**2 * 1.3
 
 
+@pytest.mark.parametrize("quadratic", [1e-6, 1e-3])
+def test_damping_that_rises_with_the_rate_is_solved(quadratic, tmp_path):
+    """At rest there is none of it, in a fast motion much: slopes from rest lead Newton's method away."""
+    bent = {"fidelity": {"family": "clothoid", "elements": 2}, "initial": {"pose": "straight"}}
+    scene = cg.load(
+        "configs/simulate/tendon_step.yaml",
+        {**bent, "actuation.tensions": [12.0, 2.0], "finger.damping.quadratic": quadratic, "time.duration": 0.05},
+    )
+    plant = plant_of_scene(scene)
+    library, arrays = native(plant, tmp_path)
+    assert library.advance(plant.step, 50) == 0
+    library.look()
+    assert np.linalg.norm(tip_of(arrays) - cg.simulate(scene).tip[-1]) < 1e-4 * scene.finger.rod.length
+
+
 def test_what_is_seen_is_what_the_model_says(release, tmp_path):
     scene = cg.load("configs/simulate/close_on_mug.yaml")
     plant = plant_of_scene(scene)

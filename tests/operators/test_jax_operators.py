@@ -76,6 +76,23 @@ def test_types(operators):
     assert operators.tip(np.zeros(2, np.float32), np.zeros(1)).dtype == jnp.float64
 
 
+def test_an_input_of_one_entry_may_be_a_number(operators):
+    x, _, p = given()
+    for motion in (
+        lambda u: operators.rollout(x, 2, 1e-5, u=u, p=p),
+        lambda u: operators.step(x, 1e-5, u=u, p=p),
+        lambda u: operators.forward_dynamics(x, u, p=p),
+    ):
+        assert np.array_equal(motion(0.01), motion(jnp.array([0.01])))
+        assert not np.array_equal(motion(0.01), motion(jnp.array([0.02])))
+
+
+def test_no_rows_are_mapped_to_none(operators):
+    x = given()[0][:0]
+    assert jax.vmap(operators.tip)(x[:, :2]).shape == (0, 2)
+    assert jax.vmap(lambda x: operators.rollout(x, 3, 1e-5))(x).shape == (0, 4, 4)
+
+
 def test_what_does_not_fit_is_refused(operators):
     x, u, _ = given()
     for wrong, said in [
@@ -90,6 +107,7 @@ def test_what_does_not_fit_is_refused(operators):
         (lambda: operators.tip(x[:, :2], q=x), "tip: q is given twice"),
         (lambda: operators.position(x[:, :2], s=0.2), "position: s: expected a position from 0 to the length 0.18 m"),
         (lambda: operators.rollout(x, 4, 1e-4, u=jnp.zeros((3, 1))), "divides the 4 steps"),
+        (lambda: operators.step(x, 1e-4, w=0.1), "w: expected (..., rows, 2)"),
         (lambda: operators.rollout(x, 4, -1.0), "step: expected a finite number above 0"),
         (lambda: operators.rollout(x, 4, 1e-4, method="euler"), "method: expected one of rk4"),
         (lambda: operators.rollout(x.at[1, 2].set(jnp.nan), 4, 1e-4), "x0[1, 2]: expected a finite number, got nan"),

@@ -8,7 +8,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.operators import TorchOperators
 from tests.marks import optional
-from tests.operators.operator_cases import MODEL, SCALE, start
+from tests.operators.operator_cases import FINGER, MODEL, SCALE, start
 
 torch = optional("torch")
 
@@ -52,6 +52,19 @@ def test_transformations_agree(operators):
     assert np.allclose(both[0], np.array(MODEL.jacobian(x[0, :2].numpy(), 0.0, 0.1, p.numpy())), rtol=1e-12)
     hessian = torch.func.hessian(lambda q: operators.tip(q)[0])(x[0, :2])
     assert torch.allclose(hessian, hessian.T, rtol=1e-13)
+
+
+def test_a_model_without_parameters_is_mapped():
+    """Arrays of no entries pass through vmap, hessian and forward mode; so does a batch of no rows."""
+    model = cg.FingerModel(FINGER, family="arc", elements=2)
+    tip = TorchOperators(model).tip
+    q = torch.tensor([[0.1, 0.2], [0.3, -0.1]], dtype=torch.float64)
+    found = torch.func.vmap(torch.func.hessian(tip))(q)
+    for row, curvature in zip(q.numpy(), found, strict=True):
+        for a in np.eye(2):  # second differences along the diagonal of the Hessian
+            away = [np.ravel(model.tip(row + s * 1e-4 * a, 0.0, [])) for s in (-1.0, 0.0, 1.0)]
+            assert np.allclose(curvature @ a @ a, np.array([1.0, -2.0, 1.0]) @ away / 1e-8, atol=1e-6)
+    assert torch.func.vmap(tip)(q[:0]).shape == (0, 2)
 
 
 def test_types_and_devices(operators):

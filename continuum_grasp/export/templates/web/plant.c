@@ -77,20 +77,22 @@ static void solve(plant_real *right)
 }
 
 /* So many steps of h [s] by two diagonally implicit stages (L-stable, of order 2). Their equations are solved by Newton's
-   method with the slope of an earlier step, as long as that takes few corrections, or else of this one. 1 where a stage is not solved, -1 where the state is not finite: then it is that of before. */
+   method with the slope of an earlier step, as long as that takes few corrections, or else of this one; where corrections
+   grow, as under damping that rises with the rate, the stage begins anew, and each has its own. 1 where a stage is not solved, -1 where the state is not finite: then it is that of before. */
 int advance(plant_real h, int steps)
 {
   static const plant_real scales[] = {<<scales>>};
-  plant_real rate[<<nx>>], base[<<nx>>], at[<<nx>>], k[2][<<nx>>], most;
+  plant_real rate[<<nx>>], base[<<nx>>], at[<<nx>>], k[2][<<nx>>], most, last;
   const plant_real part = <<gamma>> * h;
-  int i, stage, turn, code = 0;
+  int i, stage, turn, grown, code = 0;
   for (; steps > 0; --steps) {
     for (i = 0; i < <<nx>>; ++i) { base[i] = at[i] = x[i]; k[0][i] = 0; }
     if (factored != part) factor(part, x);
     factored = part;
     for (stage = 0; stage < 2; ++stage) {
-      for (turn = 0; turn < 2 * <<corrections>>; ++turn) {
-        if (turn == <<corrections>>) factor(part, at);
+      for (grown = turn = 0, most = 1e300; turn < 4 * <<corrections>>; ++turn) {
+        if (grown || turn == <<corrections>>) factor(part, at);
+        last = most;
         <<rate>>
         for (i = 0; i < <<nx>>; ++i) rate[i] = rate[i] - k[stage][i];
         solve(rate);
@@ -102,6 +104,11 @@ int advance(plant_real h, int steps)
           at[i] = base[i] + part * k[stage][i];
         }
         if (most <= <<exact>>) break;
+        if (grown || most <= last) continue;
+        for (grown = 1, i = 0; i < <<nx>>; ++i) {
+          k[stage][i] = stage ? k[0][i] : 0;
+          at[i] = base[i] + part * k[stage][i];
+        }
       }
       if (turn > <<few>>) factored = 0;
       if (!(most <= <<settled>>)) code = 1;
