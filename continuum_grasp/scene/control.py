@@ -160,6 +160,7 @@ class ControlScene(CommandedScene):
         if self.estimator is not None:
             self._check_estimator(self.estimator)
         self._doubt_margin()
+        self.plant.fidelity.check_lengths("plant.fidelity", self.finger.rod.length, self.contacts)
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
 
     def _check_references(self) -> None:

@@ -271,6 +271,7 @@ class MissionScene(Configuration):
 
     def _check(self) -> None:
         for setup in self.grasp.setups:
+            self.plant.fidelity.check_lengths("plant.fidelity", setup.finger.rod.length)
             # The tip is a contact already.
             setup.finger.rod.check_inside("more_contacts[{}]", self.more_contacts, tip=False)
             if self.turn is not None and setup.finger.base_free is None:
