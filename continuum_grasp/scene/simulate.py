@@ -85,7 +85,7 @@ class Fidelity(Value):
             return
         edges = [*accumulate(self.elements)]
         if abs(edges[-1] - length) > SAME * length:
-            raise ValueError(f"{key}.elements: their lengths add up to {edges[-1]:.9g} m, the finger is {length} m long")
+            raise ValueError(f"{key}.elements: their lengths add up to {edges[-1]:.9g} m, the finger has {length} m")
         for at in contacts:
             if min(abs(at - edge) for edge in edges) > SAME * length:
                 raise ValueError(f"{key}.elements: none ends at {at} m, where contacts has one")

@@ -387,3 +387,17 @@ def test_a_saved_picture_of_equal_scales_shows_its_title_whole(box: tuple[float,
     save_picture(ax, tmp_path / "title.png")
     title = next(text for text in ax.findobj(Text) if text.get_text() == "Three tendons").get_window_extent()
     assert title.y1 < ax.figure.bbox.y1
+
+
+@pytest.mark.parametrize("name", ["between 5 $ and 6 $", "$x^{$", "one $"])
+def test_dollar_signs_of_a_name_are_drawn_as_they_are(name: str, tmp_path: Path) -> None:
+    """Matplotlib, told to read no formulas, draws the same pixels."""
+    pictures = []
+    for words in (name, "another"):
+        ax = new_axes()[0]
+        head(ax, words)
+        if words != name:
+            title = next(text for text in ax.findobj(Text) if text.get_text() == words)
+            title.set(text=name, parse_math=False)
+        pictures.append(np.array(Image.open(save_picture(ax, tmp_path / "title.png"))))
+    np.testing.assert_array_equal(*pictures)

@@ -130,7 +130,7 @@ def head(ax: Axes, name: str | None, columns: int = 4) -> None:
     if not ax.get_title() and not ax.get_title("left"):
         rows = -(-entries // columns)
         # 15 points per row of 9-point text; an empty title takes the same place, so that axes of all pictures align
-        ax.set_title(name or " ", fontsize=10, color=INK, loc="left", pad=7.0 + 15.0 * rows)
+        ax.set_title(plain(name or " "), fontsize=10, color=INK, loc="left", pad=7.0 + 15.0 * rows)
 
 
 def over_time(columns: int = 4) -> Callable[[Callable[[Axes, Any], str]], Callable[..., Axes]]:
@@ -154,6 +154,11 @@ def curves(ax: Axes, t: ArrayLike, rows: Iterable[ArrayLike], names: Sequence[st
     """Draw rows (T,) over instants t (T,), each in a color of its own."""
     for values, name, color in zip(rows, names, colors(len(names)), strict=True):
         ax.plot(t, values, **{"color": color, "linewidth": 1.4, "label": name, **style})
+
+
+def plain(text: str) -> str:
+    """A text of users as matplotlib shows it letter by letter: between two dollar signs it would read a formula."""
+    return text.replace("$", r"\$")
 
 
 def words(name: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show_box
+from continuum_grasp.plotting.drawing.axes import label, new_figure, plain, quiet, show_box
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import INK, SLATE, Z
@@ -129,7 +129,7 @@ def _at(figure: Figure, left: float, bottom: float, width: float, height: float)
 
 def _title(result: GraspResult, width: float) -> str:
     """Name, verdict, and why there is no grasp, in lines that are no wider [inch]."""
-    name, status = result.scene.name or "grasp", result.status.value.replace("_", " ")
+    name, status = plain(result.scene.name or "grasp"), result.status.value.replace("_", " ")
     if result.solved:
         certificate = result.certificate
         unstable = certificate is not None and not certificate.stability.stable and "unstable" not in status
