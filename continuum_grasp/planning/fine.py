@@ -32,10 +32,11 @@ _AFTER = 0.5
 """Time after the end in which it is seen whether bounds still hold [s]: two periods of the slowest fingers here."""
 
 
-def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS) -> Array:
+def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS, finer: int = 1) -> Array:
     """States (N * parts + 1, nx) of a model under the inputs of a path, at ``parts`` equal parts of every interval.
 
-    A state that is not finite raises a NumericalError, whose ``result`` holds the states before.
+    Implicit steps are ``finer`` by that factor. A state that is not finite raises a NumericalError, whose ``result``
+    holds the states before.
     """
     intervals = len(path.u) - 1
     interval = path.duration / intervals
@@ -51,7 +52,7 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
         method = stiff_method(model.system.structure)
         # 5e-4: longest step of the implicit method, for what is too stiff [s]
         step = PARTIAL_STEP if INTEGRATORS[method].partial else 5e-4
-        substeps = max(math.ceil(4 * share), math.ceil(h / step))
+        substeps = finer * max(math.ceil(4 * share), math.ceil(h / step))
     run = _rollout(model, method, intervals * parts * substeps)
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
@@ -69,6 +70,9 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
         interval_states, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))
         states.append(interval_states[0, 1 : count[0] + 1])
         if count[0] < parts:
+            # A linearly implicit step does not see what it meets within it, such as a tension that rises at once.
+            if method != "rk4" and finer < 16:
+                return simulated(scene, model, path, x0, parts, 4 * finer)
             time = float(k * interval + count[0] * h)
             message = f"the simulated state is not finite after t = {time:g} s"
             raise NumericalError(message, time=time, result=np.concatenate(states))
