@@ -132,7 +132,7 @@ def head(ax: Axes, name: str | None, columns: int = 4) -> None:
         rows = -(-entries // columns)
         # 15 points per row of 9-point text; an empty title takes the same place, so that axes of all pictures align
         ax.set_title(
-            wrapped(plain(name or " "), ax.get_position().width * ax.figure.get_figwidth()),
+            wrapped(plain(name or " "), ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi),
             fontsize=10,
             color=INK,
             loc="left",
