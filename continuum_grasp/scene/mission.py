@@ -276,10 +276,7 @@ class MissionScene(Configuration):
             setup.finger.rod.check_inside("more_contacts[{}]", self.more_contacts, tip=False)
             if self.turn is not None and setup.finger.base_free is None:
                 check_reach(setup.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
-            finger, where = (
-                setup.finger,
-                "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{setup.name}",
-            )
+            finger, where = setup.finger, f"grasp.{self.grasp.place_of(setup)}"
             if self.tendons is not None:
                 finger, where = finger.replaced(tendons=self.tendons), ""
             for feature in _CARRIERS:

@@ -81,9 +81,7 @@ class Fidelity(Value):
 
     def check_lengths(self, key: str, length: float, contacts: Sequence[float] = ()) -> None:
         """Refuse lengths of elements, of a fidelity at a key, that do not fit the finger's and its contacts [m]."""
-        if not isinstance(self.elements, tuple):
-            return
-        edges = [*accumulate(self.elements)]
+        edges = [*accumulate(self.elements)] if isinstance(self.elements, tuple) else [*contacts, length]
         if abs(edges[-1] - length) > SAME * length:
             raise ValueError(f"{key}.elements: their lengths add up to {edges[-1]:.9g} m, the finger has {length} m")
         for at in contacts:

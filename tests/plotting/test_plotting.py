@@ -391,7 +391,7 @@ def test_a_saved_picture_of_equal_scales_shows_its_title_whole(box: tuple[float,
 
 @pytest.mark.parametrize("name", ["between 5 $ and 6 $", "$x^{$", "one $"])
 def test_dollar_signs_of_a_name_are_drawn_as_they_are(name: str, tmp_path: Path) -> None:
-    """Matplotlib, told to read no formulas, draws the same pixels."""
+    """Matplotlib without its formulas draws the same pixels."""
     pictures = []
     for words in (name, "another"):
         ax = new_axes()[0]
