@@ -294,8 +294,8 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
     ax.set_xlim(0.0, 1.0)
     ax.set_ylim(len(rows), 0.0)
     columns = max(len(row) for row in rows) - 1
-    # 7: letters of a column's width
-    size = _SIZE * 7.0 / max([7, *(len(text) for row in rows for text, _ in row[1:])])
+    # 6: letters that stand apart in a column
+    size = _SIZE * 6.0 / max([6, *(len(text) for row in rows for text, _ in row[1:])])
     for k, row in enumerate(rows):
         ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
         for j, (text, color) in enumerate(row[1:]):
