@@ -35,7 +35,7 @@ _GONE = {
 
 @contextmanager
 def _one_line() -> Iterator[None]:
-    """Print what is wrong with options like all other errors."""
+    """Print what is wrong with options, or with files and what is printed, like all other errors."""
     try:
         yield
     except _UsageError as error:
@@ -45,6 +45,12 @@ def _one_line() -> Iterator[None]:
         text += "".join(f": {instead}" for gone, instead in _GONE.items() if gone == getattr(error, "option_name", ""))
         where = "" if error.ctx is None else f"; see {error.ctx.command_path} --help"
         typer.echo(f"error: {text[0].lower()}{text[1:]}{where}", err=True)
+        raise typer.Exit(BAD_INPUT) from None
+    except OSError as error:
+        if error.errno == errno.EPIPE:  # the reader has closed, as with head; click ends silently
+            raise
+        where = "" if error.filename is None else f"{error.filename}: "
+        typer.echo(f"error: {where}{error.strerror or error}", err=True)
         raise typer.Exit(BAD_INPUT) from None
 
 
@@ -71,12 +77,6 @@ class _Verbs(TyperGroup):
         except KeyboardInterrupt as error:
             typer.echo(str(error) or "interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
-        except OSError as error:
-            if error.errno == errno.EPIPE:  # the reader has closed, as with head; click ends silently
-                raise
-            where = "" if error.filename is None else f"{error.filename}: "
-            typer.echo(f"error: {where}{error.strerror or error}", err=True)
-            raise typer.Exit(BAD_INPUT) from None
 
 
 class _Verb(TyperCommand):

@@ -33,11 +33,18 @@ _AFTER = 0.5
 
 
 def simulated(
-    scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS, *, afresh: bool = False
+    scene: PlanScene,
+    model: Prediction,
+    path: Path,
+    x0: Array,
+    parts: int = PARTS,
+    *,
+    afresh: bool = False,
+    finer: int = 1,
 ) -> Array:
     """States (N * parts + 1, nx) of a model under the inputs of a path, at ``parts`` equal parts of every interval.
 
-    ``afresh``: every interval begins at the state that the path has there.
+    ``afresh``: every interval begins at the state that the path has there. Implicit steps are ``finer`` by that factor.
     A state that is not finite raises a NumericalError, whose ``result`` holds the states before.
     """
     intervals = len(path.u) - 1
@@ -54,7 +61,7 @@ def simulated(
         method = stiff_method(model.system.structure)
         # 5e-4: longest step of the implicit method, for what is too stiff [s]
         step = PARTIAL_STEP if INTEGRATORS[method].partial else 5e-4
-        substeps = max(math.ceil(4 * share), math.ceil(h / step))
+        substeps = finer * max(math.ceil(4 * share), math.ceil(h / step))
     run = _rollout(model, method, intervals * parts * substeps)
     at = np.linspace(0.0, 1.0, 2 * substeps * parts + 1)  # half steps, at which the methods evaluate their slopes
     states = [x0[None]]
@@ -68,6 +75,9 @@ def simulated(
         interval_states, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))
         states.append(interval_states[0, 1 : count[0] + 1])
         if count[0] < parts:
+            # A linearly implicit step does not see what it meets within it, such as a tension that rises at once.
+            if method != "rk4" and finer < 16:
+                return simulated(scene, model, path, x0, parts, afresh=afresh, finer=4 * finer)
             time = float(k * interval + count[0] * h)
             message = f"the simulated state is not finite after t = {time:g} s"
             raise NumericalError(message, time=time, result=np.concatenate(states))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing import bodies
-from continuum_grasp.plotting.drawing.axes import Box, bend_box, colors, head, new_figure, quiet, show_box, words
+from continuum_grasp.plotting.drawing.axes import Box, bend_box, colors, head, new_figure, plain, quiet, show_box, words
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_arrow, draw_forces, force_keys, force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, EDGE, GRAY, GREEN, INK, ORANGE, Z
@@ -77,7 +77,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         ax.set_title(f"{chosen[int(k)]}\n{mission.t[k]:.2f} s", fontsize=8.5, color=INK, loc="left")
     figure.supxlabel(f"x [{unit}]", fontsize=9, color=INK)
     figure.supylabel(f"y [{unit}]", fontsize=9, color=INK)
-    figure.suptitle(mission.name or " ", fontsize=10, color=INK, x=0.01, ha="left")
+    figure.suptitle(plain(mission.name or " "), fontsize=10, color=INK, x=0.01, ha="left")
     handles = [Line2D([], [], **key) for key in force_keys(list(chain(*forces)), _WORDS)]
     figure.legend(handles=handles, loc="outside upper right", ncols=_ONE_ROW, frameon=False, fontsize=9)
     return axes
@@ -244,7 +244,7 @@ def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
         rotation = 0.0 if wide > 0.07 * len(text) else 90.0  # 0.07 inch per letter of 7.5 points
         middle = 0.5 * (span.start + stop)
         ax.text(middle, 0.5, text, rotation=rotation, ha="center", va="center", fontsize=7.5, color=INK)
-    ax.set_title(mission.name or " ", fontsize=10, color=INK, loc="left")
+    ax.set_title(plain(mission.name or " "), fontsize=10, color=INK, loc="left")
 
 
 def _draw_inputs(ax: Axes, mission: MissionRun) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.plotting.drawing.axes import color_bar, head, label, new_axes, time_map
+from continuum_grasp.plotting.drawing.axes import color_bar, head, label, new_axes, plain, time_map
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def _draw_grid(
         ax.fill([], [], facecolor=shade, label=f"no grasp, {kind}: {int(here.sum())}", **look)
     for name, values in (("x", across), ("y", upwards)):
         if values.dtype.kind not in "iuf":
-            ax.set(**{f"{name}ticks": range(len(values)), f"{name}ticklabels": [str(value) for value in values]})
+            ax.set(**{f"{name}ticks": range(len(values)), f"{name}ticklabels": [plain(str(value)) for value in values]})
         elif _is_log(values):
             ax.set(**{f"{name}scale": "log"})
     return shown

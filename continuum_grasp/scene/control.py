@@ -42,12 +42,6 @@ def _two_frictions(scene: ControlScene) -> bool:
     return bool(asked and asked.tendon_friction) and len({tendon.friction for tendon in scene.finger.tendon_list}) > 1
 
 
-def _rigid(scene: ControlScene) -> bool:
-    """Whether the scene leaves open how elastic the plant's tendons are."""
-    stiffnesses = (tendon.axial_stiffness for tendon in scene.finger.tendon_list)
-    return scene.plant.axial_stiffness is None and None in stiffnesses
-
-
 def _jumps(scene: ControlScene) -> bool:
     """Whether the plant's tensions, or its tip moment, follow commands at once."""
     return bool(scene.finger.winches) or (scene.lag is None and scene.plant.time_constant is None)
@@ -123,7 +117,7 @@ class ControlScene(CommandedScene):
                 needs estimator.measured.torque with a delay: a commanded torque is not as old as the angle
             """,
             chambers_alone=lambda s: s.finger.chambers and not s.finger.tendons,
-            rigid=_rigid,
+            rigid=lambda s: not (s.plant.axial_stiffness or all(t.axial_stiffness for t in s.finger.tendon_list)),
             unseen=lambda s: s.estimator and not s.estimator.measured.object,
             jumps=_jumps,
             jumps_alone=lambda s: _jumps(s) and not any(tendon.time_constant for tendon in s.finger.tendon_list),
@@ -160,6 +154,7 @@ class ControlScene(CommandedScene):
         if self.estimator is not None:
             self._check_estimator(self.estimator)
         self._doubt_margin()
+        self.plant.fidelity.check_lengths("plant.fidelity", self.finger.rod.length, self.contacts)
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
 
     def _check_references(self) -> None:
@@ -197,8 +192,7 @@ class ControlScene(CommandedScene):
 
     def _check_estimator(self, estimator: Estimator) -> None:
         if estimator.contact_detection is not None:
-            places = estimator.contact_detection.places
-            self.finger.rod.check_inside("estimator.contact_detection.places[{}]", places)
+            self.finger.rod.check_inside("estimator.contact_detection.places[{}]", estimator.contact_detection.places)
         if estimator.measured.bending is not None:
             self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.

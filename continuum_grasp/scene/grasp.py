@@ -400,6 +400,10 @@ class GraspScene(Configuration, Supported):
             normal_force_max=contacts["normal_force_max"],
         )
 
+    def place_of(self, setup: FingerSetup) -> str:
+        """Path to a finger in the scene."""
+        return "finger" if self.fingers is None else f"fingers.{setup.name}"
+
     # -- sense -----------------------------------------------------------------------------------------------
 
     def _check(self) -> None:
@@ -411,8 +415,7 @@ class GraspScene(Configuration, Supported):
         if twice:
             raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
         for setup in self.setups:
-            where = "finger" if self.fingers is None else f"fingers.{setup.name}"
-            self._check_finger(setup, where)
+            self._check_finger(setup, self.place_of(setup))
         self._check_bases()
         self._check_supports()
 
@@ -429,11 +432,7 @@ class GraspScene(Configuration, Supported):
             raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
         if all(m == "off" for m in setup.middles) and setup.tip == "off":
             raise ValueError(f"{where}: at least one of middle and tip must be on or auto")
-        if len(setup.before) != len(setup.middles):
-            raise ValueError(
-                f"{where}: middle_after must have one entry per middle contact ({len(setup.middles)}), got "
-                f"{list(setup.before)}"
-            )
+        self._check_count(f"{where}: middle_after", setup.before, len(setup.middles), "middle contact")
         if setup.stations and setup.elements <= len(setup.stations):
             raise ValueError(
                 f"{where}: contacts.stations: {len(setup.stations)} needs fidelity.elements of "

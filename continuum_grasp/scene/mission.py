@@ -271,14 +271,12 @@ class MissionScene(Configuration):
 
     def _check(self) -> None:
         for setup in self.grasp.setups:
+            self.plant.fidelity.check_lengths("plant.fidelity", setup.finger.rod.length)
             # The tip is a contact already.
             setup.finger.rod.check_inside("more_contacts[{}]", self.more_contacts, tip=False)
             if self.turn is not None and setup.finger.base_free is None:
                 check_reach(setup.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
-            finger, where = (
-                setup.finger,
-                "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{setup.name}",
-            )
+            finger, where = setup.finger, f"grasp.{self.grasp.place_of(setup)}"
             if self.tendons is not None:
                 finger, where = finger.replaced(tendons=self.tendons), ""
             for feature in _CARRIERS:

@@ -244,8 +244,7 @@ class PlanScene(CommandedScene):
                 () if goal.shape is None else goal.shape.at,
                 ranges=stated_ranges(self),
             )
-        anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
-        if self.objective != "tracking" and all(aim is None for aim in anything):
+        if self.objective != "tracking" and not goal.targets and self.grasp is None:
             raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
         free = isinstance(self.duration, DurationRange)
         if self.objective == "least_time" and not free:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
@@ -16,6 +17,7 @@ from continuum_grasp.scene.methods import SIMULATION_METHODS, FamilyName
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
+    SAME,
     Acceleration,
     Configuration,
     Duration,
@@ -76,6 +78,15 @@ class Fidelity(Value):
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
+
+    def check_lengths(self, key: str, length: float, contacts: Sequence[float] = ()) -> None:
+        """Refuse lengths of elements, of a fidelity at a key, that do not fit the finger's and its contacts [m]."""
+        edges = [*accumulate(self.elements)] if isinstance(self.elements, tuple) else [*contacts, length]
+        if abs(edges[-1] - length) > SAME * length:
+            raise ValueError(f"{key}.elements: their lengths add up to {edges[-1]:.9g} m, the finger has {length} m")
+        for at in contacts:
+            if min(abs(at - edge) for edge in edges) > SAME * length:
+                raise ValueError(f"{key}.elements: none ends at {at} m, where contacts has one")
 
 
 class Initial(Value):
@@ -189,6 +200,7 @@ class FingerScene(Configuration, Surroundings):
 
     def _check(self) -> None:
         self.finger.rod.check_inside("contacts[{}]", self.contacts, tip=False)
+        self.fidelity.check_lengths("fidelity", self.finger.rod.length, self.contacts)
         if self.fidelity.family is not None:
             self.finger.check_family("fidelity.family", self.fidelity.family)
 
@@ -225,9 +237,6 @@ class Scene(FingerScene):
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
         if self.fidelity.tolerance is not None:
             SEVERAL_MODELS.check(self)
-        lengths, length = self.fidelity.elements, self.finger.rod.length
-        if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
-            raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
 
 
 _ALLOWED = {

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.text import Text
 
 import continuum_grasp.grasp
 import continuum_grasp.plotting
@@ -32,6 +33,7 @@ from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run
 from continuum_grasp.results.plain import yaml_text
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.load import load
 from tests.commands import run
 from tests.made_up_grasps import REASON, bent, failed, held, made_up, scene_of
 from tests.marks import few
@@ -334,6 +336,32 @@ def test_resisted_forces_are_drawn():
     ax = plot_resistance(CIRCLE)
     assert ax.get_xlabel() == "force x [N]"
     assert ax.patches[0].get_xy()[0] == pytest.approx([2.0, 0.0])
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.1, 2.0, 300.0])
+def test_axes_of_resisted_forces_count_newtons(size):
+    """Ticks say where they are, times what matplotlib writes beside the axis."""
+    ax = plot_resistance(size * CIRCLE)
+    ax.figure.canvas.draw()
+    for axis in (ax.xaxis, ax.yaxis):
+        written = [
+            float(text.replace("\N{MINUS SIGN}", "-")) for text in map(Text.get_text, axis.get_ticklabels()) if text
+        ]
+        factor = float(axis.get_offset_text().get_text() or 1.0)
+        assert factor * np.array(written) == pytest.approx(axis.get_majorticklocs(), abs=1e-9 * size)
+
+
+def test_a_small_scene_fills_its_picture():
+    """A finger of 2 mm is not a dot between margins that are meant for fingers of 20 cm."""
+    lengths = ("finger.rod.length", "finger.half_thickness", "object.diameter", "finger.base.position[1]")
+    lengths += ("finger.rod.diameter", "finger.tendons.offset", "finger.masses[0].at", "object.position[0]")
+    path = ROOT / "configs" / "grasp" / "mug.yaml"
+    values = {key: 0.01 * float(eval(key, {}, dict(load(path)))) for key in lengths}
+    view = GraspView(replace(failed("mug", arrays=False), scene=load(path, values)))
+    left, right, bottom, top = view.box
+    drawn = np.ptp(np.concatenate([view.body("finger"), *view.outlines]), axis=0).max()
+    assert 1.8e-3 < drawn < 2e-3
+    assert drawn < max(right - left, top - bottom) < 1.5 * drawn
 
 
 # -- files and command line ----------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import continuum_grasp as cg
-from continuum_grasp.planning import plan
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.planning import guess, plan
+from continuum_grasp.planning.fine import simulated
 from continuum_grasp.planning.guess import closing, final_postures, smooth_path
 from continuum_grasp.planning.search import Search
 from continuum_grasp.planning.shooting import amplification
@@ -266,3 +269,48 @@ def test_the_last_tensions_of_a_taper_hold_it_where_they_bend_it():
     tip = [-np.trapezoid(np.sin(angle), s), np.trapezoid(np.cos(angle), s)]
     assert found.tip[-1] == pytest.approx(tip, abs=2e-5)
     assert net == pytest.approx(0.7, abs=2e-3)
+
+
+def hand_finger(k):
+    """The plan of a hand finger of the same materials, k times as large: lengths and times go with k, tensions with its
+    square, masses with its cube.
+    """
+    rod = {"length": 1, "linear_density": 2, "bending_stiffness": 4, "rotary_inertia": 4, "diameter": 1}
+    tendons = {"offset": 1, "min_tension": 2, "max_tension": 2, "time_constant": 1}
+    powers = {
+        **{f"finger.rod.{key}": power for key, power in rod.items()},
+        **{f"finger.tendons.{key}": power for key, power in tendons.items()},
+        "finger.damping.material": 5,
+        "finger.half_thickness": 1,
+        "finger.masses[0].at": 1,
+        "finger.masses[0].mass": 3,
+        "input.rate_max": 1,
+        "goal.tip.value[0]": 1,
+        "goal.tip.value[1]": 1,
+        "duration.least": 1,
+        "duration.most": 1,
+    }
+    scene, values = load(TIP), {}
+    for key, power in powers.items():
+        value = scene
+        for part in re.findall(r"\w+", key):
+            value = value[int(part)] if part.isdigit() else getattr(value, part)
+        values[key] = value * k**power
+    return load(TIP, values)
+
+
+@pytest.mark.deep
+def test_the_finer_model_of_a_small_finger_moves_as_that_of_a_large_one():
+    """Motions of one dimensionless scene are one: what is stiff about a finger of 6 mm takes shorter steps."""
+    tips, k = [], 1.0 / 32.0
+    for size in (1.0, k):
+        scene = hand_finger(size)
+        fine = scene.model_copy(update={"fidelity": scene.check.finer})
+        model, nodes = Prediction(fine), np.linspace(0.0, 1.0, 41)[:, None]
+        inputs = size**2 * np.hstack([1.0 + 40.0 * np.minimum(1.0, 2.0 * nodes), 1.0 + 0.0 * nodes])
+        path = guess.Path(np.zeros((41, 0)), inputs, 0.15 * size)
+        states = simulated(fine, model, path, guess.first_state_of_plan(fine, model)[0], 1)
+        ends = [np.array(model.tip(x, u, model.p_nominal)).ravel() for x, u in zip(states, inputs, strict=True)]
+        tips.append(np.array(ends) / scene.finger.rod.length)
+    assert np.hypot(*np.ptp(tips[0], axis=0)) > 0.5
+    np.testing.assert_allclose(tips[1], tips[0], atol=1e-3)

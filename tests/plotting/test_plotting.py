@@ -387,3 +387,31 @@ def test_a_saved_picture_of_equal_scales_shows_its_title_whole(box: tuple[float,
     save_picture(ax, tmp_path / "title.png")
     title = next(text for text in ax.findobj(Text) if text.get_text() == "Three tendons").get_window_extent()
     assert title.y1 < ax.figure.bbox.y1
+
+
+@pytest.mark.parametrize("name", ["between 5 $ and 6 $", "$x^{$", "one $"])
+def test_dollar_signs_of_a_name_are_drawn_as_they_are(name: str, tmp_path: Path) -> None:
+    """Matplotlib without its formulas draws the same pixels."""
+    pictures = []
+    for words in (name, "another"):
+        ax = new_axes()[0]
+        head(ax, words)
+        if words != name:
+            title = next(text for text in ax.findobj(Text) if text.get_text() == words)
+            title.set(text=name, parse_math=False)
+        pictures.append(np.array(Image.open(save_picture(ax, tmp_path / "title.png"))))
+    np.testing.assert_array_equal(*pictures)
+
+
+def test_a_long_name_leaves_the_drawing_its_place(tmp_path: Path) -> None:
+    """Axes are as large as under a short name but for its lines, and nothing of it is cut off."""
+    shapes = []
+    for name in ("short", "a name that is a sentence of its own, longer than the picture is wide, and then some"):
+        ax = plane_axes(None, (-0.1, 0.2, -0.6, 0.0))
+        draw_timed(ax, [np.array([[0.0, 0.0], [0.1, -0.6]])], np.zeros(1), np.array([0.0, 1.0]))
+        head(ax, name)
+        save_picture(ax, tmp_path / "name.png")
+        title = next(text for text in ax.findobj(Text) if text.get_text().startswith(name[:5]))
+        assert title.get_window_extent().x1 < ax.figure.bbox.x1
+        shapes.append(ax.get_window_extent().height)
+    assert shapes[1] > 0.75 * shapes[0]

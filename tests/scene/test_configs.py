@@ -8,8 +8,10 @@ import re
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import kind_of
 from continuum_grasp.scene.kinds import DEFINITIONS, KINDS
 from continuum_grasp.scene.load import load
@@ -157,3 +159,30 @@ def test_a_grasp_written_by_a_yaml_1_1_library_is_the_same(name):
     path = ROOT / "configs" / "grasp" / f"{name}.yaml"
     changes = {"contacts.middle": ["on", "auto"], "contacts.tip": "on", "fidelity.elements": 6}
     assert load(path, _as_booleans(changes)) == load(path, changes)
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("simulate/midpoint_contact.yaml", "fidelity"),
+        ("mpc/wrap_post.yaml", "fidelity"),
+        ("mpc/wrap_post.yaml", "plant.fidelity"),
+        ("mission/mug.yaml", "plant.fidelity"),
+        ("plan/past_a_post.yaml", "fidelity"),
+    ],
+)
+def test_lengths_of_elements_are_those_of_the_finger(name, key):
+    """They add up to its length, and an element ends at every contact; the file is not valid otherwise."""
+    path = ROOT / "configs" / name
+    scene = load(path)
+    finger, contacts = (
+        (scene.grasp.finger, ()) if name.startswith("mission") else (scene.finger, getattr(scene, "contacts", ()))
+    )
+    length = finger.rod.length
+    fits = np.diff([0.0, *(contacts or (0.3 * length,)), length]).tolist()
+    assert load(path, {f"{key}.elements": fits})
+    wrong = [[length, length], [0.5 * length]] + ([[0.35 * length, 0.65 * length]] if contacts else [])
+    for lengths in wrong:
+        with pytest.raises(InputError) as caught:
+            load(path, {f"{key}.elements": lengths})
+        assert caught.value.key == f"{key}.elements"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
@@ -130,7 +131,13 @@ def head(ax: Axes, name: str | None, columns: int = 4) -> None:
     if not ax.get_title() and not ax.get_title("left"):
         rows = -(-entries // columns)
         # 15 points per row of 9-point text; an empty title takes the same place, so that axes of all pictures align
-        ax.set_title(name or " ", fontsize=10, color=INK, loc="left", pad=7.0 + 15.0 * rows)
+        ax.set_title(
+            wrapped(plain(name or " "), ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi),
+            fontsize=10,
+            color=INK,
+            loc="left",
+            pad=7.0 + 15.0 * rows,
+        )
 
 
 def over_time(columns: int = 4) -> Callable[[Callable[[Axes, Any], str]], Callable[..., Axes]]:
@@ -154,6 +161,17 @@ def curves(ax: Axes, t: ArrayLike, rows: Iterable[ArrayLike], names: Sequence[st
     """Draw rows (T,) over instants t (T,), each in a color of its own."""
     for values, name, color in zip(rows, names, colors(len(names)), strict=True):
         ax.plot(t, values, **{"color": color, "linewidth": 1.4, "label": name, **style})
+
+
+def plain(text: str) -> str:
+    """A text of users as matplotlib shows it letter by letter: between two dollar signs it would read a formula."""
+    return text.replace("$", r"\$")
+
+
+def wrapped(text: str, width: float) -> str:
+    """A text of 10 points in lines no wider [inch]: what sticks out is cut off, or takes the place of the axes."""
+    # 11.5: letters of 10 points per inch
+    return "\n".join(textwrap.wrap(text, max(int(11.5 * width), 24), max_lines=5, placeholder=" ...")) or text
 
 
 def words(name: str) -> str:

@@ -47,7 +47,7 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     corners = np.concatenate([forces, np.zeros((1, 2))])
     center = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     reach = 0.56 * float(np.ptp(corners, axis=0).max()) or 1.0  # half, and a margin of 6 %
-    show_box(ax, (center[0] - reach, center[0] + reach, center[1] - reach, center[1] + reach))
+    ax.set(aspect="equal", xlim=center[0] + np.array([-reach, reach]), ylim=center[1] + np.array([-reach, reach]))
     ax.locator_params(nbins=5)
     label(ax, "force x [N]", "force y [N]", fontsize=8)
     ax.tick_params(labelsize=8)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show_box
+from continuum_grasp.plotting.drawing.axes import label, new_figure, plain, quiet, show_box, wrapped
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import INK, SLATE, Z
@@ -43,8 +43,8 @@ _BETWEEN, _PANEL, _POLYGON = 0.3, 2.9, 2.05
 """Distance to the numbers, their width for four columns, and the side of the resisted forces below them [inch]."""
 _FAILED = "#A03000"
 """Color of the title where there is no grasp: a red that is read on white."""
-_WIDTHS = 11.5, 15.5
-"""Letters per inch of the title and of what stands beside the drawing: most sentences take a little less."""
+_LETTERS = 15.5
+"""Letters per inch of what stands beside the drawing: most sentences take a little less."""
 
 
 def plot_grasp(
@@ -129,15 +129,14 @@ def _at(figure: Figure, left: float, bottom: float, width: float, height: float)
 
 def _title(result: GraspResult, width: float) -> str:
     """Name, verdict, and why there is no grasp, in lines that are no wider [inch]."""
-    name, status = result.scene.name or "grasp", result.status.value.replace("_", " ")
+    name, status = wrapped(plain(result.scene.name or "grasp"), width), result.status.value.replace("_", " ")
     if result.solved:
         certificate = result.certificate
         unstable = certificate is not None and not certificate.stability.stable and "unstable" not in status
         return f"{name}\n{status}, verified{', UNSTABLE' if unstable else ''}"
     what = "the closest attempt" if result.arrays else "the scene as it starts"
-    message = f"{result.message[:1].upper()}{result.message[1:]}."
-    why = textwrap.wrap(message, max(int(_WIDTHS[0] * width), 24), max_lines=5, placeholder=" ...")
-    return "\n".join([name, f"no grasp ({status}): {what}", *why])
+    why = wrapped(f"{result.message[:1].upper()}{result.message[1:]}.", width)
+    return f"{name}\nno grasp ({status}): {what}\n{why}"
 
 
 def _title_style(result: GraspResult) -> dict[str, Any]:
@@ -154,7 +153,7 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
         labels.append(Label(name, view.color(contact.name), contact.position, contact.normal))
     if scene.gravity.mode != "none":
         into = "\ninto plane" if scene.lifted else ""
-        text = f"weight {scene.weight:.2f} N{into}"
+        text = f"weight {scene.weight:.2f} N{into}" if scene.weight >= 0.1 else f"weight {scene.weight:.2g} N{into}"
         labels.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:
         labels += [Label(name, view.color(name), base[0, 1:3], nowhere) for name, base in view.backbones.items()]
@@ -269,7 +268,7 @@ def _panel_rows(view: GraspView) -> list[Row]:
     result = view.result
     if not result.solved:
         # 6: number of repairs written beside the drawing; the report has all
-        repairs = [textwrap.wrap(reason.repair, int(_WIDTHS[1] * _PANEL)) for reason in result.reasons[:6]]
+        repairs = [textwrap.wrap(reason.repair, int(_LETTERS * _PANEL)) for reason in result.reasons[:6]]
         head: list[Row] = [(("any one of these repairs it", SLATE),)] if repairs else []
         return [*head, *(((line, INK),) for lines in repairs for line in ("", *lines))]
     written = result.force_text
@@ -282,7 +281,7 @@ def _panel_rows(view: GraspView) -> list[Row]:
     rows += [(("", INK),), (("tendons [N]", SLATE), ("left", SLATE), ("right", SLATE), ("of", SLATE))]
     for name, finger in result.fingers.items():
         tendons = view.scene.named_fingers[name].tendon_list
-        limits = " / ".join(dict.fromkeys(f"{tendon.max_tension:g}" for tendon in tendons))
+        limits = " / ".join(dict.fromkeys(f"{tendon.max_tension:.4g}" for tendon in tendons))
         left, right = map(written, finger.tensions)
         rows.append(((name, view.color(name)), (left, INK), (right, INK), (limits, INK)))
     rows.append((("sum", SLATE), (written(result.tension), INK), ("", INK), ("", INK)))
@@ -295,8 +294,10 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
     ax.set_xlim(0.0, 1.0)
     ax.set_ylim(len(rows), 0.0)
     columns = max(len(row) for row in rows) - 1
+    # 6: letters that stand apart in a column
+    size = _SIZE * 6.0 / max([6, *(len(text) for row in rows for text, _ in row[1:])])
     for k, row in enumerate(rows):
         ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
         for j, (text, color) in enumerate(row[1:]):
             right = 1.0 - 0.175 * (columns - 1 - j)  # columns of half an inch
-            ax.text(right, k + 0.5, text, color=color, fontsize=_SIZE, ha="right", va="center")
+            ax.text(right, k + 0.5, text, color=color, fontsize=size, ha="right", va="center")

@@ -90,8 +90,9 @@ class GraspView:
                 points.append(np.array(wall.point) + np.outer([-wall.half_length, wall.half_length], along))
         points += [np.array([peg.position]) + peg.radius * bodies.CIRCLE for peg in self.scene.pegs]
         points.append(self.center_of_mass[None, :] + self.force_scale * self.weight[None, :])
-        # 14 mm around everything, for labels, or 0.13 of the greater side
-        margin = max(14e-3, 0.13 * float(np.ptp(np.concatenate(points), axis=0).max()))
+        side = float(np.ptp(np.concatenate(points), axis=0).max())
+        # for labels 14 mm around everything, but 0.13 to 0.2 of the greater side
+        margin = min(max(14e-3, 0.13 * side), 0.2 * side)
         return axes.bend_box(points, margin, slimmest=0.0)
 
     @cached_property
