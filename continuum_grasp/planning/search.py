@@ -150,10 +150,16 @@ class Search:
                 return
             planned, *followed = (places(model, x, path.u) for x in (path.x, states[::PARTS], ends))
             whole, own = (distances(planned, at).max(axis=1) for at in followed)
-            coarse = left = excess_over_intervals(motion, states)[:, motion.hard].max(axis=1, initial=0.0) > LEFT
-            if whole.max() > tolerance:
-                # Errors of all intervals would together be as much as the plan may depart.
-                coarse = left | (own[1:] > own[1:].mean() * tolerance / whole.max())
+            planned_states = problem.states(best.x, PARTS)
+            left, inside = (
+                excess_over_intervals(motion, x)[:, motion.hard].max(axis=1, initial=0.0) > LEFT
+                for x in (states, planned_states)
+            )
+            coarse = left
+            if whole.max() > tolerance or (left & ~inside).any():
+                # Errors of all intervals would together be as much as the plan may depart. A bound that the planned
+                # motion does not leave itself is left by errors of intervals before.
+                coarse = left | (own[1:] > own[1:].mean() * tolerance / max(whole.max(), tolerance))
             counts = np.where(coarse, np.minimum(2 * problem.grid.counts, _MOST_ELEMENTS), problem.grid.counts)
             if (counts == problem.grid.counts).all():
                 return
@@ -163,7 +169,7 @@ class Search:
             # A bound that did not count before may lead elsewhere; else the plan is there already.
             barriers = (_NEAR, _AT_PLAN) if left.any() else (_AT_PLAN, _NEAR)
             starts = [("simulated", states, barrier) for barrier in barriers]
-            for name, x, barrier in (*starts, ("as planned", problem.states(best.x, PARTS), _AT_PLAN)):
+            for name, x, barrier in (*starts, ("as planned", planned_states, _AT_PLAN)):
                 self.best, start = None, finer.start(replace(path, x=x))
                 found = not self.over and self._try(f"{counts.sum()} elements, {name}", start, barrier, problem=finer)
                 if found and (missed or not self._misses(self.attempts[-1][1])):

@@ -294,10 +294,12 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
     ax.set_xlim(0.0, 1.0)
     ax.set_ylim(len(rows), 0.0)
     columns = max(len(row) for row in rows) - 1
-    # 6: letters that stand apart in a column
-    size = _SIZE * 6.0 / max([6, *(len(text) for row in rows for text, _ in row[1:])])
+    # 6: digits that stand apart in a column, which words above them do as they are
+    size = _SIZE * 6.0 / max([6, *(len(text) for row in rows for text, color in row[1:] if color == INK)])
     for k, row in enumerate(rows):
         ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
         for j, (text, color) in enumerate(row[1:]):
             right = 1.0 - 0.175 * (columns - 1 - j)  # columns of half an inch
-            ax.text(right, k + 0.5, text, color=color, fontsize=size, ha="right", va="center")
+            ax.text(
+                right, k + 0.5, text, color=color, fontsize=size if color == INK else _SIZE, ha="right", va="center"
+            )
