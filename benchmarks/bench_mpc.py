@@ -100,9 +100,10 @@ def add_race(report: Report, asked: argparse.Namespace) -> None:
             solved = f"{int(retained.good.sum())}/{case.steps}"
             costs = case.cost(retained.x, retained.u), case.excess(retained.x, retained.u)
             timing = [middle, low, high, p99, p99 / middle, *phases(runs[label]), cold]
-            rows.append([label, *timing, ratio(runs, label, OURS[1]), solved, *costs])
+            ratios = [ratio(runs, label, own) for own in OURS[:2]]
+            rows.append([label, *timing, *ratios, solved, *costs])
         columns = ["", "median [us]", "quartile 1", "quartile 3", "p99 [us]", "p99 / median", "prepare", "feedback"]
-        columns += ["cold [us]", f"times {OURS[1]}", "solved", *COSTS]
+        columns += ["cold [us]", *(f"times {own}" for own in OURS[:2]), "solved", *COSTS]
         note = (
             f"{case.what}; N = {case.stages.stages}, {case.stages.substeps} step(s) per stage ({case.stages.method}), "
             f"{case.stages.nx} states, {case.stages.nu} input(s), {case.stages.nc} row(s). A reading of the clock "

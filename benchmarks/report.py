@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import CFLAGS, compiler, run
+from continuum_grasp import __version__
 from continuum_grasp.results.record import created_now, machine, versions
 
 RESULTS = Path(__file__).with_name("results")
@@ -81,6 +82,7 @@ def describe() -> dict[str, Any]:
         "load_average": _load(),
         "system": " ".join(machine()[key] for key in ("system", "release", "architecture")),
         **versions(),
+        "continuum_grasp": __version__,  # of the sources that run, which an older installation does not know
         "compiler": _compiler_version(),
         "flags": " ".join(CFLAGS),
     }
