@@ -19,6 +19,8 @@ from continuum_grasp import __version__
 from continuum_grasp.results.record import created_now, machine, versions
 
 RESULTS = Path(__file__).with_name("results")
+REMARK = (str, "on this run, such as what ran beside it")
+"""The option of that name."""
 
 
 def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
@@ -62,14 +64,10 @@ def begun(
     Its name may depend on what is asked for; ``--name`` and ``--folder``, which every benchmark has, say otherwise.
     ``--remark`` is shown beside the machine.
     """
-    own = {"name": (str, "of the report"), "folder": (RESULTS, "where the report goes")}
-    own["remark"] = (str, "on this run, such as what ran beside it")
+    own = {"name": (str, "of the report"), "folder": (RESULTS, "where the report goes"), "remark": REMARK}
     asked = arguments(doc, **options, **own)
     usual = name if isinstance(name, str) else name(asked)
-    report = Report(asked.name or usual, getattr(asked, "seed", 0), asked.folder)
-    if asked.remark:
-        report.machine["remark"] = asked.remark
-    return asked, report
+    return asked, Report(asked.name or usual, getattr(asked, "seed", 0), asked.folder, remark=asked.remark)
 
 
 def describe() -> dict[str, Any]:
@@ -131,6 +129,7 @@ class Report:
     missing: list[str] = field(default_factory=list)
     """What could not be measured, and why."""
     machine: dict[str, Any] = field(default_factory=describe)
+    remark: str | None = None
 
     def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]] = (), note: str = "") -> Table:
         """Add a table, to which rows may be added."""
@@ -166,6 +165,8 @@ class Report:
         """Write ``<name>.json``, and ``<name>.md`` made from it; print where, the limits not met, and the status."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self.machine["load_average_after"] = _load()
+        if self.remark:
+            self.machine["remark"] = self.remark
         data, file = self.as_json(), self.folder / self.name
         for suffix, text in ((".json", json.dumps(data, indent=1, allow_nan=False) + "\n"), (".md", markdown(data))):
             file.with_name(file.name + suffix).write_text(text, encoding="utf-8")
