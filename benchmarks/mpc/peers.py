@@ -226,7 +226,7 @@ def acados_loop(case: Case, build: str, qp_solver: str, blocks: int) -> CLoop:
     source, root = _installed(build)
     with tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-") as name:
         folder = Path(name)
-        places = {"ACADOS_SOURCE_DIR": str(root), "PYTHONPATH": str(source / "interfaces" / "acados_template")}
+        places = {"ACADOS_SOURCE_DIR": str(source), "PYTHONPATH": str(source / "interfaces" / "acados_template")}
         _asked("acados", case, folder, places, qp_solver=qp_solver, blocks=blocks or case.stages.stages)
         solver, shared = folder / "solver", folder / "libsolver.so"
         sources = [path for path in solver.rglob("*.c") if "sim_solver" not in path.name]
