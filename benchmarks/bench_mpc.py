@@ -23,7 +23,7 @@ from benchmarks.harness import CONFIGS, one_core, quartiles
 from benchmarks.mpc import cases as mpc_cases
 from benchmarks.mpc.cases import Case
 from benchmarks.mpc.loop import FLAGS, CLoop, LoopRun, rti_loop
-from benchmarks.mpc.peers import FORMS, acados_loops, converged, dompc, sqp_loop
+from benchmarks.mpc.peers import FORMS, acados_loops, acados_words, converged, dompc, sqp_loop
 from benchmarks.mpc.world import World
 from benchmarks.real_time_iteration import RealTimeIteration
 from benchmarks.report import Report, begun
@@ -108,7 +108,7 @@ def add_race(report: Report, asked: argparse.Namespace) -> None:
             f"{case.what}; N = {case.stages.stages}, {case.stages.substeps} step(s) per stage ({case.stages.method}), "
             f"{case.stages.nx} states, {case.stages.nu} input(s), {case.stages.nc} row(s). A reading of the clock "
             f"takes {1e9 * loops[OURS[0]].timer_cost():.0f} ns and is in every time. Quartiles are of the rounds' "
-            f"medians. {'; '.join(f'{form}: {text}' for form, text in FORMS.items())}."
+            f"medians. {'; '.join(f'{form}: {text}' for form, text in FORMS.items())}.{acados_words()}"
         )
         report.table(f"Closed loop: {name}", columns, rows, note)
         if name == "arcs":

@@ -221,6 +221,15 @@ def acados_loops(case: Case, missing: list[str]) -> dict[str, CLoop]:
         return {}
 
 
+def acados_words() -> str:
+    """Which acados ran, and how it was built; nothing where there is none."""
+    if not os.environ.get(SOURCES):
+        return ""
+    commit = (_installed("generic")[0] / "lib" / "git_commit_hash").read_text(encoding="utf-8").strip()
+    built = "; ".join(f"{name}: {', '.join(map('='.join, BUILDS[name].items()))}" for name in BUILDS)
+    return f" acados {commit}, one thread, SQP_RTI, Gauss-Newton, ERK of order 4, Release: {built}."
+
+
 def acados_loop(case: Case, build: str, qp_solver: str, blocks: int) -> CLoop:
     """The loop by one of ``BUILDS`` and of ``QP_SOLVERS``; RuntimeError with the reason why there is none."""
     source, root = _installed(build)
