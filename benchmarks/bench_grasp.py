@@ -17,7 +17,7 @@ from benchmarks.grasp_oracle.check import LIMITS
 from benchmarks.grasp_oracle.truth import answers
 from benchmarks.grasp_outcomes import CLOSE, Outcome, outcome
 from benchmarks.harness import spread
-from benchmarks.report import RESULTS, Report, arguments
+from benchmarks.report import REMARK, RESULTS, Report, arguments
 from continuum_grasp.workers import cores
 
 ONE = 1000
@@ -148,10 +148,11 @@ def main() -> None:
         efforts=([str], "other efforts too, of one finger", EFFORTS),
         jobs=(cores(), "processes"),
         folder=(RESULTS, "where to write the reports"),
+        remark=REMARK,
     )
     for kind in asked.kind:
         name, words, _ = KINDS[kind]
-        report = Report(name, folder=asked.folder)
+        report = Report(name, folder=asked.folder, remark=asked.remark)
         rows = [row for row in known(kind)[: asked.count] if not asked.seeds or row["seed"] in asked.seeds]
         outcomes = judged(kind, rows, "", asked.jobs)
         if not outcomes:

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import random
 import time
 from collections.abc import Mapping, Sequence
@@ -24,7 +23,7 @@ from benchmarks.harness import CONFIGS, one_core, quartiles
 from benchmarks.mpc import cases as mpc_cases
 from benchmarks.mpc.cases import Case
 from benchmarks.mpc.loop import FLAGS, CLoop, LoopRun, rti_loop
-from benchmarks.mpc.peers import FORMS, acados_loops, converged, dompc, sqp_loop
+from benchmarks.mpc.peers import FORMS, acados_loops, acados_words, converged, dompc, sqp_loop
 from benchmarks.mpc.world import World
 from benchmarks.real_time_iteration import RealTimeIteration
 from benchmarks.report import Report, begun
@@ -101,14 +100,15 @@ def add_race(report: Report, asked: argparse.Namespace) -> None:
             solved = f"{int(retained.good.sum())}/{case.steps}"
             costs = case.cost(retained.x, retained.u), case.excess(retained.x, retained.u)
             timing = [middle, low, high, p99, p99 / middle, *phases(runs[label]), cold]
-            rows.append([label, *timing, ratio(runs, label, OURS[1]), solved, *costs])
+            ratios = [ratio(runs, label, own) for own in OURS[:2]]
+            rows.append([label, *timing, *ratios, solved, *costs])
         columns = ["", "median [us]", "quartile 1", "quartile 3", "p99 [us]", "p99 / median", "prepare", "feedback"]
-        columns += ["cold [us]", f"times {OURS[1]}", "solved", *COSTS]
+        columns += ["cold [us]", *(f"times {own}" for own in OURS[:2]), "solved", *COSTS]
         note = (
             f"{case.what}; N = {case.stages.stages}, {case.stages.substeps} step(s) per stage ({case.stages.method}), "
             f"{case.stages.nx} states, {case.stages.nu} input(s), {case.stages.nc} row(s). A reading of the clock "
             f"takes {1e9 * loops[OURS[0]].timer_cost():.0f} ns and is in every time. Quartiles are of the rounds' "
-            f"medians. {'; '.join(f'{form}: {text}' for form, text in FORMS.items())}."
+            f"medians. {'; '.join(f'{form}: {text}' for form, text in FORMS.items())}.{acados_words()}"
         )
         report.table(f"Closed loop: {name}", columns, rows, note)
         if name == "arcs":
@@ -231,7 +231,6 @@ def main() -> None:
     for part in asked.only:
         PARTS[part](report, asked)
         print(part, "done", time.strftime("%H:%M:%S"), flush=True)
-    report.machine["load_average_after"] = list(os.getloadavg())
     report.finish()
 
 

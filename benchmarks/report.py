@@ -7,15 +7,20 @@ import json
 import math
 import os
 import platform
+import shlex
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import CFLAGS, compiler, run
+from continuum_grasp import __version__
 from continuum_grasp.results.record import created_now, machine, versions
 
 RESULTS = Path(__file__).with_name("results")
+REMARK = (str, "on this run, such as what ran beside it")
+"""The option of that name."""
 
 
 def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
@@ -57,22 +62,25 @@ def begun(
     """What the command line asks for, as ``arguments`` reads it, and the report that is to be filled.
 
     Its name may depend on what is asked for; ``--name`` and ``--folder``, which every benchmark has, say otherwise.
+    ``--remark`` is shown beside the machine.
     """
-    own = {"name": (str, "of the report"), "folder": (RESULTS, "where the report goes")}
+    own = {"name": (str, "of the report"), "folder": (RESULTS, "where the report goes"), "remark": REMARK}
     asked = arguments(doc, **options, **own)
     usual = name if isinstance(name, str) else name(asked)
-    return asked, Report(asked.name or usual, getattr(asked, "seed", 0), asked.folder)
+    return asked, Report(asked.name or usual, getattr(asked, "seed", 0), asked.folder, remark=asked.remark)
 
 
 def describe() -> dict[str, Any]:
-    """Processor, cores, governor, load before the run, versions, compiler and its flags."""
+    """Command, processor, cores, governor, load before the run, versions, compiler and its flags."""
     return {
+        "command": _command(),
         "cpu": _cpu_model(),
         "cores": os.cpu_count(),
         "governor": _read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor") or "not readable",
-        "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
+        "load_average": _load(),
         "system": " ".join(machine()[key] for key in ("system", "release", "architecture")),
         **versions(),
+        "continuum_grasp": __version__,  # of the sources that run, which an older installation does not know
         "compiler": _compiler_version(),
         "flags": " ".join(CFLAGS),
     }
@@ -121,6 +129,7 @@ class Report:
     missing: list[str] = field(default_factory=list)
     """What could not be measured, and why."""
     machine: dict[str, Any] = field(default_factory=describe)
+    remark: str | None = None
 
     def table(self, title: str, columns: Sequence[str], rows: Iterable[Sequence[Any]] = (), note: str = "") -> Table:
         """Add a table, to which rows may be added."""
@@ -155,6 +164,9 @@ class Report:
     def finish(self) -> None:
         """Write ``<name>.json``, and ``<name>.md`` made from it; print where, the limits not met, and the status."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        self.machine["load_average_after"] = _load()
+        if self.remark:
+            self.machine["remark"] = self.remark
         data, file = self.as_json(), self.folder / self.name
         for suffix, text in ((".json", json.dumps(data, indent=1, allow_nan=False) + "\n"), (".md", markdown(data))):
             file.with_name(file.name + suffix).write_text(text, encoding="utf-8")
@@ -212,6 +224,18 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def _command() -> str:
+    """What was called, without where the report goes and what is remarked on the run."""
+    module = getattr(sys.modules["__main__"], "__spec__", None)
+    words = iter(sys.argv[1:])
+    asked = [word for word in words if word not in ("--folder", "--remark") or not next(words, "")]
+    return shlex.join(["python", "-m", module.name if module else Path(sys.argv[0]).stem, *asked])
+
+
+def _load() -> list[float] | None:
+    return [round(load, 2) for load in os.getloadavg()] if hasattr(os, "getloadavg") else None
 
 
 def _cpu_model() -> str:

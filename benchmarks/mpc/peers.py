@@ -2,8 +2,9 @@
 
 CasADi's SQP, generated to C, and IPOPT to convergence; acados and do-mpc in another interpreter, which is named in
 ``CONTINUUM_GRASP_PEERS_PYTHON``. acados also needs its sources, named in ``CONTINUUM_GRASP_ACADOS``: a clone of
-github.com/acados/acados with ``external/blasfeo`` and ``external/hpipm``; it is built there once, with CMake. The
-interpreter then has CasADi, jinja2 and what acados's own Python package needs (scipy, matplotlib, cython, Deprecated).
+github.com/acados/acados with ``external/blasfeo`` and ``external/hpipm``; it is built there once for each of
+``BUILDS``, with CMake. The interpreter then has CasADi, jinja2 and what acados's own Python package needs (scipy,
+matplotlib, cython, Deprecated).
 """
 
 from __future__ import annotations
@@ -139,6 +140,11 @@ QP_SOLVERS: dict[str, tuple[str, int]] = {
     "HPIPM, condensed": ("FULL_CONDENSING_HPIPM", 0),
 }
 """acados's QP solvers, and how many blocks the QP is condensed to (0: none)."""
+BUILDS = {
+    "generic": {"BLASFEO_TARGET": "GENERIC", "HPIPM_TARGET": "GENERIC"},
+    "own": {"BLASFEO_TARGET": "X64_AUTOMATIC", "HPIPM_TARGET": "AVX", "CMAKE_C_FLAGS": "-march=native"},
+}
+"""How acados and its linear algebra are compiled: plain C for any processor, and kernels for the machine's own."""
 PATIENCE = 900.0
 """Time that the other interpreter has for a loop [s]."""
 
@@ -203,44 +209,58 @@ def dompc(case: Case) -> tuple[LoopRun, dict[str, str]]:
 
 
 def acados_loops(case: Case, missing: list[str]) -> dict[str, CLoop]:
-    """The loop by all ``QP_SOLVERS``; where it cannot be had, the reason is added to ``missing``."""
+    """The loop by all ``BUILDS`` and ``QP_SOLVERS``; where it cannot be had, the reason is added to ``missing``."""
     try:
-        return {f"acados, {form}": acados_loop(case, *QP_SOLVERS[form]) for form in QP_SOLVERS}
+        return {
+            f"acados, {build} BLASFEO, {form}": acados_loop(case, build, *QP_SOLVERS[form])
+            for build in BUILDS
+            for form in QP_SOLVERS
+        }
     except RuntimeError as error:
         missing.append(f"{case.name}: {str(error).splitlines()[-1]}")
         return {}
 
 
-def acados_loop(case: Case, qp_solver: str, blocks: int) -> CLoop:
-    """The loop by one of ``QP_SOLVERS``; RuntimeError with the reason why there is none."""
-    root = _installed()
+def acados_words() -> str:
+    """Which acados ran, and how it was built; nothing where there is none."""
+    if not os.environ.get(SOURCES):
+        return ""
+    commit = (_installed("generic")[0] / "lib" / "git_commit_hash").read_text(encoding="utf-8").strip()
+    built = "; ".join(f"{name}: {', '.join(map('='.join, BUILDS[name].items()))}" for name in BUILDS)
+    return f" acados {commit}, one thread, SQP_RTI, Gauss-Newton, ERK of order 4, Release: {built}."
+
+
+def acados_loop(case: Case, build: str, qp_solver: str, blocks: int) -> CLoop:
+    """The loop by one of ``BUILDS`` and of ``QP_SOLVERS``; RuntimeError with the reason why there is none."""
+    source, root = _installed(build)
     with tempfile.TemporaryDirectory(prefix="continuum-grasp-benchmark-") as name:
         folder = Path(name)
-        places = {"ACADOS_SOURCE_DIR": str(root), "PYTHONPATH": str(root / "interfaces" / "acados_template")}
+        places = {"ACADOS_SOURCE_DIR": str(source), "PYTHONPATH": str(source / "interfaces" / "acados_template")}
         _asked("acados", case, folder, places, qp_solver=qp_solver, blocks=blocks or case.stages.stages)
         solver, shared = folder / "solver", folder / "libsolver.so"
         sources = [path for path in solver.rglob("*.c") if "sim_solver" not in path.name]
         parts = ("include", "include/acados", "include/blasfeo/include", "include/hpipm/include")
         include = [f"-I{place}" for place in (*(root / part for part in parts), solver)]
-        # By RPATH, which acados finds its own libraries by, too.
-        libraries = [f"-L{root / 'lib'}", f"-Wl,--disable-new-dtags,-rpath,{root / 'lib'}"]
-        libraries += ["-lacados", "-lhpipm", "-lblasfeo", "-lm"]
+        # Static: of shared libraries with one name, a process would load those of one build for all.
+        libraries = [f"-L{root / 'lib'}", "-Wl,-Bsymbolic", "-Wl,--whole-archive", "-lacados", "-Wl,--no-whole-archive"]
+        libraries += ["-lhpipm", "-lblasfeo", "-lm"]
         run(["cc", *FLAGS, *include, "-shared", *sources, *libraries, "-o", shared])
         text = defines(U_MIN=braces(case.stages.u_min), U_MAX=braces(case.stages.u_max))
-        flags = [*include, str(shared), f"-Wl,-rpath,{folder}", *libraries]
+        flags = [*include, str(shared), f"-Wl,-rpath,{folder}"]
         loop = CLoop(case, text + c_text("acados.c"), flags=flags)
     return loop
 
 
 @lru_cache
-def _installed() -> Path:
-    """Where acados is, built where it is not built yet."""
+def _installed(build: str) -> tuple[Path, Path]:
+    """Sources of acados, and where one of ``BUILDS`` is installed, which is made where it is not there yet."""
     if not os.environ.get(SOURCES):
         raise RuntimeError(f"acados: set {SOURCES}")
-    root = Path(os.environ[SOURCES])
-    if not (root / "lib" / "libacados.so").exists():
-        given = [f"-DACADOS_INSTALL_DIR={root}", "-DCMAKE_BUILD_TYPE=Release", "-DACADOS_WITH_QPOASES=OFF"]
-        given += ["-DBLASFEO_TARGET=X64_INTEL_HASWELL", "-DHPIPM_TARGET=AVX"]
-        run(["cmake", "-S", root, "-B", root / "build", *given])
+    source = Path(os.environ[SOURCES])
+    root = source / "builds" / build
+    if not (root / "lib" / "libacados.a").exists():
+        given = {"ACADOS_INSTALL_DIR": root, "CMAKE_BUILD_TYPE": "Release", "ACADOS_WITH_QPOASES": "OFF"}
+        given |= {"BUILD_SHARED_LIBS": "OFF", "CMAKE_POSITION_INDEPENDENT_CODE": "ON", **BUILDS[build]}
+        run(["cmake", "-S", source, "-B", root / "build", *(f"-D{name}={value}" for name, value in given.items())])
         run(["cmake", "--build", root / "build", "--target", "install"])
-    return root
+    return source, root
