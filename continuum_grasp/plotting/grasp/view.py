@@ -33,7 +33,7 @@ _PLACES = 81
 
 @dataclass(frozen=True)
 class GraspView:
-    """A result turned into shapes: a grasp, the closest attempt at one, or a scene without any numbers, whose fingers
+    """A result turned into shapes: a grasp, what there is in its place, or a scene without any numbers, whose fingers
     are drawn unloaded and whose object is where it starts.
     """
 
@@ -47,7 +47,7 @@ class GraspView:
     @property
     def contacts(self) -> tuple[Contact, ...]:
         """Contacts that hold the object; none where there is no grasp: the forces of an attempt are not in balance."""
-        return self.result.contacts if self.result.solved else ()
+        return self.result.contacts if self.result.verified else ()
 
     @property
     def scene(self) -> GraspScene:
@@ -121,7 +121,7 @@ class GraspView:
 
     def color(self, name: str) -> str:
         """Color of a finger, a support, or what a contact's name begins with; gray where there is no grasp."""
-        if not self.result.solved:
+        if not self.result.verified:
             return SLATE
         names = list(self.scene.named_fingers)
         owner = name.split(".")[0]
