@@ -63,7 +63,7 @@ def _snapshots(
     indices = _along_the_way(motion, times) if isinstance(times, int) else _nearest(t, times)
     shapes = np.asarray(motion.backbone(indices, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(motion, indices)
-    forces = _forces_at(motion, indices[-1:])[0]
+    forces = _forces_at(motion, indices)[-1]
     points = [shapes, *_thickness(scene.finger, shapes), *bodies.zone_points(scene), *chain(*outlines), *seen]
     scale, box = _scale_and_box(forces, points, motion.length)
     ax = axes.plane_axes(ax, box)
@@ -171,8 +171,11 @@ def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
 
 
 def _forces_at(motion: Trajectory | Plan | ControlRun, indices: NDArray[Any]) -> list[list[Force]]:
-    """Forces at each of some instants, without those that are zero."""
-    return [[force for force in motion.loads_at(int(k)) if np.hypot(*force[1]) > 0] for k in indices]
+    """Forces at each of some instants, without those that are zero but for rounding."""
+    every = [motion.loads_at(int(k)) for k in indices]
+    # 1e-9: force per the greatest that is rounding, as of a load that has faded
+    least = 1e-9 * max((float(np.hypot(*force)) for forces in every for _, force, _ in forces), default=0.0)
+    return [[force for force in forces if np.hypot(*force[1]) > least] for forces in every]
 
 
 def _scale_and_box(forces: Sequence[Force], points: Sequence[NDArray[Any]], length: float) -> tuple[float, axes.Box]:

@@ -194,6 +194,15 @@ def test_snapshots_are_equally_far_along_the_way_of_the_tip() -> None:
     np.testing.assert_allclose(np.diff(ways), gone[-1] / 6, rtol=0.1)  # to the nearest instants
 
 
+def test_a_load_that_has_faded_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = Motion()
+    loads = motion.loads_at
+    monkeypatch.setattr(
+        motion, "loads_at", lambda k: [(p, f * (1e-16 if k == 100 else 1.0), w) for p, f, w in loads(k)]
+    )
+    assert quivers(plotting.plot_snapshots(motion)) == []
+
+
 def test_a_finger_that_rests_is_drawn_at_both_ends() -> None:
     motion = Motion(forces=False, mass=0.0)
     motion.bend = np.full_like(motion.t, 0.4)
