@@ -156,10 +156,15 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
     """Labels of contacts and weight; with the forces where they do not stand beside the picture."""
     labels, nowhere, scene = [], np.zeros(2), view.scene
     written = view.result.force_text
-    for contact in view.contacts:
-        words = f"\n{written(contact.normal_force)} N, friction {written(abs(contact.friction_force))} N"
-        name = contact.name + (words if forces else "")
-        labels.append(Label(name, view.color(contact.name), contact.position, contact.normal))
+    for contacts in view.places:
+        lines = [
+            f"{each.name}\n{written(each.normal_force)} N, friction {written(abs(each.friction_force))} N"
+            if forces
+            else each.name
+            for each in contacts
+        ]
+        first = contacts[0]
+        labels.append(Label("\n".join(lines), view.color(first.name), first.position, first.normal))
     if scene.gravity.mode != "none":
         into = "\ninto plane" if scene.lifted else ""
         text = f"weight {scene.weight:.2f} N{into}" if scene.weight >= 0.1 else f"weight {scene.weight:.2g} N{into}"
@@ -205,7 +210,7 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
     arrows: list[Array] = []
     # 0.3: length of a friction cone as a part of the object's width: a little shorter than the greatest force
     reach = 0.3 * view.extent
-    for contact in view.contacts:
+    for contact, *others in view.places:
         color, at = view.color(contact.name), contact.position
         for half, alpha in _cone_angles(view, contact):
             spread = np.linspace(-half, half, 21)
@@ -214,7 +219,8 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
             for edge in (wedge[1], wedge[-1]):
                 ax.plot(*np.transpose([at, edge]), color=color, alpha=3.0 * alpha, linewidth=0.7, zorder=Z.CONE)
             cones.append(wedge)
-        end = at - view.force_scale * contact.force  # force acts on what touches; the object bears the opposite
+        # force acts on what touches; the object bears the opposite
+        end = at - view.force_scale * np.sum([each.force for each in (contact, *others)], axis=0)
         draw_arrow(ax, at, end, color)
         arrows.append(np.array([at, end]))
         ax.plot(*at, "o", markersize=4.5, color=color, markeredgecolor="white", markeredgewidth=0.8, zorder=Z.CONTACT)

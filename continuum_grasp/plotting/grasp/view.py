@@ -49,6 +49,23 @@ class GraspView:
         """Contacts that hold the object; none where there is no grasp: the forces of an attempt are not in balance."""
         return self.result.contacts if self.result.verified else ()
 
+    @cached_property
+    def places(self) -> list[list[Contact]]:
+        """Contacts by place: a support's two with a face that is too short to be seen are drawn as one."""
+        left, right, bottom, top = self.box
+        # 0.015: distance of dots that touch each other, per side of the picture
+        near = 0.015 * max(right - left, top - bottom)
+        places: list[list[Contact]] = []
+        for contact in self.contacts:
+            owner = contact.name.split(".")[0]
+            last = places[-1][-1] if places else None
+            is_same = last is not None and owner == last.name.split(".")[0] and owner not in self.scene.named_fingers
+            if is_same and last is not None and math.dist(last.position, contact.position) < near:
+                places[-1].append(contact)
+            else:
+                places.append([contact])
+        return places
+
     @property
     def scene(self) -> GraspScene:
         """The scene of the grasp."""
