@@ -120,7 +120,7 @@ def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         return with_robust(result, search, budget)
     except KeyboardInterrupt:
         message = f"{result.message}; the search was interrupted before a grasp for all errors and friction states"
-        return replace(result, status=Status.FEASIBLE, message=message)
+        return replace(result, status=Status.FEASIBLE if result.solved else result.status, message=message)
 
 
 def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tuple[GraspResult, Search]:

@@ -44,7 +44,7 @@ _BETWEEN, _PANEL, _POLYGON = 0.3, 2.9, 2.05
 _FAILED = "#A03000"
 """Color of the title where there is no grasp: a red that is read on white."""
 _DRAWN = {
-    "first_repair": "the grasp that the first repair gives",
+    "first_repair": "the grasp with the first repair",
     "nominal_grasp": "the grasp without errors",
     "closest_attempt": "the closest attempt",
     "": "the scene as it starts",
@@ -145,7 +145,7 @@ def _title(result: GraspResult, width: float) -> str:
         return f"{name}\n{wrapped(f'{status}: {result.message}', width)}"
     what = _DRAWN[result.answer]
     why = wrapped(f"{result.message[:1].upper()}{result.message[1:]}.", width)
-    return f"{name}\nno grasp ({status}): {what}\n{why}"
+    return f"{name}\nno grasp ({status}); drawn: {what}\n{why}"
 
 
 def _title_style(result: GraspResult) -> dict[str, Any]:
