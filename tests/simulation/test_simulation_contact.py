@@ -337,7 +337,7 @@ def test_no_contact_has_more_friction_than_its_cone(side):
     contacts = motion.contacts
     names, force = list(contacts.names), np.moveaxis(contacts.force, 1, 2)
     out = contacts.point - motion.object_pose[:, :2, None]
-    normals = np.moveaxis(out / np.linalg.norm(out, axis=1, keepdims=True), 1, 2)  # of a circle
+    normals = np.moveaxis(out / np.linalg.norm(out, axis=1, keepdims=True).clip(1e-9), 1, 2)  # of a circle
     normals[:, names.index("palm")] = [-1.0, 0.0]
     sideways = force - (force * normals).sum(axis=2, keepdims=True) * normals
     sideways[:, names.index("table")] = force[:, names.index("table")]
