@@ -131,5 +131,5 @@ def carried_out(of, forces, *, height=lambda t: 0.0, seen=lambda t: {}, **comman
 
 def pressed(names, normal, friction):
     """Forces of contacts (T, C), of which nothing else is asked."""
-    zero, planar = np.zeros_like(normal), np.zeros((len(normal), 2, len(names)))
-    return ContactForces(names, zero, normal, friction, zero, planar, planar)
+    zero, force = np.zeros_like(normal), np.stack([normal, friction], axis=1)  # normals along x
+    return ContactForces(names, zero, normal, friction, zero, force, np.zeros_like(force))

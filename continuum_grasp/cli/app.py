@@ -17,8 +17,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from continuum_grasp import __version__, interrupt
-from continuum_grasp.cli.output import FAILED
-from continuum_grasp.errors import ContinuumGraspError, InputError
+from continuum_grasp.cli.output import FAILED, UNSTABLE
+from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 
 BAD_INPUT = 2
 """Exit status, as argparse and click have it."""
@@ -54,6 +54,12 @@ def _one_line() -> Iterator[None]:
         raise typer.Exit(BAD_INPUT) from None
 
 
+def _exit_status(error: ContinuumGraspError) -> int:
+    if isinstance(error, InputError):
+        return BAD_INPUT
+    return UNSTABLE if isinstance(error, SolverError) and error.status == "unstable" else FAILED
+
+
 class _Verbs(TyperGroup):
     """Turns the package's errors into one message and an exit code."""
 
@@ -73,7 +79,7 @@ class _Verbs(TyperGroup):
                 return super().invoke(ctx)
         except ContinuumGraspError as error:
             typer.echo(f"error: {error}", err=True)
-            raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else FAILED) from None
+            raise typer.Exit(_exit_status(error)) from None
         except KeyboardInterrupt as error:
             typer.echo(str(error) or "interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None
@@ -104,7 +110,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     help="Planar tendon-driven continuum fingers: simulate, grasp, control, generate C.",
-    epilog="Exit status: 0 done, 1 a solver failed, 2 bad input, 130 interrupted.",
+    epilog="Exit status: 0 done, 1 a solver failed, 2 bad input, 3 the only grasp is unstable, 130 interrupted.",
 )
 
 

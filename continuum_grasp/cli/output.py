@@ -28,6 +28,10 @@ FAILED = 1
 was dropped, data that do not agree with the model or do not tell what was asked."""
 
 
+UNSTABLE = 3
+"""Exit status where the only grasp found is unstable: every check passes, and it does not hold the object."""
+
+
 def named_path(text: str | Path) -> Path:
     """A path that is given by its name; an empty one would be the working directory."""
     if not str(text):

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult as GraspResult
     from continuum_grasp.grasp.robust.result import Robustness as Robustness
     from continuum_grasp.grasp.robust.result import Trials as Trials
-    from continuum_grasp.grasp.robust.share import PlantShare as PlantShare
     from continuum_grasp.grasp.solve import optimize_grasp as optimize_grasp
     from continuum_grasp.grasp.values import Contact as Contact
     from continuum_grasp.grasp.values import FingerPosture as FingerPosture

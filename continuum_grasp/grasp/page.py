@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from continuum_grasp.grasp.text import amount, further_advice, parts
+from continuum_grasp.grasp.text import amount, answer_words, further_advice, parts
 from continuum_grasp.results.html import cards, details, escaped, folded, items, report, section, table
 
 if TYPE_CHECKING:
@@ -38,18 +38,18 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
         )
         for part in parts(result)
     ]
-    if result.arrays and not result.solved:
-        lead = '<p class="quiet">Where the search came closest: its forces are not in balance, or break limits.</p>'
-        sections = [details("Numbers of the closest attempt, which is no grasp", "\n".join((lead, *sections)))]
+    if result.arrays and not result.verified:
+        lead = f'<p class="quiet">{_WORTH[result.answer]}</p>'
+        sections = [details(answer_words(result), "\n".join((lead, *sections)))]
     searched = {k: v for k, v in result.statistics.items() if k != "fine_model"}
     return report(
         scene.name or "grasp",
-        result.status.value,
+        result.status.word,
         result.message,
         result.warnings,
         _why(result),
         _picture(result, drawn),
-        cards(result.pairs().items() if result.solved else ()),
+        cards(result.pairs().items() if result.verified else ()),
         *sections,
         section("The search", folded("Statistics", searched)),
         section("The scene", folded("Configuration, as it was read", configuration, exact=True)),
@@ -57,8 +57,16 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
     )
 
 
+_WORTH = {
+    "first_repair": "Forces and margins as the repair needs them, beside the limits of the scene as it is.",
+    "nominal_grasp": "Verified for the object as the scene has it, and no more.",
+    "closest_attempt": "Where the search came closest: its forces are not in balance, or break limits.",
+}
+"""What the numbers of a scene without a grasp are worth."""
+
+
 def _why(result: GraspResult) -> str:
-    if result.solved:
+    if result.verified:
         return f"<p>{escaped(result.advice)}</p>" if result.advice else ""
     rows = []
     for reason in result.reasons:
@@ -75,16 +83,14 @@ def _why(result: GraspResult) -> str:
 
 
 def _picture(result: GraspResult, drawn: Axes) -> str:
-    if result.solved:
+    if result.verified:
         caption = (
             "Arrows are the forces that the object bears, to scale; the light wedges are friction cones"
             f"{', darker where lift leaves them for friction in the plane' if result.scene.lifted else ''}; the small "
             "circles are joints of the finger's elements."
         )
     elif result.arrays:
-        caption = (
-            f"No grasp: {result.message}. The closest attempt is drawn in gray, without the forces that do not hold."
-        )
+        caption = f"No grasp: {result.message}. {answer_words(result)} is drawn in gray, without forces."
     else:
         caption = "No grasp: the scene as it starts; the fingers are drawn unloaded."
     return _figure("drawing", drawn, "drawing of object, fingers and forces", caption)

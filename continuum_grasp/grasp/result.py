@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import DriveState
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
-    from continuum_grasp.grasp.robust.share import PlantShare
     from continuum_grasp.grasp.tried import Exploration
 
 
@@ -55,7 +54,7 @@ class GraspResult(Result):
         One sentence on how it ended.
     arrays : dict of str to ndarray
         The stored arrays by name, ``{finger}`` is the name of each finger; `fingers`, `contacts` and `object_pose`
-        give them by object. Where there is no grasp: the point that comes closest, or empty.
+        give them by object. Where there is no grasp: what `answer` says, or empty.
     certificate : Certificate, optional
         Independent verification of these numbers.
     violated : tuple of str
@@ -129,15 +128,6 @@ class GraspResult(Result):
             raise InputError(f"there is no grasp whose quality could be computed (status {self.status.value})")
         return Quality(self.scene, self.arrays)
 
-    @cached_property
-    def plants(self) -> PlantShare | None:
-        """Share of plants with usual errors that would hold with these tensions; computed when it is first read."""
-        if not self.solved:
-            return None
-        from continuum_grasp.grasp.robust.share import plant_share
-
-        return plant_share(self.scene, self.arrays)
-
     @property
     def greatest_normal_force(self) -> float:
         """Greatest normal force of all contacts [N]."""
@@ -156,8 +146,26 @@ class GraspResult(Result):
 
     @property
     def solved(self) -> bool:
-        """Whether there is a verified grasp."""
+        """Whether there is a verified grasp that holds the object."""
         return self.status in (Status.OPTIMAL, Status.FEASIBLE)
+
+    @property
+    def verified(self) -> bool:
+        """Whether forces and limits of the numbers are verified: those of a grasp, also of one that is unstable."""
+        return self.solved or self.status is Status.UNSTABLE
+
+    @property
+    def answer(self) -> str:
+        """What the numbers are: ``grasp``, ``unstable_grasp``, ``first_repair`` (the grasp of the first of the
+        ``reasons``), ``nominal_grasp`` (without errors), ``closest_attempt``; empty where there are none.
+        """
+        if not self.arrays:
+            return ""
+        if self.verified:
+            return "grasp" if self.solved else "unstable_grasp"
+        if self.robustness is not None and self.robustness.robust is None:
+            return "nominal_grasp"
+        return "first_repair" if self.reasons and self.reasons[0].arrays else "closest_attempt"
 
     def words(self) -> dict[str, list[str]]:
         """Names of the fingers, of the trials with errors, and of postures with other friction where there are some."""
@@ -177,7 +185,7 @@ class GraspResult(Result):
 
     def pairs(self) -> dict[str, str]:
         """Tension, greatest force, least margin and certificate; where there is no grasp, why."""
-        if not self.solved:
+        if not self.verified:
             reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons[:4])}
             return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
         rows = {"sum of tensions": f"{self.force_text(self.tension)} N"}
@@ -197,7 +205,7 @@ class GraspResult(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings before this grasp is relied on."""
-        if not self.solved or self.certificate is None:
+        if not self.verified or self.certificate is None:
             return ()
         warnings, error = [], self.certificate.model_error
         if not error.small:
@@ -205,7 +213,7 @@ class GraspResult(Result):
             coarse = any(family_class(f.family).order < family_class(fine).order for f in self.fingers.values())
             other = f" or take fidelity.family: {fine}" if coarse else ""
             warnings.append(f"{error}: raise fidelity.elements{other}")
-        if not self.certificate.stability.stable:
+        if self.solved and not self.certificate.stability.stable:
             warnings.append("the grasp is unstable: small motions that the contacts allow lower the energy")
         if self._slack:
             warnings.append(
@@ -306,9 +314,8 @@ class GraspResult(Result):
             "lower_bound": self.lower_bound,
             "certificate": None if self.certificate is None else self.certificate.data(error=quality),
             "quality": self.quality.data() if quality and self.solved else None,
-            "plants": self.plants.data() if quality and self.plants is not None else None,
             "violated": list(self.violated),
-            "reasons": [asdict(reason) for reason in self.reasons],
+            "reasons": [reason.data() for reason in self.reasons],
             "advice": self.advice,
             "exploration": None if self.exploration is None else asdict(self.exploration),
             "robustness": None if self.robustness is None else self.robustness.data(),
@@ -329,7 +336,9 @@ class GraspResult(Result):
 
 
 def flawed(result: GraspResult, flaw: str) -> GraspResult:
-    """A verified grasp with a flaw that was found afterwards."""
+    """A grasp with a flaw that was found afterwards; one that does not hold anyway stays as it is."""
+    if not result.solved:
+        return result
     message = result.message.replace("held with ", f"held but {flaw}: ", 1)
     if message == result.message:  # it has flaws already
         message = message.replace(": ", f" and {flaw}: ", 1)

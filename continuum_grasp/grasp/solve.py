@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
+from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.changes import FIRST, NONE, asked_tolerance, resolve_elements, sensitivities, with_fine
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
@@ -22,19 +23,11 @@ from continuum_grasp.grasp.search import OPEN, Search
 from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import REFUTED, STEADIER, UNSTABLE, Reason, Status, force_text, tension_of
-from continuum_grasp.nlp import Budget, Violation
-from continuum_grasp.nlp.solver import STALLED
+from continuum_grasp.grasp.values import DRIVEN_AWAY, REFUTED, STEADIER, Reason, Status, force_text, tension_of
+from continuum_grasp.nlp import Budget, Violation, outcome_words
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.methods import ONE_TURN
-
-_ENDS = {
-    OVERDETERMINED: "the contacts leave fewer unknowns than there are forces to balance",
-    STALLED: "they came no nearer to contact and balance",
-    "Infeasible_Problem_Detected": "nothing near them satisfies all constraints",
-}
-"""Outcomes of starts that users may not know, in words."""
 
 
 @interrupt.computing()
@@ -55,7 +48,7 @@ def optimize_grasp(
         found by comparison with a fine one, and the result's scene has it. Where it has ``robust``, the grasp holds for
         all those errors, and ``robustness`` of the result says how it fares in trials.
     raise_on_failure : bool, optional
-        Raise where there is no verified grasp; False: return the result with its ``status``.
+        Raise where no verified grasp holds the object; False: return the result with its ``status``.
     fine : bool, optional
         Solve once more with a fine model and report in the result's ``fine`` what that changes; takes some seconds. Not
         for a scene with ``robust`` or tendons whose friction states must not matter.
@@ -74,7 +67,8 @@ def optimize_grasp(
     InputError
         The scene does not make sense, or its file cannot be read.
     SolverError
-        There is no verified grasp; ``result`` of the error holds what was found.
+        There is no verified grasp, or an unstable one alone (``status`` unstable) where the scene requires a stable
+        one; ``result`` of the error holds what was found.
     Interrupted
         Ctrl-C was pressed before any grasp was verified. With one, that is the result, and its message
         reports the interruption.
@@ -117,7 +111,7 @@ def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     """The grasp that holds for the errors of a scene that names some and for all friction states of its tendons, next
     to the one found or others of its search.
     """
-    if not result.scene.is_robust or not result.solved or result.statistics["interrupted"]:
+    if not result.scene.is_robust or not result.verified or result.statistics["interrupted"]:
         return result
     from continuum_grasp.grasp.robust.solve import with_robust
 
@@ -126,14 +120,14 @@ def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         return with_robust(result, search, budget)
     except KeyboardInterrupt:
         message = f"{result.message}; the search was interrupted before a grasp for all errors and friction states"
-        return replace(result, status=Status.FEASIBLE, message=message)
+        return replace(result, status=Status.FEASIBLE if result.solved else result.status, message=message)
 
 
 def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tuple[GraspResult, Search]:
     """Find the grasp with the cheapest model that satisfies a tolerance; its search."""
     verdict = _Verdict(with_elements(scene, FIRST), budget)
     first = verdict.result()
-    if not first.solved or first.statistics["interrupted"]:
+    if not first.verified or first.statistics["interrupted"]:
         return first, verdict.search
     try:
         resolved, note, change = resolve_elements(scene, first, tolerance, budget)
@@ -243,14 +237,20 @@ class _Verdict:
 
     def _solved(self, best: Tried) -> GraspResult:
         steadied = best.solver.problem.spec.steadied
-        stable, required = best.certificate.stability.stable, self.scene.stability == "require"
         held = f"a sum of tensions of {force_text(best.arrays, tension_of(self.scene, best.arrays))} N"
-        flaw = UNSTABLE if required else f"{UNSTABLE} (as the scene allows)"
         notes = list(self._notes(best))
+        status = Status.FEASIBLE if notes else Status.OPTIMAL
+        if best.certificate.stability.stable:
+            verdict = f"held with {held}"
+        elif best.acceptable:
+            verdict = f"held but unstable (as the scene allows): {held}"
+        else:
+            status = Status.UNSTABLE
+            verdict = f"in balance with {held}, {DRIVEN_AWAY}"
         return GraspResult(
             self.scene,
-            Status.FEASIBLE if notes or (required and not stable) else Status.OPTIMAL,
-            "; ".join([f"held with {held}" if stable else f"held but {flaw}: {held}", *notes]),
+            status,
+            "; ".join([verdict, *notes]),
             best.arrays,
             best.certificate,
             # The eigenvalue's own dependence on the scene's numbers is not in the problem.
@@ -266,9 +266,7 @@ class _Verdict:
         if best is self.search.fallback and self.search.best is None:
             yield "the least tension there is; nothing was found for the objective"
         elif not best.attempt.optimal and not self.search.proven:
-            yield f"the solver stopped early ({best.attempt.outcome})"
-        if not best.acceptable:
-            yield "no stable grasp was found"
+            yield f"the solver stopped early ({outcome_words(best.attempt.outcome)})"
         if self._before is not None:
             yield f"which stations press was found by a local search, in {self.search.exploration.modes} sets"
         search, explored = self.search, self.search.exploration
@@ -311,11 +309,7 @@ class _Verdict:
             advice = "Raise fidelity.elements or fidelity.accuracy."
         else:
             outcomes = {t.attempt.outcome for t in self.search.tried}
-            ends = "; ".join(sorted(_ENDS.get(outcome, outcome.replace("_", " ").lower()) for outcome in outcomes))
-            message = (
-                f"no start led to a grasp ({ends or 'no posture touches'}), and neither one limit nor two at once "
-                "explain it"
-            )
+            message = f"no grasp was found: {self._fruitless(outcomes)}; no limit explains it, and no two at once"
             first = f"Try {self._more}, which tries more starts; else likely" if self._more else "Likely"
             advice = (
                 f"{first} the geometry: move the base or the object, or let the middle contact be elsewhere "
@@ -328,18 +322,35 @@ class _Verdict:
     def _failed(
         self, status: Status, message: str, advice: str, closest: Tried | None, reasons: Sequence[Reason] = ()
     ) -> GraspResult:
+        repaired = reasons[0].arrays if reasons else {}
+        if repaired:  # what the object needs says more than where the search gave up
+            arrays, certificate, violated = repaired, certify(self.scene, repaired), ()
+        elif closest is not None:
+            arrays, certificate, violated = closest.arrays, closest.certificate, _broken(closest.attempt.violations)
+        else:
+            arrays, certificate, violated = {}, None, ()
         return GraspResult(
             self.scene,
             status,
             message,
-            arrays={} if closest is None else closest.arrays,
-            certificate=None if closest is None else closest.certificate,
-            violated=() if closest is None else _broken(closest.attempt.violations),
+            arrays=arrays,
+            certificate=certificate,
+            violated=violated,
             reasons=tuple(reasons),
             advice=" ".join(part for part in (self._support_note(), advice) if part),
             statistics=self._statistics(None if closest is None else closest.attempt),
             exploration=self.search.exploration,
         )
+
+    def _fruitless(self, outcomes: Collection[str]) -> str:
+        """What was tried in vain, in words."""
+        count = len(self.search.tried)
+        if not count:
+            return "no posture touches the object as the scene asks"
+        tried = f"{count} starting postures were tried" if count > 1 else "one starting posture was tried"
+        if set(outcomes) == {OVERDETERMINED}:
+            return f"{tried}, but their contacts leave fewer unknowns than there are forces to balance"
+        return f"{tried}, and none reached contact and balance of forces within all limits"
 
     @property
     def _more(self) -> str:

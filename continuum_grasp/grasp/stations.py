@@ -73,7 +73,9 @@ def find_station_reasons(search: Search, before: Search, known: Repairs) -> list
                     break
             else:
                 break
-    return ordered((enough | {reason.title: reason for reason in repairs.reasons()}).values())
+    # Grasps of the scene without stations have other contacts than this one.
+    without = {title: replace(reason, arrays={}) for title, reason in enough.items()}
+    return ordered((without | {reason.title: reason for reason in repairs.reasons()}).values())
 
 
 def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Array]) -> Start:

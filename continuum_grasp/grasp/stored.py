@@ -68,7 +68,7 @@ STORED = (
     Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),
     Stored("{trials}.nominal_margins", "(nominal draw,)", "1", "the same of the grasp that is best without errors"),
 )
-"""Stored arrays; where there is no grasp: of the point that comes closest, or none of them."""
+"""Stored arrays; where there is no grasp: of the first repair, or of the point that comes closest, or none of them."""
 DIMENSIONS = (
     Dimension("contact", "contacts of the object", "contact_names"),
     XY,

@@ -41,10 +41,10 @@ class Part:
 
 
 def parts(result: GraspResult, quality: bool = True) -> list[Part]:
-    """Say all about a grasp, or about the closest attempt; parts without rows are left out."""
+    """Say all about a grasp, or about what there is in its place; parts without rows are left out."""
     every = [_fingers(result), _contacts(result)] if result.arrays else []
-    if result.solved:
-        every += [_quality(result), _disturbances(result)] if quality else []
+    if result.verified:
+        every += [_quality(result), _disturbances(result)] if quality and result.solved else []
         every += [] if result.certificate is None else [_certificate(result.certificate)]
         said = result.statistics.get("fine_model")
         every += [Part("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
@@ -54,8 +54,8 @@ def parts(result: GraspResult, quality: bool = True) -> list[Part]:
 
 def result_text(result: GraspResult) -> str:
     """The result as aligned text, for people."""
-    lines = [f"{result.status.value}: {result.message}"]
-    if not result.solved:
+    lines = [f"{result.status.word}: {result.message}"]
+    if not result.verified:
         lines += _why_lines(result)
     for part in parts(result, quality=result.certificate is not None):
         lines += ["", f"{part.title}. {part.lead}" if part.lead else part.title]
@@ -79,10 +79,17 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.violated:
         lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
-        robust = result.robustness
-        what = "The closest attempt, which is no grasp" if robust is None else f"The grasp {robust.names[1]}"
-        lines += ["", f"{what}:"]
+        lines += ["", f"{answer_words(result)}:"]
     return lines
+
+
+def answer_words(result: GraspResult) -> str:
+    """What the numbers of a result without a grasp are."""
+    if result.answer == "first_repair":
+        return f"The grasp with the first repair ({result.reasons[0].repair})"
+    if result.answer == "nominal_grasp" and result.robustness is not None:
+        return f"The grasp {result.robustness.names[1]}"
+    return "The closest attempt, which is no grasp"
 
 
 def further_advice(result: GraspResult) -> str:
@@ -144,7 +151,7 @@ def _contacts(result: GraspResult) -> Part:
         rows.append((c.name, f"{x:.2f}", f"{y:.2f}", *forces, result.margin_text(c), coefficient))
     lift = ["Lift [N]"] if lifted else []
     head = ("Contact", "x [mm]", "y [mm]", "Normal [N]", "Friction [N]", *lift, "Margin", "Friction coefficient")
-    notes = [text for text in (result.bound_words, str(result.plants or "")) if text]
+    notes = [result.bound_words] if result.bound_words else []
     return Part("Contacts", head, rows, range(1, len(head)), notes=notes)
 
 
@@ -238,7 +245,7 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
         "status": result.status.value,
         "warnings": list(result.warnings),
         **{key: about.pop(key) for key in ("message", "advice", "reasons", "violated")},
-        "grasp" if result.solved else "closest_attempt": answer,
+        result.answer: answer,
         **about,
         "fine_model": result.statistics.get("fine_model"),
     }

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -22,8 +23,8 @@ LITTLE = 1e-5
 new guarded places, with which it is solved once more."""
 SATISFIED = 1e-7
 """Scaled violation below which a constraint counts as satisfied: a hundred times the tolerances of the solvers."""
-UNSTABLE = "unstable"
 REFUTED = "refuted by the fine model"
+DRIVEN_AWAY = "but any small push drives the object away (no stable grasp was found)"
 STEADIER = (
     "For a stable grasp: contacts nearer to the base, one more contact or support, or a stiffer finger. stability: "
     "ignore, where the drives hold their position or something else steadies the object."
@@ -38,12 +39,20 @@ class Status(StrEnum):
     estimated to take 2 % less tension."""
     FEASIBLE = "feasible"
     """A grasp that the certificate confirms, but the solver stopped early, or a basin that may be better is open."""
+    UNSTABLE = "unstable"
+    """All checks of the certificate pass, but small motions that the contacts allow lower the energy, where the scene
+    requires a stable grasp: the fingers do not hold the object."""
     INFEASIBLE = "infeasible"
     """There is no grasp near any start, and relaxing a named limit gives one: see ``reasons``."""
     NOT_SOLVED = "not_solved"
     """Neither a grasp nor a proof that there is none."""
     STOPPED = "stopped"
     """The clock stopped the search before there was a verdict: an emergency, which another machine may not meet."""
+
+    @property
+    def word(self) -> str:
+        """The status as people read it: that of an unstable grasp stands out, since all of its checks pass."""
+        return self.value.upper() if self is Status.UNSTABLE else self.value.replace("_", " ")
 
 
 @dataclass(frozen=True)
@@ -143,6 +152,8 @@ class Reason:
         Other limits that must be changed with it; ``text`` and ``repair`` are then about all of them.
     stable : bool
         Whether the grasp that confirms it is stable, where the scene requires that; ``repair`` says so where it is not.
+    arrays : dict of str to ndarray
+        The grasp that confirms it, by the names of a result's arrays; empty where there are no numbers of one.
     """
 
     name: str
@@ -154,11 +165,17 @@ class Reason:
     repair: str
     also: tuple[Reason, ...] = ()
     stable: bool = True
+    arrays: Mapping[str, Array] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def title(self) -> str:
         """Names of all limits that must be changed."""
         return " and ".join(reason.name for reason in (self, *self.also))
+
+    def data(self) -> dict[str, Any]:
+        """The reason as plain data, without its grasp."""
+        entries = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name != "arrays"}
+        return entries | {"also": [other.data() for other in self.also]}
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,8 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
     if grasp is None and result.statistics["interrupted"]:
         raise Interrupted("interrupted while the grasp was optimized")
     if not result.solved:
-        raise SolverError("no grasp to carry out", status=result.status.value, advice=result.advice, result=result)
+        message = f"no grasp to carry out: {result.message}"
+        raise SolverError(message, status=result.status.value, advice=result.advice, result=result)
     resistance = promised(result)
     assigned = tuple(_assigned(mission, result, resistance, setup) for setup in mission.grasp.setups)
     if mission.slip is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from continuum_grasp.nlp.attempt import Attempt, Budget, Multipliers, OptionSet, Start, Status
 from continuum_grasp.nlp.problem import NLP, Block, Constraints, Violation
-from continuum_grasp.nlp.solver import Settings, Solver, new_solver
+from continuum_grasp.nlp.solver import Settings, Solver, new_solver, outcome_words
 
 __all__ = [
     "NLP",
@@ -20,4 +20,5 @@ __all__ = [
     "Status",
     "Violation",
     "new_solver",
+    "outcome_words",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -110,7 +111,9 @@ class Violation:
     scaled: float
 
     def __str__(self) -> str:
-        return f"{self.name}: off by {self.amount:.3g} {self.unit} ({self.key})"
+        amount = f"{100.0 * self.amount:.3g} %" if self.unit == "1" else f"{self.amount:.3g} {self.unit}"
+        words = f"off by {amount}" if math.isfinite(self.amount) else "not a finite number"
+        return f"{self.name}: {words} ({self.key})"
 
 
 @dataclass(frozen=True)

@@ -79,8 +79,8 @@ def _scale(slopes: Any) -> Any:
         return np.maximum(np.minimum(_GREATEST / np.asarray(slopes), 1.0), 1e-8)
 
 
-STALLED, KNOWN = "Stalled", "Known"
-"""Outcomes of a run that lost its patience, and of one that came to a known solution."""
+STALLED, KNOWN, SPENT = "Stalled", "Known", "Budget_Spent"
+"""Outcomes of a run that lost its patience, that came to a known solution, or whose budget was spent."""
 CLOSE = 1e-3
 """Distance of every unknown from a known solution at which a run ends there [units of the problem]."""
 STATUS_OF = {
@@ -91,8 +91,19 @@ STATUS_OF = {
     "User_Requested_Stop": Status.STOPPED,
     STALLED: Status.STOPPED,
     KNOWN: Status.STOPPED,
+    SPENT: Status.STOPPED,
 }
-"""Status by outcome; any other is a failure. CasADi's solvers share these names but the last two."""
+"""Status by outcome; any other is a failure. CasADi's solvers share these names but the last three."""
+_WORDS = {
+    "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
+    "Invalid_Number_Detected": "values were not finite",
+    "Maximum_Iterations_Exceeded": "the iterations were used up",
+    "Restoration_Failed": "the solver ended where no step lowers what is violated",
+    "Search_Direction_Becomes_Too_Small": "further steps gained next to nothing",
+    "User_Requested_Stop": "the search was interrupted",
+    STALLED: "constraints stayed violated while the solver went on",
+    SPENT: "the iterations of this start were used up",
+}
 _VIOLATED, _SAME, _STILL = 1e-3, 0.03, 1e-3
 """Violation from which on a run may lose its patience, and relative changes of one that stays as it is, and of one that
 stands still: where steps become so short, IPOPT is at a point that violates least nearby, or about to restore
@@ -101,6 +112,13 @@ _UNKNOWNS, _CONSTRAINTS = 0, 2
 """Places of unknowns and constraints among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
 """Errors of an acceptable point per tolerance."""
+
+
+def outcome_words(outcome: str) -> str:
+    """Say why a solver run ended, for those who do not know the solver's own names."""
+    if " " in outcome:  # words already
+        return outcome
+    return _WORDS.get(outcome) or f"the solver ended with {outcome.replace('_', ' ').lower()}"
 
 
 @dataclass(frozen=True)
@@ -181,6 +199,8 @@ class Solver(ABC):
         x, g, bound_forces, forces = (np.array(solution[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
         iterations = int(stats.get("iter_count", stop.calls - 1))
         outcome = stop.outcome or str(stats["return_status"])
+        if outcome == "User_Requested_Stop" and until.over:  # by what it was given, not by a user
+            outcome = SPENT
         multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
         # Where constraints are violated, the other conditions say nothing.
         near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance

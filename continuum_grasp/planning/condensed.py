@@ -29,7 +29,7 @@ from scipy.sparse.linalg import splu
 from continuum_grasp import interrupt
 from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Status
-from continuum_grasp.nlp.solver import STATUS_OF, optimality_error
+from continuum_grasp.nlp.solver import SPENT, STATUS_OF, optimality_error
 from continuum_grasp.nlp.sqp import qp_solver
 from continuum_grasp.planning.problem import PlanProblem
 
@@ -107,7 +107,8 @@ class Condensed:
                 outcome = "Search_Direction_Becomes_Too_Small"
                 break
             if count >= most or budget.over or interrupt.pressed():
-                outcome = "User_Requested_Stop" if count < most else outcome
+                if count < most:
+                    outcome = SPENT if budget.over else "User_Requested_Stop"
                 break
             count, budget.left = count + 1, budget.left - 1
             new, share = self._tried(point, model, step, predicted, radius, penalty)

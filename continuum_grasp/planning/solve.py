@@ -13,8 +13,7 @@ from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.nlp import Attempt
-from continuum_grasp.nlp.solver import STALLED
+from continuum_grasp.nlp import Attempt, outcome_words
 from continuum_grasp.planning.diagnosis import missed_goals
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
@@ -226,10 +225,4 @@ def _stopped(search: Search, attempt: Attempt) -> str:
     """Why the solver stopped."""
     if search.budget.cut:
         return _cut(search)
-    return {
-        "Maximum_Iterations_Exceeded": "the iterations were used up",
-        "Search_Direction_Becomes_Too_Small": "steps lowered the objective by less than 1 % in 10 iterations",
-        STALLED: "constraints stayed violated while the solver went on",
-        "Restoration_Failed": "the solver ended where no step lowers what is violated",
-        "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
-    }.get(attempt.outcome, f"the solver ended with {attempt.outcome}")
+    return outcome_words(attempt.outcome)

@@ -107,16 +107,17 @@ def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
     return f"error of the {name.replace('_', ' ')} [{unit}]"
 
 
-@axes.over_time()
+@axes.over_time(columns=2)
 def plot_bounds(ax: Axes, run: ControlRun) -> str:
-    """Draw how far each bound is away over time, as a share of its scale; above zero it is exceeded."""
-    shares = [bound.excess / bound.scale for bound in run.bounds]
-    axes.curves(ax, run.t, shares, [axes.words(bound.name) for bound in run.bounds])
-    top = max(0.02, 1.1 * max(float(np.max(b.excess)) / b.scale for b in run.bounds))
-    bottom = min(-0.3, ax.get_ylim()[0])
+    """Draw how far each bound is away over time, in percent of what the legend says; above zero it is exceeded."""
+    shares = [100.0 * bound.excess / bound.scale for bound in run.bounds]
+    names = [f"{axes.words(bound.name)} (100 %: {bound.scale:.4g} {bound.unit})" for bound in run.bounds]
+    axes.curves(ax, run.t, shares, names)
+    top = max(2.0, 1.1 * max(float(np.max(share)) for share in shares))
+    bottom = min(-30.0, ax.get_ylim()[0])
     ax.axhspan(0.0, top, color=FORBIDDEN["facecolor"], alpha=0.75, zorder=Z.ZONE)
-    ax.set_ylim(max(bottom, -1.05), top)  # what is farther away than its scale does not matter
-    return "beyond the bound [share of its scale]"
+    ax.set_ylim(max(bottom, -105.0), top)  # what is farther away than its scale does not matter
+    return "beyond the limit, which is 0 [%]"
 
 
 @axes.over_time(columns=2)

@@ -33,32 +33,37 @@ _FORCE = 0.25
 _QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
 _INSTANTS = 12
 """Instants at which a finger, or the tensions along it, are drawn [1]."""
+_LOOKED, _PLACES, _STILL = 1000, 9, 1e-3
+"""Instants and places of a finger whose way is measured [1], and the way per length below which poses look the same."""
 _STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 
 
 def plot_snapshots(
     motion: Trajectory | Plan, *, times: Sequence[float] | int = _INSTANTS, ax: Axes | None = None
 ) -> Axes:
-    """Draw the finger at several instants, colored by time, with clamp, point masses and forces to scale.
+    """Draw the finger at several instants, colored by time, with clamp, point masses and the last forces to scale.
 
-    ``times`` are instants [s], of which the nearest computed ones are drawn, or how many, evenly spaced from first to
-    last. An object is drawn at the same instants, filled at the last of them, with its supports. The backbones are the
-    first collection of the axes, arrows of each kind of force a quiver.
+    ``times`` are instants [s], of which the nearest computed ones are drawn, or how many: between two of these, finger
+    or object go as far as between any others. An object is drawn at the same instants, filled at the last of them, with
+    its supports. The backbones are the first collection of the axes, arrows of each kind of force at the last instant a
+    quiver.
     """
-    ax, forces = _snapshots(motion, times, ax)
-    explain(ax, bodies.masses_of(motion.scene.finger), forces, motion.name)
-    return ax
+    return _snapshots(motion, times, ax)
 
 
 def _snapshots(
-    motion: Trajectory | Plan, times: Sequence[float] | int, ax: Axes | None, *seen: NDArray[Any]
-) -> tuple[Axes, list[Force]]:
-    """Draw `plot_snapshots` without what explains it; returns the forces too. ``seen`` are further points to show."""
+    motion: Trajectory | Plan,
+    times: Sequence[float] | int,
+    ax: Axes | None,
+    beside: Callable[[Axes], None] = lambda ax: None,
+    seen: Sequence[NDArray[Any]] = (),
+) -> Axes:
+    """Draw `plot_snapshots` and what is ``beside`` them; ``seen`` are further points to show."""
     t, scene = np.asarray(motion.t), motion.scene
-    indices = _nearest(t, times)
+    indices = _along_the_way(motion, times) if isinstance(times, int) else _nearest(t, times)
     shapes = np.asarray(motion.backbone(indices, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(motion, indices)
-    forces = list(chain(*_forces_at(motion, indices)))
+    forces = _forces_at(motion, indices)[-1]
     points = [shapes, *_thickness(scene.finger, shapes), *bodies.zone_points(scene), *chain(*outlines), *seen]
     scale, box = _scale_and_box(forces, points, motion.length)
     ax = axes.plane_axes(ax, box)
@@ -73,30 +78,49 @@ def _snapshots(
         shade = lines.to_rgba(np.repeat(t[indices], len(masses)))
         ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
     draw_forces(ax, forces, scale)
-    return ax, forces
+    beside(ax)
+    names = {kind: f"{kind} at {t[indices[-1]]:.3g} s" for _, _, kind in forces}
+    explain(ax, masses, forces, motion.name, names)
+    return ax
 
 
 def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
     """Draw snapshots of a plan, the path of its tip, and the goal."""
-    tip = np.asarray(plan.tip_path)
-    ax, forces = _snapshots(plan, _INSTANTS, ax, tip)
-    ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
-    goal = plan.scene.goal
+    tip, goal = np.asarray(plan.tip_path), plan.scene.goal
     goals = [*([] if goal.tip is None else [goal.tip.value]), *([] if goal.shape is None else goal.shape.value)]
-    if goals:
-        ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
-    explain(ax, bodies.masses_of(plan.scene.finger), forces, plan.name)
-    return ax
+
+    def path(ax: Axes) -> None:
+        ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
+        if goals:
+            ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
+
+    return _snapshots(plan, _INSTANTS, ax, path, [tip])
 
 
-def _nearest(t: np.ndarray, times: Sequence[float] | int) -> np.ndarray:
+def _along_the_way(motion: Trajectory | Plan, count: int) -> np.ndarray:
+    """Indices of the first and the last instant, and of others between which finger or object go equally far.
+
+    The way from instant to instant is that of the point that goes farthest.
+    """
+    if count < 1:
+        raise InputError(f"expected at least one instant, got {count}", key="times")
+    looked = np.unique(np.linspace(0, len(motion.t) - 1, _LOOKED).round().astype(int))
+    bodies_at = [np.asarray(motion.backbone(looked, points=_PLACES))]
+    outlines = bodies.outlines_at(motion, looked)
+    if outlines:
+        bodies_at.append(np.array([np.concatenate(parts) for parts in outlines]))
+    steps = [np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=1) for points in bodies_at]
+    way = np.concatenate([[0.0], np.cumsum(np.nan_to_num(np.max(steps, axis=0)))])
+    if way[-1] < _STILL * motion.length:
+        count = min(count, 2)
+    chosen = looked[np.abs(way - np.linspace(0.0, way[-1], count)[:, None]).argmin(axis=1)]
+    chosen[-1] = looked[-1]
+    return np.unique(chosen)
+
+
+def _nearest(t: np.ndarray, times: Sequence[float]) -> np.ndarray:
     """Indices of the instants nearest to ``times``, each once."""
-    if isinstance(times, int):
-        if times < 1:
-            raise InputError(f"expected at least one instant, got {times}", key="times")
-        wanted = np.linspace(t[0], t[-1], times)
-    else:
-        wanted = np.asarray(times, dtype=float)
+    wanted = np.asarray(times, dtype=float)
     slack = 1e-9 * max(1.0, abs(float(t[-1])))  # rounding of an instant that a user computes, k * step
     if not wanted.size or np.any((wanted < t[0] - slack) | (wanted > t[-1] + slack) | np.isnan(wanted)):
         raise InputError(f"expected instants from {t[0]:g} s to {t[-1]:g} s, got {wanted.tolist()}", key="times")
@@ -147,8 +171,11 @@ def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
 
 
 def _forces_at(motion: Trajectory | Plan | ControlRun, indices: NDArray[Any]) -> list[list[Force]]:
-    """Forces at each of some instants, without those that are zero."""
-    return [[force for force in motion.loads_at(int(k)) if np.hypot(*force[1]) > 0] for k in indices]
+    """Forces at each of some instants, without those that are zero but for rounding."""
+    every = [motion.loads_at(int(k)) for k in indices]
+    # 1e-9: force per the greatest that is rounding, as of a load that has faded
+    least = 1e-9 * max((float(np.hypot(*force)) for forces in every for _, force, _ in forces), default=0.0)
+    return [[force for force in forces if np.hypot(*force[1]) > least] for forces in every]
 
 
 def _scale_and_box(forces: Sequence[Force], points: Sequence[NDArray[Any]], length: float) -> tuple[float, axes.Box]:

@@ -76,8 +76,12 @@ class ContactForces:
 
     @property
     def shear(self) -> Array:
-        """Size of the friction force, in and out of the plane (T, C) [N]."""
-        return np.hypot(self.friction, self.lift)
+        """Size of the friction force, in and out of the plane (T, C) [N].
+
+        It is what the force has beside its normal part. That of a table is out of the plane: its lift.
+        """
+        whole = np.square(self.force).sum(axis=1) + np.square(self.lift)
+        return np.sqrt(np.maximum(whole - np.square(self.normal_force), 0.0))
 
     def at(self, index: int) -> list[tuple[Array, Array, str]]:
         """Forces in the plane at one instant: position (2,) [m], force (2,) [N], and on what: finger or object."""
@@ -90,14 +94,16 @@ class ContactForces:
 
 
 _ARRAYS = ("gap", "normal_force", "friction", "lift", "force", "point")
-_FRICTION = "friction in the plane, on what touches the object, along its normal turned by +90 degrees"
+_FRICTION = (
+    "friction in the plane, on what touches the object, along its normal turned by +90 degrees; on a table along x"
+)
 STORED = tuple(
     Stored(f"contact_{name}", shape, unit, meaning, f"contacts.{name}")
     for name, shape, unit, meaning in (
         ("gap", "(time, contact)", "m", "distance of the surfaces, negative where they are pressed together"),
         ("normal_force", "(time, contact)", "N", "normal force"),
         ("friction", "(time, contact)", "N", _FRICTION),
-        ("lift", "(time, contact)", "N", "friction out of the plane, on the object"),
+        ("lift", "(time, contact)", "N", "force out of the plane, on the object: friction, or what a table bears"),
         ("force", "(time, xy, contact)", "N", "world force on the object in the plane"),
         ("point", "(time, xy, contact)", "m", "where it acts, world"),
     )

@@ -548,4 +548,4 @@ def test_pictures_show_the_arrays():
     disturbances = lines(plotting.plot_disturbances(found))
     assert np.array_equal(disturbances["missing tip moment"][:, 1], found.disturbance[:, 0])
     bounds = lines(plotting.plot_bounds(found))
-    assert bounds["input rate"][:, 1] == pytest.approx(found.bounds[1].excess / 600.0)
+    assert bounds["input rate (100 %: 600 N/s)"][:, 1] == pytest.approx(found.bounds[1].excess / 6.0)

@@ -113,6 +113,12 @@ def test_weak_tendon_is_named_with_the_tension_needed():
     reason = next(r for r in result.reasons if r.name == "tension")
     assert "max_tension" in reason.key
     assert reason.needed == pytest.approx(needed, rel=1e-3)
+    # What is drawn is the grasp of the first repair, which touches: the palm, and the finger by half of its thickness.
+    assert result.answer == "first_repair"
+    assert set(result.contact_names) == {"finger.middle", "finger.tip", "palm"}
+    x, y = result.fingers["finger"].backbone[-1, 1:3]
+    assert math.hypot(x - 0.04, y) == pytest.approx(0.046, abs=1e-6)
+    assert result.contact("palm").position == pytest.approx([0.0, 0.0], abs=1e-6)
 
 
 def least_friction(found):

@@ -367,3 +367,34 @@ def test_of_what_many_disturbances_break_the_worst_is_named():
     )
     broken = solve._broken([Violation(name=name, amount=1e-4, **units) for name in names])
     assert [text.split(":")[0] for text in broken] == list(names[:2])
+
+
+def test_what_was_tried_in_vain_is_counted():
+    verdict = solve._Verdict(load(CONFIGS / "pinch.yaml"), Budget())
+    assert "no posture touches the object" in verdict._unsolved(None).message
+    start = SimpleNamespace(label="scan", contacts={})
+    ended = {"iterations": 3, "seconds": 0.1, "objective": 1.0, "badness": 0.5, "start": start}
+    tried = SimpleNamespace(attempt=SimpleNamespace(outcome="Stalled", **ended))
+    verdict.search.tried += [tried] * 48
+    message = verdict._unsolved(None).message
+    assert "48 starting postures were tried, and none reached contact and balance of forces" in message
+    assert "Stalled" not in message
+
+
+def test_violated_constraints_are_told_in_newtons_and_newton_meters():
+    """A grasp in scenes that ask for more: a tendon 2 N weaker, and a mass that lies 3 mm farther out."""
+    scene = make_scene("arc", PLANAR, max_tension=60.0)
+    search = solve.Search(scene, Budget())
+    search.run()
+    tried = search.best
+    greatest = tried.arrays["finger.tensions"].max()
+
+    def told(**changes):
+        attempt = tried.solver.unrelaxed(scene.changed(changes), tried.attempt)
+        return {violation.name: str(violation) for violation in attempt.violations}
+
+    weak = told(**{"finger.tendons.max_tension": greatest - 2.0})
+    assert weak["tendon tension, finger"] == "tendon tension, finger: off by 2 N (finger.tendons.max_tension)"
+    aside = told(**{"object.center_of_mass": [0.003, 0.0]})
+    moment = f"{0.3 * 9.81 * 0.003:.3g} N m"
+    assert aside["object moment balance"] == f"object moment balance: off by {moment} (object)"

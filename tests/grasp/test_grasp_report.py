@@ -301,8 +301,7 @@ def test_lift_is_drawn_beside_friction_in_the_plane():
 
 def test_what_does_not_hold_is_not_drawn_as_held():
     ax = plot_grasp(failed("mug_lying"))
-    arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None)]
-    assert len(arrows) == 2  # the weight, and the scale
+    assert len(ax.collections) == 2  # arrows of the weight, and of the scale
     assert not [patch for patch in ax.patches if patch.get_zorder() == 1.4]  # friction cones
     assert not any("2.5" in text.get_text() for other in ax.figure.axes for text in other.texts)
     assert "Too heavy." in ax.get_title("left")
@@ -311,6 +310,37 @@ def test_what_does_not_hold_is_not_drawn_as_held():
     body = next(patch for patch in ax.patches if patch.get_zorder() == 1.5)
     red, green, blue, _ = body.get_facecolor()
     assert red == green == blue
+
+
+def test_the_grasp_of_the_first_repair_is_said_to_be_one():
+    arrays = made_up(scene_of("heavy_bottle"))
+    result = replace(failed(), arrays=arrays, reasons=(replace(REASON, arrays=arrays),), violated=())
+    assert result.answer == "first_repair"
+    assert "first repair" in plot_grasp(result).get_title("left")
+    text, page, data = result_text(result), Page(page_of(result)).text, yaml.safe_load(result_yaml(result))
+    for said in (text, page):
+        assert "The grasp with the first repair (lower object.mass to 0.46 kg)" in said
+        assert "closest" not in said
+    assert len(data["first_repair"]["contacts"]) == 3
+    assert "arrays" not in data["reasons"][0]
+
+
+@pytest.mark.parametrize(("apart", "count"), [(1e-5, 3), (0.02, 4)])
+def test_two_contacts_with_a_face_too_short_to_be_seen_are_drawn_as_one(apart, count):
+    """The two of a palm, 10 um apart as on an outline that was cut into chords: one dot, one arrow of both forces."""
+    result = held("mug_lying")
+    palm = {name: value[[-1]] for name, value in result.arrays.items() if name.startswith("contact_")}
+    palm["contact_positions"] = palm["contact_positions"] + [0.0, apart]
+    arrays = {name: np.concatenate([v, palm[name]]) if name in palm else v for name, v in result.arrays.items()}
+    arrays["contact_names"] = np.array(["finger.middle", "finger.tip", "palm.1", "palm.2"])
+    arrays["contact_forces"] = np.array([[2.5, -0.75, 0.0], [2.5, -0.75, 0.0], [1.0, 0.5, 0.0], [0.5, -0.5, 0.0]])
+    result = replace(result, arrays=arrays)
+    ax = plot_grasp(result, resisted=False)
+    arrows = [np.hypot(*quiver.U, *quiver.V) for quiver in ax.collections]
+    assert len(arrows) == count + 2  # with the weight and the scale
+    if count == 3:
+        assert "palm.1\npalm.2" in [text.get_text() for text in ax.texts]
+        assert arrows[2] == pytest.approx(1.5 * GraspView(result).force_scale)
 
 
 def test_forces_are_to_scale():
@@ -380,6 +410,25 @@ def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
     assert found == {".run.json", "result.npz", "meta.json", "result.yaml", "grasp.png", "report.html"}
     assert read_run(tmp_path).meta["status"] == status
     assert "Why there is no grasp" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_command_says_that_a_grasp_is_unstable_and_ends_with_its_own_status(tmp_path, monkeypatch):
+    result = held()
+    certificate = certify(result.scene, result.arrays)
+    result = replace(result, status=Status.UNSTABLE, message="in balance", certificate=certificate, advice="Stiffen.")
+    monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, **options: result)
+    done = run("grasp", ROOT / "configs" / "grasp" / "mug.yaml", "--out", tmp_path)
+    assert done.exit_code == 3
+    assert "UNSTABLE: in balance\n" in done.output
+    for word in ("disturbance", "would hold", "Why there is no grasp", "no grasp"):
+        assert word not in done.output
+    assert "finger.tip" in done.output
+    assert read_run(tmp_path).meta["status"] == "unstable"
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
+    assert "UNSTABLE" in page
+    assert "Why there is no grasp" not in page
+    assert "unstable_grasp" in yaml.safe_load((tmp_path / "result.yaml").read_text(encoding="utf-8"))
+    assert "UNSTABLE: in balance" in plot_grasp(result).get_title("left")
 
 
 def test_command_begins_with_the_verdict(tmp_path, monkeypatch):

@@ -16,7 +16,7 @@ from benchmarks.grasp_images import drawn, scene_of
 from benchmarks.grasp_oracle import scenes
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.errors import InputError
+from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
 from continuum_grasp.grasp.search import Search as GraspSearch
 from continuum_grasp.grasp.starts.starts import make_starts
@@ -39,17 +39,31 @@ def test_a_disc_on_two_upright_fingers_is_steady_below_their_euler_load(load):
     """Straight fingers carry it from below without tension: beyond the Euler load no grasp near these is stable."""
     scene, exact = cases.two_fingers_below(mass=2 * load * EULER / 9.81, half=0.0)
     result = solved(scene)
-    assert result.solved
+    assert (result.solved, result.verified) == (load < 1.0, True)
     assert result.tension == pytest.approx(0.0, abs=1e-6 * cases.STIFFNESS / (cases.LENGTH * cases.OFFSET))
     if load < 1.0:
         assert max(np.abs(finger.q).max() for finger in result.fingers.values()) * cases.LENGTH < 1e-3
         assert result.arrays["contact_forces"] == pytest.approx(exact["contact_forces"], rel=1e-5, abs=1e-7)
     assert result.certificate.stability.stable is (load < 1.0)
     # Of two fingers samples are tried, of which none is the best for sure.
-    assert result.status is Status.FEASIBLE
     assert result.exploration.sampled == result.exploration.modes
-    assert result.message.startswith("held with" if load < 1.0 else "held but unstable: ")
-    assert any("unstable" in warning for warning in result.warnings) is (load > 1.0)
+    if load < 1.0:
+        assert result.status is Status.FEASIBLE
+        assert result.table().startswith("feasible: held with ")
+        return
+    assert (result.status, result.answer) == (Status.UNSTABLE, "unstable_grasp")
+    assert result.table().startswith("UNSTABLE: in balance with ")
+    assert "any small push drives the object away" in result.message
+    assert "held" not in result.message
+    with pytest.raises(InputError, match="status unstable"):
+        result.quality  # noqa: B018
+    with pytest.raises(SolverError) as caught:
+        optimize_grasp(scene)
+    assert caught.value.status == "unstable"
+    allowed = solved(scene.changed({"stability": "ignore"}))
+    assert (allowed.solved, allowed.answer) == (True, "grasp")
+    assert allowed.message.startswith("held but unstable (as the scene allows): ")
+    assert any("unstable" in warning for warning in allowed.warnings)
 
 
 def test_a_stable_grasp_is_sought_next_to_an_unstable_one():

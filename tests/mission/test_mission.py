@@ -638,11 +638,13 @@ def test_what_makes_no_mission_is_named(change, said):
 
 
 @pytest.mark.deep
-def test_without_a_grasp_there_is_no_mission(grasp, assignment):
+@pytest.mark.parametrize("status", ["infeasible", "unstable"])
+def test_without_a_grasp_there_is_no_mission(grasp, assignment, status):
     from continuum_grasp.grasp.values import Status
 
-    with pytest.raises(SolverError, match="no grasp to carry out"):
-        assign(assignment.mission, replace(grasp, status=Status.INFEASIBLE))
+    with pytest.raises(SolverError, match="no grasp to carry out") as caught:
+        assign(assignment.mission, replace(grasp, status=Status(status)))
+    assert caught.value.status == status
 
 
 @pytest.mark.parametrize(

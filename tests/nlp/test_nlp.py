@@ -30,6 +30,7 @@ from continuum_grasp.nlp import (
     Start,
     Status,
     new_solver,
+    outcome_words,
 )
 from continuum_grasp.nlp.solver import Solver, _Stop, optimality_error
 from continuum_grasp.planning import plan
@@ -200,6 +201,7 @@ def test_iterations_of_one_run_and_of_all_runs_end_it(method):
     with budget.share(2) as part:
         found = solved(method, problem, start, part)
     assert (found.status, found.iterations) == (Status.STOPPED, 2)
+    assert outcome_words(found.outcome) == "the iterations of this start were used up"  # no user stopped it
     assert (budget.left, budget.over, budget.cut) == (8, False, "")
 
 
@@ -331,6 +333,8 @@ def test_violations_are_named_with_their_amounts():
     gap, force = (block.violation(g[block.rows]) for block in constraints.blocks)
     assert (str(gap), gap.index) == ("gap: off by 0.001 m (contacts.tip)", 1)
     assert (force.amount, force.scaled, force.index) == (2.0, 1.0, 0)
+    assert str(replace(force, unit="1", amount=0.00316)) == "force: off by 0.316 % (contacts.force)"
+    assert str(replace(force, amount=INF)) == "force: not a finite number (contacts.force)"
     g[5] = np.nan
     assert constraints.blocks[1].violation(g[constraints.blocks[1].rows]).scaled == INF
 

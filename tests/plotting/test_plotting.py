@@ -18,6 +18,7 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.plotting import motion as plotting
 from continuum_grasp.plotting.drawing.axes import draw_timed, head, plane_axes
+from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import Z
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
@@ -148,14 +149,14 @@ def test_snapshots_draw_finger_forces_masses_and_clamp(motion: Motion) -> None:
     np.testing.assert_allclose(np.array(lines.get_segments()), motion.backbone([0, 25, 100], 60), atol=1e-15)
 
     contact, load = quivers(ax)
-    np.testing.assert_allclose(contact.get_offsets(), motion.backbone([0, 25, 100], 3)[:, 1])
+    np.testing.assert_allclose(contact.get_offsets(), motion.backbone([100], 3)[:, 1])  # the last alone
     # the greatest force, 0.4 N, is a quarter of the finger long; the other is half of that: one scale for all
-    np.testing.assert_allclose([load.U, load.V], [[0.25 * LENGTH] * 3, [0.0] * 3])
-    np.testing.assert_allclose([contact.U, contact.V], [[0.0] * 3, [0.125 * LENGTH] * 3])
+    np.testing.assert_allclose([load.U, load.V], [[0.25 * LENGTH], [0.0]])
+    np.testing.assert_allclose([contact.U, contact.V], [[0.0], [0.125 * LENGTH]])
     assert load.scale == 1.0
     assert load.angles == "xy"
     legend = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert legend == ["20 g", r"contact $\leq$ 0.2 N", r"load $\leq$ 0.4 N"]
+    assert legend == ["20 g", r"contact at 1 s $\leq$ 0.2 N", r"load at 1 s $\leq$ 0.4 N"]
 
     spots = ax.collections[1].get_offsets()
     expected = motion.backbone([0, 25, 100], 3)[:, 1:].reshape(-1, 2)
@@ -177,7 +178,57 @@ def test_snapshots_without_forces_and_masses() -> None:
     ax = plotting.plot_snapshots(Motion(forces=False, mass=0.0), times=5)
     assert quivers(ax) == []
     assert ax.get_legend() is None
-    np.testing.assert_allclose(ax.collections[0].get_array(), [0.0, 0.25, 0.5, 0.75, 1.0])
+    assert len(ax.collections[0].get_array()) == 5
+
+
+def test_snapshots_are_equally_far_along_the_way_of_the_tip() -> None:
+    """A finger that bends within a fifth of the time, back by a half, and stays."""
+    motion = Motion(count=1001, forces=False, mass=0.0)
+    motion.bend = np.interp(motion.t, [0.0, 0.15, 0.2], [0.02, 0.6, 0.3])
+    drawn = plotting.plot_snapshots(motion, times=7).collections[0].get_array()
+    assert (drawn[0], drawn[-1]) == (0.0, 1.0)
+    assert (drawn[:-1] < 0.2).all()
+    # The way of the tip is its integrated speed; where the finger rests, it is at the end of it.
+    gone = np.cumsum(np.hypot(*np.diff(motion.backbone(range(1001))[:, -1], axis=0).T))
+    ways = np.append(0.0, gone)[(1000 * drawn).round().astype(int)]
+    np.testing.assert_allclose(np.diff(ways), gone[-1] / 6, rtol=0.1)  # to the nearest instants
+
+
+def test_a_load_that_has_faded_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = Motion()
+    loads = motion.loads_at
+    monkeypatch.setattr(
+        motion, "loads_at", lambda k: [(p, f * (1e-16 if k == 100 else 1.0), w) for p, f, w in loads(k)]
+    )
+    assert quivers(plotting.plot_snapshots(motion)) == []
+
+
+def test_a_finger_that_rests_is_drawn_at_both_ends() -> None:
+    motion = Motion(forces=False, mass=0.0)
+    motion.bend = np.full_like(motion.t, 0.4)
+    np.testing.assert_array_equal(plotting.plot_snapshots(motion).collections[0].get_array(), [0.0, 1.0])
+
+
+@pytest.mark.parametrize("length", [0.05, 1.0, 4.0, 40.0])
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_an_arrow_points_the_right_way_however_short(length: float, turn: float) -> None:
+    """No pixel of it is before its start, and its end is where the force says, lengths in points."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(2.0, 2.0), dpi=144)
+    canvas = FigureCanvasAgg(figure)
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    ax.set(xlim=(-72.0, 72.0), ylim=(-72.0, 72.0))
+    ax.set_axis_off()
+    way = np.array([np.cos(turn), np.sin(turn)])
+    draw_arrow(ax, np.zeros(2), length * way, "black")
+    canvas.draw()
+    dark = np.asarray(canvas.buffer_rgba())[::-1, :, 0] < 128
+    rows, columns = np.nonzero(dark)
+    along = (np.stack([columns, rows], axis=1) + 0.5 - 144.0) / 2.0 @ way
+    assert along.min() > -1.5  # half of the line's width, and a pixel
+    assert along.max() == pytest.approx(max(length, 1.0), abs=1.5)
 
 
 @pytest.mark.parametrize("times", [[], [2.0], [-0.1], [float("nan")], 0])

@@ -16,6 +16,7 @@ from continuum_grasp.scene import Finger
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation import equilibrium, modes, simulate
+from continuum_grasp.simulation.contacts import ContactForces
 from tests.rods import ROOT, without_compiler  # noqa: F401
 from tests.truth.differences import differences
 
@@ -310,3 +311,39 @@ def test_statics_with_an_object_are_refused(verb):
     with pytest.raises(InputError, match="know no contact") as caught:
         verb(pressing(1e3))
     assert caught.value.key == "object"
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, -2.5])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_friction_is_what_a_force_has_beside_its_normal_part(turn, side):
+    """A wall that is turned, by 3 N with (0.6, 0.8) N across, and a table that bears 2.94 N with (0.3, 0.4) N."""
+    normal = np.array([math.cos(turn), math.sin(turn)])
+    across = np.array([-normal[1], normal[0]])
+    forces = np.stack([3.0 * normal + side * 0.6 * across, [0.3, side * 0.4]], axis=1)[None]
+    rows = ([[0.0, 0.0]], [[3.0, 2.94]], [[side * 0.6, 0.3]], [[side * -0.8, 2.94]])
+    contacts = ContactForces(("palm", "table"), *map(np.array, rows), forces, np.zeros((1, 2, 2)))
+    assert contacts.shear[0] == pytest.approx([1.0, 0.5])
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_no_contact_has_more_friction_than_its_cone(side):
+    """The mug that is closed on, and its mirror image: normals by geometry, coefficients by the scene."""
+    scene = load(ROOT / "configs" / "simulate" / "close_on_mug.yaml")
+    pulled, slack = {"times": [0.0, 0.4], "values": [1.0, 45.0]}, 1.0
+    base = {"position": [0.0, -0.055 * side], "angle": -math.pi / 2}
+    tensions = [pulled, slack] if side > 0.0 else [slack, pulled]
+    motion = simulate(scene.changed({"finger.base": base, "actuation.tensions": tensions, "time.duration": 0.5}))
+    contacts = motion.contacts
+    names, force = list(contacts.names), np.moveaxis(contacts.force, 1, 2)
+    out = contacts.point - motion.object_pose[:, :2, None]
+    normals = np.moveaxis(out / np.linalg.norm(out, axis=1, keepdims=True).clip(1e-9), 1, 2)  # of a circle
+    normals[:, names.index("palm")] = [-1.0, 0.0]
+    sideways = force - (force * normals).sum(axis=2, keepdims=True) * normals
+    sideways[:, names.index("table")] = force[:, names.index("table")]
+    lift = np.where(np.array(names) == "table", 0.0, contacts.lift)
+    friction = np.hypot(np.linalg.norm(sideways, axis=2), lift)
+    coefficients = np.where(np.array(names) == "table", 0.3, 0.5)
+    assert (contacts.normal_force.max(axis=0) > 0.5).all()
+    assert (friction <= coefficients * contacts.normal_force + 1e-6).all()
+    assert contacts.shear == pytest.approx(friction, abs=1e-6)

@@ -72,16 +72,19 @@ class Columns(Places):
 class Rows(Constraints):
     """Named constraints in units of a problem."""
 
-    def violations(self, g: Array, tolerance: float, units: Mapping[str, float]) -> list[Violation]:
+    def violations(self, g: Array, tolerance: float, units: Mapping[str, tuple[float, str]]) -> list[Violation]:
         """The constraints that a point violates by more than ``tolerance``, worst first.
 
-        ``units`` are the amounts of a unit of the problem, by unit; they belong to a scene, the rows to many.
+        ``units`` are the amounts of a unit of the problem and their SI unit, by the unit of a row; they belong to a
+        scene, the rows to many.
         """
         lower, upper = self.bounds()
         off = ~(np.maximum(lower - g, g - upper) <= tolerance)  # also where a value is not finite
         violated = (block for block in self.blocks if off[block.rows].any())
-        scaled = (replace(block, scale=np.array([units.get(block.unit, 1.0)])) for block in violated)
-        violations = [block.violation(g[block.rows]) for block in scaled]
+        violations = []
+        for block in violated:
+            amount, unit = units.get(block.unit, (1.0, block.unit))
+            violations.append(replace(block, scale=np.array([amount]), unit=unit).violation(g[block.rows]))
         return sorted((v for v in violations if v.scaled > tolerance), key=lambda v: -v.scaled)
 
 
@@ -95,7 +98,7 @@ class Expressed(Rows):
     def require(
         self, name: str, expression: ca.SX, unit: str, key: str, *, lower: float = 0.0, upper: float = 0.0
     ) -> None:
-        """Add constraints ``lower <= expression <= upper``."""
+        """Add constraints ``lower <= expression <= upper``; ``unit`` is one of `units_of_rows`, or ``rad``, ``1``."""
         column = ca.vec(ca.SX(expression))
         if column.numel():
             self.rows(name, key, unit, int(column.numel()), 1.0, lower, upper)

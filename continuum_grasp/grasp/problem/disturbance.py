@@ -100,7 +100,7 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
             retained = _retained(finger, finger.backbone.drawn(q, u, finger.p), pull)
             yield f"locked tendons, {finger.spec.name}", retained, "rad", "disturbances.tendons"
     yield "disturbed object, forces", force, "N", "disturbances"
-    yield "disturbed object, moment", moment / size, "N", "disturbances"
+    yield "disturbed object, moment", moment / size, "moment per size", "disturbances"
     yield from gaps
 
 
@@ -168,4 +168,5 @@ def _keep_limits(problem: Unknowns, change: dict[str, ca.SX], k: int) -> None:
     for finger in problem.fingers:
         pulls = finger.pulls + change[f"{finger.spec.name}.change of pulls"]
         spare = ca.vertcat(pulls - finger.number("pull_min", 2), finger.number("pull_most", 2) - pulls)
-        require(f"disturbed tension, {finger.spec.name}, {k}", spare, "1", "tendons", upper=ca.inf)
+        name = finger.spec.name
+        require(f"disturbed tension, {name}, {k}", spare, f"tension, {name}", f"{name}.tendons", upper=ca.inf)

@@ -109,12 +109,12 @@ def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:
     require, slack, number = problem.rows.require, problem.slack, finger.number
     name = finger.spec.name
     over = finger.pulls - number("pull_max") - slack["tension"] * number("pull_per_force")
-    require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
+    require(f"tendon tension, {name}", over, f"tension, {name}", f"{name}.tendons.max_tension", lower=-ca.inf)
     if finger.spec.drive is not None and finger.spec.drive.pulley:
         difference = finger.pulls[0] - finger.pulls[1]
         limit = number("torque_max") + slack["tension"] * number("pull_per_force")
         spare = ca.vertcat(limit - difference, limit + difference)
-        require(f"torque, {name}", spare, "1", f"{name}.tendons.drive.torque_max", upper=ca.inf)
+        require(f"torque, {name}", spare, f"torque, {name}", f"{name}.tendons.drive.torque_max", upper=ca.inf)
     bends = ca.vec(finger.curvatures()[2].T)
     limit = number("bending_range") + slack["bending range"]
     spare = ca.vertcat(limit - bends, limit + bends)

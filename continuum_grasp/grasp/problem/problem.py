@@ -119,12 +119,12 @@ class GraspProblem(Unknowns):
             force += number("weight", 2) * (1.0 - self.slack["mass"])
         require("object force balance", force, "N", "object.mass")
         # Per size of the object, so that moments compare with forces.
-        require("object moment balance", moment / number("size"), "N", "object")
+        require("object moment balance", moment / number("size"), "moment per size", "object")
         if self.spec.gravity == "out_of_plane":
             require("object lift balance", lift - number("weight") * (1.0 - self.slack["mass"]), "N", "object.mass")
             if self.spec.tilt:
                 balance = (tilt - self.slack["tilt balance"]) / number("size")
-                require("object tilt balance", balance, "N", "gravity.tilt")
+                require("object tilt balance", balance, "moment per size", "gravity.tilt")
 
     def _objective(self) -> ca.SX:
         """The objective; its own unknowns and constraints are added to the problem."""

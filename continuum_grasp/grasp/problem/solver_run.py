@@ -20,7 +20,14 @@ from continuum_grasp.grasp.problem.points import starting_point, stored_arrays
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
-from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
+from continuum_grasp.grasp.problem.values import (
+    Units,
+    contact_features,
+    problem_bounds,
+    problem_values,
+    tolerance_of,
+    units_of_rows,
+)
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.values import LITTLE, SATISFIED
 from continuum_grasp.model.surfaces import surface_of
@@ -247,7 +254,7 @@ class GraspSolverRun:
         last = replace(last, seconds=time.perf_counter() - began)
         if last.outcome == KNOWN:
             return min(alike, key=lambda earlier: float(np.abs(earlier.x - last.x).max()))
-        violations = problem.rows.violations(last.g, SATISFIED, units.amounts)
+        violations = problem.rows.violations(last.g, SATISFIED, units_of_rows(scene))
         return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
 
     def _solved(self, solver: nlp.Solver, start: nlp.Start, until: Budget) -> nlp.Attempt:
@@ -273,7 +280,7 @@ class GraspSolverRun:
         values = problem_values(self.problem, scene, attempt.start, attempt.features)
         numbers = self._look(scene, values)(x, self.problem.numbers.pack(values, 0.0))[1]
         objective, g = (np.array(value).ravel() for value in self.nlp.values(x, numbers))
-        violations = self.problem.rows.violations(g, SATISFIED, Units.of(scene).amounts)
+        violations = self.problem.rows.violations(g, SATISFIED, units_of_rows(scene))
         return replace(
             attempt,
             status=nlp.Status.STOPPED,

@@ -69,6 +69,22 @@ class Units:
         return [c / self.length for c in point]
 
 
+def units_of_rows(scene: GraspScene) -> dict[str, tuple[float, str]]:
+    """What a violated constraint is reported in: the amount of a unit of the problem and its SI unit, by the unit of a
+    row.
+    """
+    units = Units.of(scene)
+    shown = {unit: (amount, unit) for unit, amount in units.amounts.items()}
+    shown["moment per size"] = units.force * scene.object.size, "N m"
+    for setup in scene.setups:
+        # Pulls are moments of tensions in units of E I / L.
+        tension = setup.stiffness / setup.finger.rod.length / setup.tendons.offset
+        shown[f"tension, {setup.name}"] = tension, "N"
+        if setup.drive is not None:
+            shown[f"torque, {setup.name}"] = tension * setup.drive.radius, "N m"
+    return shown
+
+
 def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> dict[str, Feature]:
     """The face, corner or smooth part that each contact of a start sits on."""
     features = {}

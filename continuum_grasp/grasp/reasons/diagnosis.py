@@ -26,7 +26,7 @@ from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
 from continuum_grasp.grasp.search import CLOSEST, FIRST_CAP, HELD, Search
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.grasp.values import NEAR, UNSTABLE, Reason
+from continuum_grasp.grasp.values import NEAR, Reason, Status
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.shapes import greatest_shift
 
@@ -188,7 +188,7 @@ class Repairs(Elastic):
 
     def _reason(self, repair: Repair) -> Reason:
         """A repair in words; where little is missing, whether its posture needs none after all is tried."""
-        attempt, reason = repair.attempt, in_words(self, repair)
+        attempt, reason = repair.attempt, replace(in_words(self, repair), arrays=repair.arrays)
         if not (attempt.optimal and all(is_clear(each, self.scene) for each in (reason, *reason.also))):
             tried = self.search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=FIRST_CAP)
             if max(repair.parts.values()) < NEAR and not (tried and tried.verified):
@@ -198,7 +198,7 @@ class Repairs(Elastic):
             return reason
         if certify_reached(self.relaxed(repair.parts), repair.arrays).stability.stable:
             return reason
-        return replace(reason, repair=f"{reason.repair}, where the grasp found is {UNSTABLE}", stable=False)
+        return replace(reason, repair=f"{reason.repair}, where the grasp found is {Status.UNSTABLE}", stable=False)
 
     # -- one limit ---------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.result import GraspResult, flawed
+from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import BOUNDS, OBJECT, alone, drawn, extremes, with_drawn_states, with_states
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
@@ -21,7 +21,7 @@ from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_post
 from continuum_grasp.grasp.search import HELD, Search
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import NEAR, UNSTABLE, Reason, Status, tension_of
+from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, Reason, Status, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, Robust
@@ -83,7 +83,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     without = f"{nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}"
     changed = replace(
         result,
-        status=result.status if exchange.optimal else Status.FEASIBLE,
+        status=Status.OPTIMAL if exchange.optimal and result.status is Status.OPTIMAL else Status.FEASIBLE,
         message="; ".join([held, without, *notes]),
         arrays=arrays,
         certificate=certificate,
@@ -95,8 +95,12 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         rejected = ", ".join(check.name for check in certificate.failed)
         message = f"found for {_whatever(scene)}, but the independent check rejects: {rejected}"
         return replace(changed, status=Status.NOT_SOLVED, message=message)
+    if not certificate.acceptable:
+        balanced = held.replace("held", "in balance", 1)
+        message = "; ".join([f"{balanced}, {DRIVEN_AWAY}", without, *notes])
+        return replace(changed, status=Status.UNSTABLE, message=message, advice=STEADIER)
     if robust.holds:
-        return changed if certificate.acceptable else flawed(changed, UNSTABLE)
+        return changed
     failed = robust.margins.size - robust.held
     corners = "corners of robust" if scene.robust else "friction states sought"
     message = f"held at all {corners}, but NOT robust: {failed} of {robust.margins.size} draws do not hold"

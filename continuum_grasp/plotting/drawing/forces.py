@@ -15,7 +15,6 @@ from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, PUR
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.quiver import Quiver
-    from matplotlib.text import Annotation
 
 
 Force = tuple[Array, Array, str]
@@ -40,30 +39,23 @@ def draw_forces(ax: Axes, forces: Sequence[Force], scale: float) -> list[Quiver]
     drawn = []
     for kind in _kinds(forces):
         at, force = np.array([(p, f) for p, f, k in forces if k == kind]).transpose(1, 2, 0)
-        drawn.append(
-            ax.quiver(
-                *at,
-                *(force * scale),
-                angles="xy",
-                scale_units="xy",
-                scale=1.0,
-                units="dots",
-                width=ax.figure.dpi / 55,  # 1.3 points at any resolution
-                headwidth=4,
-                headlength=5,
-                headaxislength=4.5,
-                minlength=0.5,
-                color=_color(kind),
-                zorder=Z.FORCE,
-            )
-        )
+        drawn.append(_arrows(ax, at, force * scale, _color(kind), 1.3))
     return drawn
 
 
-def draw_arrow(ax: Axes, start: Array, end: Array, color: str, *, width: float = 2.0, **style: Any) -> Annotation:
+def draw_arrow(ax: Axes, start: Array, end: Array, color: str, *, width: float = 2.0, **style: Any) -> Quiver:
     """Draw one arrow; ``width`` is that of its line [points]."""
-    look = {"arrowstyle": "-|>", "color": color, "linewidth": width, "shrinkA": 0, "shrinkB": 0}
-    return ax.annotate("", (end[0], end[1]), (start[0], start[1]), arrowprops=look, **{"zorder": Z.FORCE, **style})
+    return _arrows(ax, np.asarray(start)[:, None], np.asarray(end - start)[:, None], color, width, **style)
+
+
+def _arrows(ax: Axes, at: Array, along: Array, color: str, width: float, **style: Any) -> Quiver:
+    """Draw arrows from points (2, K) along vectors (2, K) in the units of the axes, with lines of a width [points].
+
+    An arrow that is shorter than its head gets a smaller one: it points the right way however short it is.
+    """
+    look: dict[str, Any] = {"headwidth": 4, "headlength": 5, "headaxislength": 4.5, "minlength": 0.5}
+    look |= {"angles": "xy", "scale_units": "xy", "scale": 1.0, "units": "inches", "width": width / 72.0}
+    return ax.quiver(*at, *along, color=color, **{**look, "zorder": Z.FORCE, **style})
 
 
 def force_keys(forces: Sequence[Force], names: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
@@ -77,12 +69,20 @@ def force_keys(forces: Sequence[Force], names: Mapping[str, str] | None = None) 
     return entries
 
 
-def explain(ax: Axes, masses: Sequence[float], forces: Sequence[Force], name: str | None) -> None:
-    """Write title and, under it, what dots and arrows mean, with the greatest force of each kind."""
+def explain(
+    ax: Axes,
+    masses: Sequence[float],
+    forces: Sequence[Force],
+    name: str | None,
+    names: Mapping[str, str] | None = None,
+) -> None:
+    """Write title and, under it, what dots and arrows mean, with the greatest force of each kind; ``names`` are other
+    names of kinds.
+    """
     if masses:
         label = ", ".join(f"{1e3 * mass:.3g} g" for mass in dict.fromkeys(masses))
         ax.plot([], [], "o", color=INK, markersize=6, label=label)
-    for key in force_keys(forces):
+    for key in force_keys(forces, names):
         ax.plot([], [], **key)
     texts = ax.get_legend_handles_labels()[1]
     # 6, 40: letters that an entry's sign and its distance take, and that fit over a picture that is taller than wide

@@ -106,7 +106,7 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
         ax.add_patch(Circle((x, y), 1.0, facecolor="none", edgecolor=color, linewidth=0.8))
         ax.plot([x - 1.0, x + 1.0], [y, y], color=GRAY, linewidth=0.5)
         ax.plot([x, x], [y - 1.0, y + 1.0], color=GRAY, linewidth=0.5)
-        if limit > 0.0:
+        if limit > 0.0 and float(result.force_text(contact.normal_force)):  # else of two roundings
             across, lift = contact.friction_force / limit, contact.lift / limit
             beyond = max(1.0, math.hypot(across, lift))  # what rounding puts beyond the rim
             end = x + across / beyond, y + lift / beyond

@@ -43,6 +43,13 @@ _BETWEEN, _PANEL, _POLYGON = 0.3, 2.9, 2.05
 """Distance to the numbers, their width for four columns, and the side of the resisted forces below them [inch]."""
 _FAILED = "#A03000"
 """Color of the title where there is no grasp: a red that is read on white."""
+_DRAWN = {
+    "first_repair": "the grasp with the first repair",
+    "nominal_grasp": "the grasp without errors",
+    "closest_attempt": "the closest attempt",
+    "": "the scene as it starts",
+}
+"""What is drawn where there is no grasp."""
 _LETTERS = 15.5
 """Letters per inch of what stands beside the drawing: most sentences take a little less."""
 
@@ -58,8 +65,8 @@ def plot_grasp(
 
     Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones. Where
     friction carries weight out of the plane, the darker part of a wedge is what lift leaves for friction in it. Where
-    there is no verified grasp the closest attempt is drawn in gray and without forces, and where there is none the
-    scene as it starts; the title reports it, and why.
+    there is no grasp, that of the first repair is drawn in gray and without forces, else the closest attempt, and where
+    there is none the scene as it starts; the title reports it, and why.
 
     ``numbers`` writes the forces: beside the drawing in a new figure, with the friction by contact where it acts out of
     the plane too; in the labels in axes that are given. ``resisted`` draws the forces that are resisted below them:
@@ -129,14 +136,16 @@ def _at(figure: Figure, left: float, bottom: float, width: float, height: float)
 
 def _title(result: GraspResult, width: float) -> str:
     """Name, verdict, and why there is no grasp, in lines that are no wider [inch]."""
-    name, status = wrapped(plain(result.scene.name or "grasp"), width), result.status.value.replace("_", " ")
+    name, status = wrapped(plain(result.scene.name or "grasp"), width), result.status.word
     if result.solved:
         certificate = result.certificate
-        unstable = certificate is not None and not certificate.stability.stable and "unstable" not in status
+        unstable = certificate is not None and not certificate.stability.stable
         return f"{name}\n{status}, verified{', UNSTABLE' if unstable else ''}"
-    what = "the closest attempt" if result.arrays else "the scene as it starts"
+    if result.verified:
+        return f"{name}\n{wrapped(f'{status}: {result.message}', width)}"
+    what = _DRAWN[result.answer]
     why = wrapped(f"{result.message[:1].upper()}{result.message[1:]}.", width)
-    return f"{name}\nno grasp ({status}): {what}\n{why}"
+    return f"{name}\nno grasp ({status}); drawn: {what}\n{why}"
 
 
 def _title_style(result: GraspResult) -> dict[str, Any]:
@@ -147,10 +156,15 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
     """Labels of contacts and weight; with the forces where they do not stand beside the picture."""
     labels, nowhere, scene = [], np.zeros(2), view.scene
     written = view.result.force_text
-    for contact in view.contacts:
-        words = f"\n{written(contact.normal_force)} N, friction {written(abs(contact.friction_force))} N"
-        name = contact.name + (words if forces else "")
-        labels.append(Label(name, view.color(contact.name), contact.position, contact.normal))
+    for contacts in view.places:
+        lines = [
+            f"{each.name}\n{written(each.normal_force)} N, friction {written(abs(each.friction_force))} N"
+            if forces
+            else each.name
+            for each in contacts
+        ]
+        first = contacts[0]
+        labels.append(Label("\n".join(lines), view.color(first.name), first.position, first.normal))
     if scene.gravity.mode != "none":
         into = "\ninto plane" if scene.lifted else ""
         text = f"weight {scene.weight:.2f} N{into}" if scene.weight >= 0.1 else f"weight {scene.weight:.2g} N{into}"
@@ -174,7 +188,7 @@ def _draw_fingers(ax: Axes, view: GraspView) -> list[Array]:
         backbone, body, color = view.backbones[name], view.body(name), view.color(name)
         line = backbone[:, 1:3]
         drawn += [body, draw_clamp(ax, line, finger)]
-        edge, style = lighter(color, 0.25), "solid" if view.result.solved else "dashed"
+        edge, style = lighter(color, 0.25), "solid" if view.result.verified else "dashed"
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
         for tendon in _tendons_inside(finger):
@@ -196,7 +210,7 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
     arrows: list[Array] = []
     # 0.3: length of a friction cone as a part of the object's width: a little shorter than the greatest force
     reach = 0.3 * view.extent
-    for contact in view.contacts:
+    for contact, *others in view.places:
         color, at = view.color(contact.name), contact.position
         for half, alpha in _cone_angles(view, contact):
             spread = np.linspace(-half, half, 21)
@@ -205,7 +219,8 @@ def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]
             for edge in (wedge[1], wedge[-1]):
                 ax.plot(*np.transpose([at, edge]), color=color, alpha=3.0 * alpha, linewidth=0.7, zorder=Z.CONE)
             cones.append(wedge)
-        end = at - view.force_scale * contact.force  # force acts on what touches; the object bears the opposite
+        # force acts on what touches; the object bears the opposite
+        end = at - view.force_scale * np.sum([each.force for each in (contact, *others)], axis=0)
         draw_arrow(ax, at, end, color)
         arrows.append(np.array([at, end]))
         ax.plot(*at, "o", markersize=4.5, color=color, markeredgecolor="white", markeredgewidth=0.8, zorder=Z.CONTACT)
@@ -266,7 +281,7 @@ def _panel_rows(view: GraspView) -> list[Row]:
     Where there is no grasp they say what would repair it.
     """
     result = view.result
-    if not result.solved:
+    if not result.verified:
         # 6: number of repairs written beside the drawing; the report has all
         repairs = [textwrap.wrap(reason.repair, int(_LETTERS * _PANEL)) for reason in result.reasons[:6]]
         head: list[Row] = [(("any one of these repairs it", SLATE),)] if repairs else []

@@ -33,7 +33,7 @@ _PLACES = 81
 
 @dataclass(frozen=True)
 class GraspView:
-    """A result turned into shapes: a grasp, the closest attempt at one, or a scene without any numbers, whose fingers
+    """A result turned into shapes: a grasp, what there is in its place, or a scene without any numbers, whose fingers
     are drawn unloaded and whose object is where it starts.
     """
 
@@ -47,7 +47,24 @@ class GraspView:
     @property
     def contacts(self) -> tuple[Contact, ...]:
         """Contacts that hold the object; none where there is no grasp: the forces of an attempt are not in balance."""
-        return self.result.contacts if self.result.solved else ()
+        return self.result.contacts if self.result.verified else ()
+
+    @cached_property
+    def places(self) -> list[list[Contact]]:
+        """Contacts by place: a support's two with a face that is too short to be seen are drawn as one."""
+        left, right, bottom, top = self.box
+        # 0.015: distance of dots that touch each other, per side of the picture
+        near = 0.015 * max(right - left, top - bottom)
+        places: list[list[Contact]] = []
+        for contact in self.contacts:
+            owner = contact.name.split(".")[0]
+            last = places[-1][-1] if places else None
+            is_same = last is not None and owner == last.name.split(".")[0] and owner not in self.scene.named_fingers
+            if is_same and last is not None and math.dist(last.position, contact.position) < near:
+                places[-1].append(contact)
+            else:
+                places.append([contact])
+        return places
 
     @property
     def scene(self) -> GraspScene:
@@ -121,7 +138,7 @@ class GraspView:
 
     def color(self, name: str) -> str:
         """Color of a finger, a support, or what a contact's name begins with; gray where there is no grasp."""
-        if not self.result.solved:
+        if not self.result.verified:
             return SLATE
         names = list(self.scene.named_fingers)
         owner = name.split(".")[0]
