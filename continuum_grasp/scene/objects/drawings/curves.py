@@ -240,11 +240,10 @@ def _check_holes(outer: Curve, inner: list[Curve], drawing: Drawing, file: str) 
     foreign = [curve for curve in inner if curve.group != outer.group]
     islands = _nested(inner)[1]
     if foreign or islands:
-        why = "is on another layer or in another group" if foreign else "is inside a hole"
-        inside = f"of {len(inner)} curves inside" if len(inner) > 1 else "the curve inside"
+        why = "is inside, on another layer or in another group" if foreign else "is inside a hole"
         raise ValueError(
-            f"file: {file}: a frame around the object, or an object with holes? {inside}, "
-            f"{(foreign or islands)[0].label} {why}: {_choice([outer, *inner], drawing)}"
+            f"file: {file}: a frame around the object, or an object with holes? {(foreign or islands)[0].label} {why}: "
+            f"{_choice([outer, *inner], drawing)}"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,9 +19,19 @@ _PIXEL = 0.0254 / 96.0
 _CHORDS = 128
 """Chords of a curved segment: they keep a half circle to 8e-5 of its radius, (pi / 128)^2 / 8."""
 _SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
-_GROUPS = ("g", "a", "switch", "svg", "symbol")
+_GROUPS = ("g", "a", "switch", "svg")
 _PLACES = ("x", "y", "width", "height", "viewBox", "preserveAspectRatio", "href", "{http://www.w3.org/1999/xlink}href")
 """Attributes that say where an element is, which its children do not inherit."""
+_LIST = r"[-+.,eE\d\s]*"
+_LENGTH = r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*(px|mm|cm|in|pt|pc|%)?\s*|auto"
+_GRAMMAR = {
+    "d": r"[MmZzLlHhVvCcSsQqTtAaeE\d+\-.,\s]*",
+    "points": _LIST,
+    "viewBox": _LIST,
+    "transform": r"(\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\([-+.,eE\d\s]*\d[-+.,eE\d\s]*\)[\s,]*)*",
+    **dict.fromkeys("x y width height cx cy r rx ry x1 y1 x2 y2".split(), _LENGTH),
+}
+"""Attributes that say where something is, and what may stand in them: svgelements passes over all else in silence."""
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _NUMBER = "number-of-shape"
 """Attribute that leads from a shape of svgelements to what is known of it here."""
@@ -42,10 +53,7 @@ def read_svg(file: str) -> Drawing:
             drawing.ignored[type(element).__name__.lower()] += 1
         elif isinstance(element, svgelements.Shape):
             shape = plain.shapes[int(element.values[_NUMBER])]
-            try:
-                curves = list(_curves(element, shape))
-            except (TypeError, ValueError) as error:  # lengths in em
-                raise ValueError(f"{shape.label} has a length that is not read: {error}") from None
+            curves = list(_curves(element, shape))
             drawing.curves += curves
             if not curves:
                 drawing.ignored["shape that is not visible"] += 1
@@ -79,6 +87,7 @@ class _Plain:
         self.shapes: list[_Shape] = []
         self.ignored: Counter[str] = Counter()
         self._kinds: Counter[str] = Counter()
+        _check(root, _named(root))
         own = {key: value for key, value in root.attrib.items() if key not in ("x", "y")}
         self.root = Element(root.tag, own)
         # Styles first: svgelements applies them to what follows.
@@ -93,29 +102,30 @@ class _Plain:
             try:
                 svgelements.Path(shape.data)
             except ValueError:
-                return f"{shape.label} has data that are not those of a path: {shape.data[:60]!r}"
+                return f"{shape.label}: d = {shape.data[:60]!r} is not read"
         return "not a drawing"
 
     def _fill(self, into: Element, source: Element, within: tuple[Element, ...], viewport: Point) -> None:
+        """Append what the children of an element draw to a group of the plain document."""
         for child in source:
             self._add(into, child, within, viewport)
 
     def _add(self, into: Element, element: Element, within: tuple[Element, ...], viewport: Point) -> None:
-        """Append what an element draws to a group of the plain document."""
         tag = _tag(element)
         if tag in _SHAPES:
-            into.append(self._shape(element, tag, within, viewport))
+            into.append(self._shape(element, tag, within))
         elif tag in ("text", "image"):
             into.append(Element(element.tag, element.attrib))
         elif tag == "use":
             self._use(into, element, within, viewport)
-        elif tag in _GROUPS and tag != "symbol":
+        elif tag in _GROUPS:
             self._group(into, element, element, within, viewport)
 
     def _group(
         self, into: Element, element: Element, sized: Element, within: tuple[Element, ...], viewport: Point
     ) -> None:
         """Append a group; ``sized`` has the size of a viewport, which a use may state for its target."""
+        _check(element, _named(element))
         group = ElementTree.SubElement(into, _svg("g"), _without_place(element))
         if _tag(element) in ("svg", "symbol"):
             group.set("transform", f"{element.get('transform', '')} {_placed(element, sized, viewport)}")
@@ -129,6 +139,7 @@ class _Plain:
             self.ignored[f"use of {reference!r}, which is not in the file"] += 1
             return
         group = ElementTree.SubElement(into, _svg("g"), _without_place(element))
+        _check(element, _named(element))
         x, y = (_length(element.get(key, "0"), whole) for key, whole in zip("xy", viewport, strict=True))
         group.set("transform", f"{element.get('transform', '')} translate({x!r}, {y!r})")
         if _tag(target) in ("svg", "symbol"):
@@ -136,20 +147,34 @@ class _Plain:
         else:
             self._add(group, target, (*within, element), viewport)
 
-    def _shape(self, element: Element, tag: str, within: tuple[Element, ...], viewport: Point) -> Element:
+    def _shape(self, element: Element, tag: str, within: tuple[Element, ...]) -> Element:
         self._kinds[tag] += 1
         ordinal = f"{tag} {self._kinds[tag]}"
-        own = [name for name in (element.get("id"), element.get(_LABEL)) if name]
-        around = [outer.get(key) for outer in reversed(within[1:]) for key in ("id", _LABEL) if outer.get(key)]
-        names = tuple(dict.fromkeys([*own, ordinal, *(str(name) for name in around)]))
-        label = f"{tag} {own[0]!r}" if own else ordinal
+        names = [*_names(element), ordinal, *(name for outer in reversed(within[1:]) for name in _names(outer))]
+        label = _named(element) if names[0] != ordinal else ordinal
+        _check(element, label)
         data = element.get("d", "")
-        self.shapes.append(_Shape(label, names, tuple(map(id, within)), data))
-        number = str(len(self.shapes) - 1)
-        return Element(
-            element.tag,
-            {**element.attrib, _NUMBER: number, "d": data} if tag == "path" else {**element.attrib, _NUMBER: number},
-        )
+        self.shapes.append(_Shape(label, tuple(dict.fromkeys(names)), tuple(map(id, within)), data))
+        number = {_NUMBER: str(len(self.shapes) - 1), "d": data}
+        return Element(element.tag, {**element.attrib, **number})
+
+
+def _names(element: Element) -> list[str]:
+    """Names of an element in the file: its own, and what Inkscape shows, which calls layers so."""
+    return [name for name in (element.get("id"), element.get(_LABEL)) if name]
+
+
+def _named(element: Element) -> str:
+    """An element in a message."""
+    return " ".join([_tag(element), *map(repr, _names(element)[:1])])
+
+
+def _check(element: Element, label: str) -> None:
+    """Refuse what svgelements would pass over in silence, by `ValueError`."""
+    for key, pattern in _GRAMMAR.items():
+        text = element.get(key)
+        if text is not None and not re.fullmatch(pattern, text):
+            raise ValueError(f"{label}: {key} = {text[:60]!r} is not read")
 
 
 def _curves(element: Any, shape: _Shape) -> Iterator[Curve]:
