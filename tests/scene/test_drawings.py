@@ -12,6 +12,7 @@ import pytest
 import shapely
 from ezdxf import units
 from ezdxf.math import Matrix44
+from ezdxf.xclip import XClip
 from shapely.affinity import affine_transform, rotate, scale, skew, translate
 
 from continuum_grasp.scene.objects import Outline
@@ -98,16 +99,22 @@ PLACED = {
     "symbol": f'<symbol id="a" viewBox="0 0 10 10">{BAR}</symbol><use href="#a" width="20" height="20"/>',
     "inner drawing": f'<svg x="7" y="5" width="20" height="20" viewBox="0 0 10 10">{BAR}</svg>',
     "inner drawing at a place": '<svg x="7" y="5"><rect width="8" height="4"/></svg>',
+    "percent of an inner drawing": '<svg width="16" height="16"><rect width="50%" height="25%"/></svg>',
     "percent": '<rect width="8%" height="4%"/>',
     "marker": f'<marker id="m"><path d="M0 0h9v9z"/></marker><g transform="scale(2)">{BAR}</g>',
-    "clip path, mask": f'<clipPath><circle r="9"/></clipPath><mask><circle r="9"/></mask><g transform="scale(2)">{BAR}</g>',
+    "clip path": f'<clipPath><circle r="9"/></clipPath><g transform="scale(2)">{BAR}</g>',
+    "mask": f'<mask><circle r="9"/></mask><g transform="scale(2)">{BAR}</g>',
     "hidden": f'<g display="none"><circle r="9"/></g><g visibility="hidden"><circle r="9"/></g>'
     f'<circle r="9" style="display:none"/><g transform="scale(2)">{BAR}</g>',
     "no paint": f'<path d="M0 0h24v24H0z" fill="none"/><circle r="9" opacity="0"/><g transform="scale(2)">{BAR}</g>',
+    "clear paint": '<circle r="9" fill-opacity="0"/><circle r="9" fill="#0000"/><rect width="8" height="4" fill="url(#g)"/>',
     "style sheet behind": '<circle class="h" r="9"/><rect class="b" width="8" height="4"/>'
     "<style>.h{display:none} .b{fill:none;stroke:#000}</style>",
     "white page": f'<rect width="100%" height="100%" fill="#ffffff"/><g transform="scale(2)">{BAR}</g>',
     "twice": '<rect width="8" height="4" fill="red"/><rect width="8" height="4" fill="none" stroke="black"/>',
+    "clipped beside": '<g clip-path="url(#c)"><rect width="8" height="4"/><circle cx="50" r="3"/></g><clipPath id="c">'
+    '<rect width="9" height="9"/></clipPath>',
+    "islands on a body": '<rect width="8" height="4"/><path d="M1 1h2v2h-2z M1.5 1.5h1v1h-1z"/>',
     "editor": '<switch><foreignObject/><g><rect width="8" height="4"/></g></switch><metadata><rect/></metadata>',
     "strokes": '<g fill="none" stroke="black"><path d="M0 0h8"/><path d="M0 4v-4"/><line x1="8" x2="8" y2="4"/>'
     '<polyline points="0 4 5 4 8 4"/><path d="M2 2h2"/></g>',
@@ -118,6 +125,12 @@ PLACED = {
 def test_what_is_drawn_is_read_where_it_is_drawn(tmp_path, name):
     (tmp_path / "one.svg").write_text(f"{PAGE}{PLACED[name]}</svg>")
     assert off_by(tmp_path / "one.svg", shapely.box(0, 0, 8, 4)) < 2e-6
+
+
+def test_a_plate_as_large_as_the_page_keeps_its_holes(tmp_path):
+    path = '<path d="M0 0h90v60h-90z M9 9h9v9h-9z"/><circle cx="60" cy="30" r="9" fill="white"/>'
+    (tmp_path / "one.svg").write_text(f'{SVG} width="90mm" height="60mm" viewBox="0 0 90 60">{path}</svg>')
+    assert off_by(tmp_path / "one.svg", shapely.box(0, 0, 90, 60)) < 2e-6
 
 
 def test_every_subpath_is_a_curve_of_its_own(tmp_path):
@@ -137,7 +150,7 @@ def test_every_subpath_is_a_curve_of_its_own(tmp_path):
 
 def test_open_strokes_texts_and_white_areas_are_left_out_and_named(tmp_path):
     drawn = (
-        '<g id="layer1" fill="none" stroke="black"><rect id="rim" width="60" height="60"/><path id="axis" d="M-9 30h90"/>'
+        '<g fill="none" stroke="black"><rect id="rim" width="60" height="60"/><path id="axis" d="M-9 30h90"/>'
         '</g><circle id="eye" cx="30" cy="30" r="9" fill="white"/><text>A</text>'
     )
     (tmp_path / "one.svg").write_text(f"{PAGE}{drawn}</svg>")
@@ -179,6 +192,12 @@ BAD_SVG = {
     "frame": (
         '<g fill="none" stroke="#000"><rect width="90" height="60"/><g id="p"><circle cx="40" cy="30" r="9"/></g></g>',
         r"bad.svg: a frame around the object, .*rect 1 \(90 x 60 mm\), path: rect 1; circle 1 .* path: circle 1",
+    ),
+    "island": ('<path d="M0 0h90v60h-90z M9 9h40v40h-40z M19 19h9v9h-9z"/>', r"frame .* path 1 \[3\] is inside a hole"),
+    "colored page": ('<rect width="100" height="100" fill="#ffd"/><circle r="9" cx="50" cy="50"/>', "a frame around"),
+    "cut": (
+        '<clipPath id="c"><rect width="9" height="9"/></clipPath><circle id="q" r="9" clip-path="url(#c)"/>',
+        "circle 'q' of bad.svg is cut by a clip path",
     ),
     "bitten": (
         '<rect width="90" height="60"/><circle fill="white" r="9"/>',
@@ -306,9 +325,49 @@ def test_what_is_not_visible_is_not_read(tmp_path, drawing):
     drawing.saveas(tmp_path / "one.dxf")
     assert off_by(tmp_path / "one.dxf", SLOT) < 1e-4
     note = outline(tmp_path / "one.dxf").note
-    assert "2 entity on layer 'off', which is off" in note
-    assert "2 entity on layer 'frozen', which is frozen" in note
+    assert "entity on layer 'off', which is off (2)" in note
+    assert "entity on layer 'frozen', which is frozen (2)" in note
     assert all(word in note for word in ("invisible entity", "TEXT", "DIMENSION", "(80 x 0 mm): open"))
+
+
+def test_old_polylines_leave_out_the_frame_of_their_control_points(tmp_path, drawing):
+    fitted = drawing.modelspace().add_polyline2d([(0, 0), (40, 0), (40, 20), (0, 20)], close=True)
+    fitted.dxf.flags |= 4
+    for vertex in fitted.vertices:
+        vertex.dxf.flags |= 8
+    fitted.append_vertices([(-99, -99), (99, 99)], dxfattribs={"flags": 16})
+    drawing.saveas(tmp_path / "one.dxf")
+    assert off_by(tmp_path / "one.dxf", shapely.box(0, 0, 40, 20)) < 1e-9
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_files_of_entities_alone_and_binary_ones(tmp_path, drawing, binary):
+    if binary:
+        slot(drawing.modelspace())
+        drawing.saveas(tmp_path / "one.dxf", fmt="bin")
+    else:  # as Potrace and small exporters write them
+        pairs = [(0, "SECTION"), (2, "ENTITIES"), (0, "POLYLINE"), (8, "0"), (66, 1), (70, 1)]
+        for x, y, bulge in ((-20, -10, 0), (20, -10, 1), (20, 10, 0), (-20, 10, 1)):
+            pairs += [(0, "VERTEX"), (8, "0"), (10, x), (20, y), (42, bulge)]
+        pairs += [(0, "SEQEND"), (0, "ENDSEC"), (0, "EOF")]
+        (tmp_path / "one.dxf").write_text("".join(f"{code}\n{value}\n" for code, value in pairs))
+        with pytest.raises(ValueError, match="scale: missing; one.dxf does not say how long a unit of it is"):
+            outline(tmp_path / "one.dxf")
+    assert off_by(tmp_path / "one.dxf", SLOT, scale=1e-3) < 1e-4
+
+
+def test_references_that_are_clipped_or_lie_in_another_file_are_named(tmp_path, drawing):
+    file, space = tmp_path / "one.dxf", drawing.modelspace()
+    slot(space)
+    drawing.add_xref_def("other.dxf", "OTHER")
+    space.add_blockref("OTHER", (0, 0))
+    drawing.saveas(file)
+    assert outline(file).drawn.left_out == ("block 'OTHER', which is in another file",)
+    drawing.blocks.new("PART").add_circle((0, 0), 50)
+    XClip(space.add_blockref("PART", (0, 0))).set_block_clipping_path([(-9, -9), (9, 9)])
+    drawing.saveas(file)
+    with pytest.raises(ValueError, match=r"one.dxf: block 'PART' on layer '0' \(INSERT \w+\) is clipped"):
+        outline(file)
 
 
 UNITS = {
@@ -379,7 +438,7 @@ def test_an_error_names_layer_and_handle(tmp_path, drawing):
     upright = Matrix44.x_rotate(math.pi / 2)
     space.add_lwpolyline([(0, 0), (9, 0), (9, 9)], close=True, dxfattribs={"layer": "side"}).transform(upright)
     drawing.saveas(file)
-    with pytest.raises(ValueError, match=r"LWPOLYLINE 33 on layer 'side' is not in a plane of constant z"):
+    with pytest.raises(ValueError, match=r"LWPOLYLINE 33 on layer 'side' of one.dxf is not in a plane of constant z"):
         outline(file)
     assert off_by(file, SLOT, path="0") < 1e-4
     drawing = ezdxf.new(units=units.MM)

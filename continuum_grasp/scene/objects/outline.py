@@ -94,7 +94,7 @@ class OutlineFile(Value):
         if form == ".dxf":
             from continuum_grasp.scene.objects.drawings.dxf import read_dxf
 
-            return read_dxf(self.file, self.path)
+            return read_dxf(self.file)
         if form == ".png":
             from continuum_grasp.scene.objects.drawings.picture import read_png
 

@@ -35,10 +35,14 @@ class Curve:
         Whether the last point is joined to the first.
     group : Hashable
         Layer, block or group in which it stands: curves inside one of the same group are its holes.
+    source : Hashable
+        Path of which it is a part; parts of one path inside each other are holes.
     filled : bool
-        Whether the area inside belongs to the object, whatever is drawn there.
+        Whether the area inside belongs to the object, whatever is drawn there by other paths.
     ground : bool
         Whether it is an area in the color of the paper.
+    flaw : str
+        Why it cannot be an outline, in words; empty where it can.
     """
 
     label: str
@@ -46,8 +50,10 @@ class Curve:
     points: tuple[Point, ...]
     closed: bool = True
     group: Hashable = None
+    source: Hashable = None
     filled: bool = False
     ground: bool = False
+    flaw: str = ""
 
     @cached_property
     def size(self) -> Point:
@@ -120,11 +126,13 @@ def distinct(points: Iterable[Point]) -> tuple[Point, ...]:
 def outline_in(drawing: Drawing, file: str, path: str | None) -> DrawnOutline:
     """The only outer curve of a drawing whose points are in m, or of its curves of one name; `ValueError` otherwise."""
     chosen = [curve for curve in drawing.curves if path in curve.names or (path is None and not curve.ground)]
+    if flawed := next((curve for curve in chosen if curve.flaw), None):
+        raise ValueError(f"file: {flawed.label} of {file} {flawed.flaw}")
     rings, strokes = joined(chosen)
     if not rings and path is not None:  # the name of one piece of a loop
         rings = [ring for ring in joined(drawing.curves)[0] if path in ring.names]
     others = [f"{stroke.text}: open" for stroke in strokes]
-    others += [f"{count} {what}" if count > 1 else what for what, count in drawing.ignored.items()]
+    others += [f"{what} ({count})" if count > 1 else what for what, count in drawing.ignored.items()]
     ground = [curve for curve in drawing.curves if curve.ground and path is None and curve.closed]
     if not rings:
         raise ValueError(_nothing(drawing, file, path, [*(f"{curve.text}: white" for curve in ground), *others]))
@@ -217,8 +225,9 @@ def _once_each(rings: list[Curve]) -> list[Curve]:
     """Rings without those that are drawn twice."""
     kept: list[Curve] = []
     for ring in rings:
-        area = ring.solid.area
-        if not any(ring.solid.symmetric_difference(other.solid).area <= _SAME * area for other in kept):
+        least = _SAME * ring.solid.area
+        alike = [other for other in kept if abs(other.solid.area - ring.solid.area) <= least]
+        if not any(ring.solid.symmetric_difference(other.solid).area <= least for other in alike):
             kept.append(ring)
     return kept
 
@@ -234,11 +243,11 @@ def _nested(rings: list[Curve]) -> tuple[list[Curve], list[Curve]]:
 
 
 def _check_holes(outer: Curve, inner: list[Curve], drawing: Drawing, file: str) -> None:
-    """Refuse an outer curve that may be a frame around the object."""
-    if outer.filled:
-        return
-    foreign = [curve for curve in inner if curve.group != outer.group]
-    islands = _nested(inner)[1]
+    """Refuse an outer curve that may be a frame around the object: what is in a hole is another body."""
+    own = [curve for curve in inner if curve.source is not None and curve.source == outer.source]
+    holes = own if outer.filled else inner
+    islands = [curve for curve in inner if any(hole is not curve and hole.solid.covers(curve.solid) for hole in holes)]
+    foreign = [curve for curve in inner if curve.group != outer.group and curve not in own and not outer.filled]
     if foreign or islands:
         why = "is inside, on another layer or in another group" if foreign else "is inside a hole"
         raise ValueError(

@@ -31,7 +31,7 @@ def read_png(file: str, threshold: float) -> Drawing:
 
 
 def _darkness(file: str) -> Array:
-    """Darkness of pixels (rows, columns) [1]: 0 white or transparent, 1 black; opacity where the ground is transparent."""
+    """Darkness of pixels (rows, columns) [1], 0 to 1 for white or transparent to black; opacity where the edge is clear."""
     import numpy as np
     from PIL import Image
 

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
 from continuum_grasp.scene.parts import Point
 
 _PIXEL = 0.0254 / 96.0
 """Length of a user unit of SVG [m]: 96 per inch, by CSS."""
 _CHORDS = 128
-"""Chords of a curved segment: they keep a half circle to 8e-5 of its radius, (pi / 128)^2 / 8."""
+"""Chords of a curved segment as long as its path is large; shorter ones have fewer, with the same distance from the
+curve: they keep a half circle to 1e-4 of its radius, about (pi / 128)^2 / 8."""
 _SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
 _GROUPS = ("g", "a", "switch", "svg")
 _PLACES = ("x", "y", "width", "height", "viewBox", "preserveAspectRatio", "href", "{http://www.w3.org/1999/xlink}href")
 """Attributes that say where an element is, which its children do not inherit."""
+_ACROSS, _DOWN = ("x", "width", "cx", "rx", "x1", "x2"), ("y", "height", "cy", "ry", "y1", "y2")
 _LIST = r"[-+.,eE\d\s]*"
 _LENGTH = r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*(px|mm|cm|in|pt|pc|%)?\s*|auto"
 _GRAMMAR = {
@@ -29,9 +33,10 @@ _GRAMMAR = {
     "points": _LIST,
     "viewBox": _LIST,
     "transform": r"(\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\([-+.,eE\d\s]*\d[-+.,eE\d\s]*\)[\s,]*)*",
-    **dict.fromkeys("x y width height cx cy r rx ry x1 y1 x2 y2".split(), _LENGTH),
+    **dict.fromkeys((*_ACROSS, *_DOWN, "r"), _LENGTH),
 }
 """Attributes that say where something is, and what may stand in them: svgelements passes over all else in silence."""
+_SPACE = "{http://www.w3.org/2000/svg"
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _NUMBER = "number-of-shape"
 """Attribute that leads from a shape of svgelements to what is known of it here."""
@@ -48,26 +53,39 @@ def read_svg(file: str) -> Drawing:
         elements = list(svgelements.SVG.parse(text, reify=False, on_error="raise").elements())
     except ValueError:
         raise ValueError(plain.culprit()) from None
+    regions: list[list[Curve]] = [[] for _ in range(plain.clips)]
     for element in elements:
         if isinstance(element, svgelements.Text | svgelements.Image):
             drawing.ignored[type(element).__name__.lower()] += 1
         elif isinstance(element, svgelements.Shape):
             shape = plain.shapes[int(element.values[_NUMBER])]
             curves = list(_curves(element, shape))
-            drawing.curves += curves
-            if not curves:
+            (drawing.curves if shape.clip is None else regions[shape.clip]).extend(curves)
+            if not curves and shape.clip is None:
                 drawing.ignored["shape that is not visible"] += 1
+    shapes = {shape.source: shape for shape in plain.shapes}
+    drawing.curves = [
+        _on_page(part, elements[0].width, elements[0].height)
+        for curve in drawing.curves
+        for part in _clipped(curve, [regions[k] for k in shapes[curve.source].clipped])
+    ]
     return drawing
 
 
 @dataclass(frozen=True)
 class _Shape:
-    """A shape as the file has it: its name in messages, those that choose it, and the elements around it."""
+    """A shape as the file has it: its name in messages, those that choose it, and the elements around it.
+
+    ``clip`` is the number of the clip path of which it is a part, ``clipped`` has those that cut it.
+    """
 
     label: str
     names: tuple[str, ...]
     group: tuple[int, ...]
+    source: int
     data: str
+    clip: int | None
+    clipped: tuple[int, ...]
 
 
 class _Plain:
@@ -80,13 +98,18 @@ class _Plain:
     shapes : list of _Shape
         By the number that each shape carries.
     ignored : Counter of str
+    clips : int
+        Number of times that clip paths are used.
     """
 
     def __init__(self, root: Element) -> None:
         self.targets = {element.get("id"): element for element in root.iter() if element.get("id")}
         self.shapes: list[_Shape] = []
         self.ignored: Counter[str] = Counter()
+        self.clips = 0
         self._kinds: Counter[str] = Counter()
+        self._clip: int | None = None
+        self._cutting: dict[Element, int] = {}
         _check(root, _named(root))
         own = {key: value for key, value in root.attrib.items() if key not in ("x", "y")}
         self.root = Element(root.tag, own)
@@ -112,8 +135,10 @@ class _Plain:
 
     def _add(self, into: Element, element: Element, within: tuple[Element, ...], viewport: Point) -> None:
         tag = _tag(element)
+        if tag in (*_SHAPES, *_GROUPS, "use"):
+            self._cut(into, element, within, viewport)
         if tag in _SHAPES:
-            into.append(self._shape(element, tag, within))
+            into.append(self._shape(element, tag, within, viewport))
         elif tag in ("text", "image"):
             into.append(Element(element.tag, element.attrib))
         elif tag == "use":
@@ -121,12 +146,28 @@ class _Plain:
         elif tag in _GROUPS:
             self._group(into, element, element, within, viewport)
 
+    def _cut(self, into: Element, element: Element, within: tuple[Element, ...], viewport: Point) -> None:
+        """Append the clip path of an element, where the element stands."""
+        words = f"clip-path:{element.get('clip-path', '')};{element.get('style', '')}"
+        used = re.findall(r"clip-path\s*:\s*url\([\"']?#([^)\"']*)", words)
+        target = self.targets.get(used[-1]) if used else None
+        if target is None or self._clip is not None:
+            return
+        if target.get("clipPathUnits") == "objectBoundingBox":
+            self.ignored[f"clip path {used[-1]!r}, which is not applied"] += 1
+            return
+        self._clip = self._cutting[element] = self.clips
+        self.clips += 1
+        place = ElementTree.SubElement(into, f"{_SPACE}}}g", {"transform": element.get("transform", "")})
+        self._group(place, target, target, within, viewport)
+        self._clip = None
+
     def _group(
         self, into: Element, element: Element, sized: Element, within: tuple[Element, ...], viewport: Point
     ) -> None:
         """Append a group; ``sized`` has the size of a viewport, which a use may state for its target."""
         _check(element, _named(element))
-        group = ElementTree.SubElement(into, _svg("g"), _without_place(element))
+        group = ElementTree.SubElement(into, f"{_SPACE}}}g", _without_place(element))
         if _tag(element) in ("svg", "symbol"):
             group.set("transform", f"{element.get('transform', '')} {_placed(element, sized, viewport)}")
             viewport = _viewport(element, viewport)
@@ -138,7 +179,7 @@ class _Plain:
         if target is None or target in within:
             self.ignored[f"use of {reference!r}, which is not in the file"] += 1
             return
-        group = ElementTree.SubElement(into, _svg("g"), _without_place(element))
+        group = ElementTree.SubElement(into, f"{_SPACE}}}g", _without_place(element))
         _check(element, _named(element))
         x, y = (_length(element.get(key, "0"), whole) for key, whole in zip("xy", viewport, strict=True))
         group.set("transform", f"{element.get('transform', '')} translate({x!r}, {y!r})")
@@ -147,16 +188,26 @@ class _Plain:
         else:
             self._add(group, target, (*within, element), viewport)
 
-    def _shape(self, element: Element, tag: str, within: tuple[Element, ...]) -> Element:
+    def _shape(self, element: Element, tag: str, within: tuple[Element, ...], viewport: Point) -> Element:
         self._kinds[tag] += 1
         ordinal = f"{tag} {self._kinds[tag]}"
         names = [*_names(element), ordinal, *(name for outer in reversed(within[1:]) for name in _names(outer))]
         label = _named(element) if names[0] != ordinal else ordinal
         _check(element, label)
         data = element.get("d", "")
-        self.shapes.append(_Shape(label, tuple(dict.fromkeys(names)), tuple(map(id, within)), data))
-        number = {_NUMBER: str(len(self.shapes) - 1), "d": data}
-        return Element(element.tag, {**element.attrib, **number})
+        clipped = tuple(self._cutting[outer] for outer in (*within, element) if outer in self._cutting)
+        count, group = len(self.shapes), tuple(map(id, within))
+        self.shapes.append(_Shape(label, tuple(dict.fromkeys(names)), group, count, data, self._clip, clipped))
+        number = {_NUMBER: str(count), "d": data}
+        return Element(element.tag, {**element.attrib, **_without_percent(element, viewport), **number})
+
+
+def _without_percent(element: Element, viewport: Point) -> dict[str, str]:
+    """Lengths of an element that are shares of the viewport around it, in user units."""
+    wholes = {**dict.fromkeys(_ACROSS, viewport[0]), **dict.fromkeys(_DOWN, viewport[1])}
+    wholes["r"] = math.hypot(*viewport) / math.sqrt(2.0)
+    shares = {key: whole for key, whole in wholes.items() if "%" in element.get(key, "")}
+    return {key: repr(_length(element.attrib[key], whole)) for key, whole in shares.items()}
 
 
 def _names(element: Element) -> list[str]:
@@ -184,47 +235,84 @@ def _curves(element: Any, shape: _Shape) -> Iterator[Curve]:
     values = element.values
     if values.get("visibility", "visible") in ("hidden", "collapse") or values.get("opacity") in ("0", "0%"):
         return
-    fill, stroke = _paint(element.fill), _paint(element.stroke)
+    fill, stroke = (_paint(element.fill), _paint(element.stroke)) if shape.clip is None else ("dark", "")
     if not fill and not stroke:
         return
-    ground = "dark" not in (fill, stroke)
-    path = svgelements.Path(element)
-    pieces = [piece for piece in _pieces(path) if len(piece[0]) > 1]
+    pieces = [piece for piece in _pieces(svgelements.Path(element)) if len(piece[0]) > 1]  # not those of a move alone
     for k, (points, closed) in enumerate(pieces, 1):
-        named = len(pieces) > 1
+        part = f"[{k}]" if len(pieces) > 1 else ""
+        names = (shape.names[0] + part, *shape.names) if part else shape.names
         yield Curve(
-            f"{shape.label} [{k}]" if named else shape.label,
-            (*((f"{shape.names[0]}[{k}]",) if named else ()), *shape.names),
-            distinct(points),
-            closed or (bool(fill) and len(points) > 2),
-            shape.group,
-            fill == "dark",
-            ground,
+            f"{shape.label} {part}".strip(),
+            names,
+            distinct(map(tuple, points.tolist())),
+            closed=closed or (bool(fill) and len(points) > 2),
+            group=shape.group,
+            source=shape.source,
+            filled=fill == "dark",
+            ground="dark" not in (fill, stroke),
         )
 
 
-def _pieces(path: Any) -> list[tuple[list[Point], bool]]:
-    """Points of each subpath, y up, and whether it is closed."""
+def _clipped(curve: Curve, clips: list[list[Curve]]) -> list[Curve]:
+    """The curve as clip paths leave it: whole, none, or with a flaw."""
+    import shapely
+
+    drawn = curve.solid if curve.closed else shapely.LineString(curve.points)
+    for clip in clips:
+        region = shapely.union_all([part.solid for part in clip])
+        if not region.intersects(drawn):
+            return []
+        if not region.buffer(1e-6 * max(curve.size)).covers(drawn):
+            return [replace(curve, flaw="is cut by a clip path, which is not read: cut it, or release the clip")]
+    return [curve]
+
+
+def _on_page(curve: Curve, width: float, height: float) -> Curve:
+    """The curve; where it is a rectangle as large as the page, what is drawn inside it may be the object."""
+    import shapely
+
+    page = shapely.box(0.0, -height, width, 0.0)
+    if not curve.filled or curve.solid.symmetric_difference(page).area > 1e-3 * page.area:
+        return curve
+    return replace(curve, filled=False, group="page")
+
+
+def _pieces(path: Any) -> list[tuple[Array, bool]]:
+    """Points (n, 2) of each subpath, y up, and whether it is closed."""
     import numpy as np
     from svgelements import Close, Line, Move
 
-    matrix = path.transform
     pieces: list[tuple[list[Any], bool]] = []
+    ends = np.array([(segment.end.x, segment.end.y) for segment in path if segment.end is not None])
+    size = float(np.ptp(ends, axis=0).max()) if len(ends) else 0.0
     for segment in path:
         if isinstance(segment, Move):
-            pieces.append(([segment.end], False))
+            pieces.append(([[segment.end]], False))
             continue
         if not pieces or pieces[-1][1]:  # what follows a close starts where the subpath started
-            pieces.append(([segment.start], False))
+            pieces.append(([[segment.start]], False))
         points, _ = pieces[-1]
         if isinstance(segment, Close):
             pieces[-1] = points, True
-        elif isinstance(segment, Line):
-            points.append(segment.end)
         else:
-            points += [segment.point(t) for t in np.linspace(0.0, 1.0, _CHORDS + 1)[1:]]
-    placed = [([matrix.point_in_matrix_space(point) for point in points], closed) for points, closed in pieces]
-    return [([(float(p.x), -float(p.y)) for p in points], closed) for points, closed in placed]
+            points.append([segment.end] if isinstance(segment, Line) else _curved(segment, size))
+    m = path.transform
+    turn, shift = np.array([[m.a, -m.b], [m.c, -m.d]]), np.array([m.e, -m.f])
+    return [
+        (np.concatenate([np.asarray(p, dtype=float) for p in parts]) @ turn + shift, closed) for parts, closed in pieces
+    ]
+
+
+def _curved(segment: Any, size: float) -> Array:
+    """Points of a curved segment behind its start, whose chords are as near to it as those of one of a given size."""
+    import numpy as np
+
+    rough = segment.npoint(np.linspace(0.0, 1.0, 9))
+    length = float(np.hypot(*np.diff(rough, axis=0).T).sum())
+    count = max(2, math.ceil(_CHORDS * math.sqrt(min(1.0, length / size if size else 1.0))))
+    points: Array = segment.npoint(np.linspace(0.0, 1.0, count + 1))[1:]
+    return points
 
 
 def _paint(color: Any) -> str:
@@ -239,11 +327,7 @@ def _tag(element: Element) -> str:
     if not isinstance(element.tag, str):
         return ""
     space, _, name = element.tag.rpartition("}")
-    return name if space in ("", "{http://www.w3.org/2000/svg") else ""
-
-
-def _svg(name: str) -> str:
-    return f"{{http://www.w3.org/2000/svg}}{name}"
+    return name if space in ("", _SPACE) else ""
 
 
 def _without_place(element: Element) -> dict[str, str]:
@@ -269,21 +353,18 @@ def _viewport(element: Element, outer: Point) -> Point:
 
 
 def _placed(element: Element, sized: Element, outer: Point) -> str:
-    """The transform of an inner viewport."""
+    """The transform of an inner viewport; ``sized`` may have another size for it."""
     import svgelements
 
-    at = (
-        [0.0, 0.0]
-        if sized is not element
-        else [_length(element.get(key, "0"), w) for key, w in zip("xy", outer, strict=True)]
-    )
-    size = [
+    x, y = (_length(element.get(key, "0"), whole) for key, whole in zip("xy", outer, strict=True))
+    width, height = (
         _length(sized.get(key) or element.get(key) or "100%", whole)
         for key, whole in zip(("width", "height"), outer, strict=True)
-    ]
+    )
     box = element.get("viewBox")
     if box is None:
-        return f"translate({at[0]!r}, {at[1]!r})"
+        return f"translate({x!r}, {y!r})"
     view = svgelements.Viewbox(box)
     aspect = element.get("preserveAspectRatio")
-    return str(svgelements.Viewbox.viewbox_transform(*at, *size, view.x, view.y, view.width, view.height, aspect))
+    inner = view.x, view.y, view.width, view.height
+    return str(svgelements.Viewbox.viewbox_transform(x, y, width, height, *inner, aspect))
