@@ -107,7 +107,8 @@ PLACED = {
     "hidden": f'<g display="none"><circle r="9"/></g><g visibility="hidden"><circle r="9"/></g>'
     f'<circle r="9" style="display:none"/><g transform="scale(2)">{BAR}</g>',
     "no paint": f'<path d="M0 0h24v24H0z" fill="none"/><circle r="9" opacity="0"/><g transform="scale(2)">{BAR}</g>',
-    "clear paint": '<circle r="9" fill-opacity="0"/><circle r="9" fill="#0000"/><rect width="8" height="4" fill="url(#g)"/>',
+    "clear paint": '<circle r="9" fill-opacity="0"/><circle r="9" fill="#0000"/>'
+    '<rect width="8" height="4" fill="url(#g)"/>',
     "style sheet behind": '<circle class="h" r="9"/><rect class="b" width="8" height="4"/>'
     "<style>.h{display:none} .b{fill:none;stroke:#000}</style>",
     "white page": f'<rect width="100%" height="100%" fill="#ffffff"/><g transform="scale(2)">{BAR}</g>',
@@ -211,6 +212,12 @@ BAD_SVG = {
 def test_an_error_names_the_element(tmp_path, name):
     (tmp_path / "bad.svg").write_text(f"{PAGE}{BAD_SVG[name][0]}</svg>")
     with pytest.raises(ValueError, match=BAD_SVG[name][1]):
+        outline(tmp_path / "bad.svg")
+
+
+def test_other_documents_are_refused(tmp_path):
+    (tmp_path / "bad.svg").write_text("<html><body/></html>")
+    with pytest.raises(ValueError, match=r"bad.svg: expected an svg element, got 'html'"):
         outline(tmp_path / "bad.svg")
 
 
@@ -351,7 +358,7 @@ def test_files_of_entities_alone_and_binary_ones(tmp_path, drawing, binary):
             pairs += [(0, "VERTEX"), (8, "0"), (10, x), (20, y), (42, bulge)]
         pairs += [(0, "SEQEND"), (0, "ENDSEC"), (0, "EOF")]
         (tmp_path / "one.dxf").write_text("".join(f"{code}\n{value}\n" for code, value in pairs))
-        with pytest.raises(ValueError, match="scale: missing; one.dxf does not say how long a unit of it is"):
+        with pytest.raises(ValueError, match=r"scale: missing; one.dxf does not say how long a unit of it is"):
             outline(tmp_path / "one.dxf")
     assert off_by(tmp_path / "one.dxf", SLOT, scale=1e-3) < 1e-4
 

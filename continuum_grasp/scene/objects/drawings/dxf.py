@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
@@ -33,7 +34,10 @@ def read_dxf(file: str) -> Drawing:
             document, _ = ezdxf.recover.readfile(file)
     except ezdxf.DXFError as error:  # type: ignore[attr-defined]
         raise ValueError(str(error)) from None
-    drawing = Drawing(_UNITS.get(document.units), advice="choose one by path (a layer, block or handle)")
+    stated = b"$INSUNITS" in Path(file).read_bytes()  # ezdxf takes meters for a file without a header
+    drawing = Drawing(
+        _UNITS.get(document.units) if stated else None, advice="choose one by path (a layer, block or handle)"
+    )
     for entity, layer, blocks in _visible(document, document.modelspace(), drawing.ignored):
         if (curve := _curve(entity, layer, blocks, drawing.ignored)) is not None:
             drawing.curves.append(curve)

@@ -31,7 +31,7 @@ def read_png(file: str, threshold: float) -> Drawing:
 
 
 def _darkness(file: str) -> Array:
-    """Darkness of pixels (rows, columns) [1], 0 to 1 for white or transparent to black; opacity where the edge is clear."""
+    """Darkness of pixels (rows, columns) [1], 0 white or clear, 1 black; opacity where the edges are clear."""
     import numpy as np
     from PIL import Image
 

@@ -110,6 +110,8 @@ class _Plain:
         self._kinds: Counter[str] = Counter()
         self._clip: int | None = None
         self._cutting: dict[Element, int] = {}
+        if _tag(root) != "svg":
+            raise ValueError(f"expected an svg element, got {str(root.tag)[:60]!r}")
         _check(root, _named(root))
         own = {key: value for key, value in root.attrib.items() if key not in ("x", "y")}
         self.root = Element(root.tag, own)
