@@ -418,6 +418,14 @@ def test_lines_inside_an_outline_and_lines_drawn_twice_do_not_matter(tmp_path, d
     assert outline(tmp_path / "one.dxf").note.count(": open") == 2
 
 
+def test_a_line_shorter_than_the_gap_between_ends_closes_a_loop(tmp_path, drawing):
+    corners = [(0, 0), (40, 0), (40, 20), (0, 20), (0, 1e-3)]
+    for a, b in itertools.pairwise([*corners, corners[0]]):
+        drawing.modelspace().add_line(a, b)
+    drawing.saveas(tmp_path / "one.dxf")
+    assert off_by(tmp_path / "one.dxf", shapely.box(0, 0, 40, 20)) < 1e-4
+
+
 def test_frames_several_objects_and_gaps_are_errors_with_the_names_that_choose(tmp_path, drawing):
     file, space = tmp_path / "one.dxf", drawing.modelspace()
     slot(drawing.blocks.new("PART"))

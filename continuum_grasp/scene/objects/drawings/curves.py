@@ -190,8 +190,10 @@ def _loops(strokes: list[Curve]) -> tuple[list[Curve], list[Curve]]:
     network = connected_components(links, directed=False)[1][node[::2]]
     loops: list[Curve] = []
     rest: list[Curve] = []
-    for number in dict.fromkeys(network):
-        members = [k for k in range(len(strokes)) if network[k] == number]
+    networks: dict[int, list[int]] = {}
+    for k, number in enumerate(network):
+        networks.setdefault(int(number), []).append(k)
+    for members in networks.values():
         faces = shapely.polygonize(list({shapely.normalize(lines[k]).wkb: lines[k] for k in members}.values()))
         whole = shapely.union_all([shapely.Polygon(face.exterior) for face in faces.geoms])
         boundaries = [part.exterior for part in getattr(whole, "geoms", [whole]) if not part.is_empty]

@@ -44,4 +44,4 @@ def _darkness(file: str) -> Array:
     except Image.DecompressionBombError as error:
         raise ValueError(str(error)) from None
     edge = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
-    return alpha if edge.max() == 0.0 else (1.0 - gray) * alpha
+    return np.asarray(alpha if edge.max() == 0.0 else (1.0 - gray) * alpha)

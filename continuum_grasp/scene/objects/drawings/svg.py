@@ -6,7 +6,7 @@ import io
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 from xml.etree import ElementTree
@@ -23,7 +23,8 @@ _CHORDS = 128
 curve: they keep a half circle to 1e-4 of its radius, about (pi / 128)^2 / 8."""
 _SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
 _GROUPS = ("g", "a", "switch", "svg")
-_PLACES = ("x", "y", "width", "height", "viewBox", "preserveAspectRatio", "href", "{http://www.w3.org/1999/xlink}href")
+_REFERENCES = ("href", "{http://www.w3.org/1999/xlink}href")
+_PLACES = ("x", "y", "width", "height", "viewBox", "preserveAspectRatio", *_REFERENCES)
 """Attributes that say where an element is, which its children do not inherit."""
 _ACROSS, _DOWN = ("x", "width", "cx", "rx", "x1", "x2"), ("y", "height", "cy", "ry", "y1", "y2")
 _LIST = r"[-+.,eE\d\s]*"
@@ -32,6 +33,7 @@ _GRAMMAR = {
     "d": r"[MmZzLlHhVvCcSsQqTtAaeE\d+\-.,\s]*",
     "points": _LIST,
     "viewBox": _LIST,
+    "transform-origin": r"0(px)?[\s,]+0(px)?",
     "transform": r"(\s*(matrix|translate|scale|rotate|skewX|skewY)\s*\([-+.,eE\d\s]*\d[-+.,eE\d\s]*\)[\s,]*)*",
     **dict.fromkeys((*_ACROSS, *_DOWN, "r"), _LENGTH),
 }
@@ -40,6 +42,8 @@ _SPACE = "{http://www.w3.org/2000/svg"
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _NUMBER = "number-of-shape"
 """Attribute that leads from a shape of svgelements to what is known of it here."""
+_MOST = 100_000
+"""Greatest number of shapes, with every use of each: uses of uses multiply beyond any bound."""
 
 
 def read_svg(file: str) -> Drawing:
@@ -51,7 +55,7 @@ def read_svg(file: str) -> Drawing:
     drawing = Drawing(_PIXEL, ignored=plain.ignored)
     try:
         elements = list(svgelements.SVG.parse(text, reify=False, on_error="raise").elements())
-    except ValueError:
+    except (ArithmeticError, LookupError, TypeError, ValueError):
         raise ValueError(plain.culprit()) from None
     regions: list[list[Curve]] = [[] for _ in range(plain.clips)]
     for element in elements:
@@ -63,11 +67,11 @@ def read_svg(file: str) -> Drawing:
             (drawing.curves if shape.clip is None else regions[shape.clip]).extend(curves)
             if not curves and shape.clip is None:
                 drawing.ignored["shape that is not visible"] += 1
-    shapes = {shape.source: shape for shape in plain.shapes}
+    clipped = {shape.source: shape.clipped for shape in plain.shapes}
     drawing.curves = [
         _on_page(part, elements[0].width, elements[0].height)
         for curve in drawing.curves
-        for part in _clipped(curve, [regions[k] for k in shapes[curve.source].clipped])
+        for part in _clipped(curve, [regions[k] for k in clipped[curve.source]])
     ]
     return drawing
 
@@ -82,7 +86,7 @@ class _Shape:
     label: str
     names: tuple[str, ...]
     group: tuple[int, ...]
-    source: int
+    source: Hashable
     data: str
     clip: int | None
     clipped: tuple[int, ...]
@@ -128,7 +132,7 @@ class _Plain:
                 svgelements.Path(shape.data)
             except ValueError:
                 return f"{shape.label}: d = {shape.data[:60]!r} is not read"
-        return "not a drawing"
+        return "svgelements cannot place what is in it"
 
     def _fill(self, into: Element, source: Element, within: tuple[Element, ...], viewport: Point) -> None:
         """Append what the children of an element draw to a group of the plain document."""
@@ -150,6 +154,8 @@ class _Plain:
 
     def _cut(self, into: Element, element: Element, within: tuple[Element, ...], viewport: Point) -> None:
         """Append the clip path of an element, where the element stands."""
+        if element.get("mask", "none") != "none" or "mask:" in element.get("style", ""):
+            self.ignored[f"mask of {_named(element)}, which is not applied"] += 1
         words = f"clip-path:{element.get('clip-path', '')};{element.get('style', '')}"
         used = re.findall(r"clip-path\s*:\s*url\([\"']?#([^)\"']*)", words)
         target = self.targets.get(used[-1]) if used else None
@@ -176,8 +182,8 @@ class _Plain:
         self._fill(group, element, (*within, element), viewport)
 
     def _use(self, into: Element, element: Element, within: tuple[Element, ...], viewport: Point) -> None:
-        reference = next((element.get(key) for key in _PLACES[-2:] if element.get(key)), "")
-        target = self.targets.get((reference or "").removeprefix("#"))
+        reference = next((element.attrib[key] for key in _REFERENCES if key in element.attrib), "")
+        target = self.targets.get(reference.removeprefix("#"))
         if target is None or target in within:
             self.ignored[f"use of {reference!r}, which is not in the file"] += 1
             return
@@ -191,7 +197,9 @@ class _Plain:
             self._add(group, target, (*within, element), viewport)
 
     def _shape(self, element: Element, tag: str, within: tuple[Element, ...], viewport: Point) -> Element:
-        self._kinds[tag] += 1
+        if len(self.shapes) >= _MOST:
+            raise ValueError(f"more than {_MOST} shapes")
+        self._kinds[tag] += self._clip is None
         ordinal = f"{tag} {self._kinds[tag]}"
         names = [*_names(element), ordinal, *(name for outer in reversed(within[1:]) for name in _names(outer))]
         label = _named(element) if names[0] != ordinal else ordinal
@@ -235,20 +243,22 @@ def _curves(element: Any, shape: _Shape) -> Iterator[Curve]:
     import svgelements
 
     values = element.values
-    if values.get("visibility", "visible") in ("hidden", "collapse") or values.get("opacity") in ("0", "0%"):
+    clear = re.fullmatch(r"0*\.?0*%?", values.get("opacity", "1"))
+    if clear or values.get("visibility", "visible") in ("hidden", "collapse"):
         return
     fill, stroke = (_paint(element.fill), _paint(element.stroke)) if shape.clip is None else ("dark", "")
     if not fill and not stroke:
         return
-    pieces = [piece for piece in _pieces(svgelements.Path(element)) if len(piece[0]) > 1]  # not those of a move alone
+    pieces = [(distinct(map(tuple, points.tolist())), closed) for points, closed in _pieces(svgelements.Path(element))]
+    pieces = [piece for piece in pieces if len(piece[0]) > 1]  # not those of a move alone
     for k, (points, closed) in enumerate(pieces, 1):
         part = f"[{k}]" if len(pieces) > 1 else ""
         names = (shape.names[0] + part, *shape.names) if part else shape.names
         yield Curve(
             f"{shape.label} {part}".strip(),
             names,
-            distinct(map(tuple, points.tolist())),
-            closed=closed or (bool(fill) and len(points) > 2),
+            points,
+            closed=len(points) > 2 and (closed or bool(fill)),
             group=shape.group,
             source=shape.source,
             filled=fill == "dark",
@@ -369,4 +379,6 @@ def _placed(element: Element, sized: Element, outer: Point) -> str:
     view = svgelements.Viewbox(box)
     aspect = element.get("preserveAspectRatio")
     inner = view.x, view.y, view.width, view.height
+    if not (view.width and view.height):
+        raise ValueError(f"{_named(element)}: viewBox = {box!r} has no size")
     return str(svgelements.Viewbox.viewbox_transform(x, y, width, height, *inner, aspect))
