@@ -225,13 +225,13 @@ def _loop(pieces: list[Curve], points: Any) -> Curve:
 
 def _once_each(rings: list[Curve]) -> list[Curve]:
     """Rings without those that are drawn twice."""
-    kept: list[Curve] = []
+    unique: list[Curve] = []
     for ring in rings:
         least = _SAME * ring.solid.area
-        alike = [other for other in kept if abs(other.solid.area - ring.solid.area) <= least]
+        alike = [other for other in unique if abs(other.solid.area - ring.solid.area) <= least]
         if not any(ring.solid.symmetric_difference(other.solid).area <= least for other in alike):
-            kept.append(ring)
-    return kept
+            unique.append(ring)
+    return unique
 
 
 def _nested(rings: list[Curve]) -> tuple[list[Curve], list[Curve]]:

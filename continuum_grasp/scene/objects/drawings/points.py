@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
-from continuum_grasp.scene.table import Table, read_table
 from continuum_grasp.scene.units import units_of
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.table import Table
 
 
 class _Column(NamedTuple):
@@ -22,6 +24,8 @@ def read_csv(file: str, scale: float | None) -> Drawing:
 
     ``scale`` is the length of a unit in the configuration [m], which units in the headings must not contradict.
     """
+    from continuum_grasp.scene.table import read_table
+
     table = read_table(file, ("x", "y"))
     x, y = _column(table, "x"), _column(table, "y")
     factors = [float(units_of("m")[column.unit]) for column in (x, y) if column.unit]
