@@ -154,8 +154,10 @@ def validate(
             kind = kind_of_scene(loaded)
             if picture is not None:
                 _draw(loaded, file, picture)
-            checked.append({"file": str(file), "valid": True, "kind": kind})
+            checked.append({"file": str(file), "valid": True, "kind": kind, "notes": document.notes})
             output.say(f"{file}: valid ({kind})")
+            for note in document.notes:
+                output.say(f"  {note}")
     output.result(files=checked)
     if not all(verdict["valid"] for verdict in checked):
         raise typer.Exit(2)

@@ -54,7 +54,9 @@ def assembled(path: str | Path, changes: Iterable[Change], varied: Iterable[KeyP
 
 def changed(document: Document, changes: Iterable[Change], path: str | Path) -> Document:
     """A copy of an assembled document with changes applied; ``path`` is its file."""
-    result = Document(copy.deepcopy(document.value), dict(document.places), document.varies_outlines)
+    result = Document(
+        copy.deepcopy(document.value), dict(document.places), document.varies_outlines, list(document.notes)
+    )
     _apply(result, changes, Path(path))
     return result
 
@@ -84,6 +86,7 @@ def _put_in_files(document: Document, main: Path) -> None:
             message = f"expected a grasp (finger, object, ...), got a file of kind {kind}"
             raise document.place(("grasp",)).error(message, ("grasp",))
         document.put(("grasp",), inner)
+        document.notes += [f"grasp.{note}" for note in inner.notes]
     for path in ((), ("grasp",)):
         if path == () or isinstance(document.value.get("grasp"), dict):
             _put_in_fingers(document, path, main)
@@ -115,6 +118,7 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
     except InputError as error:
         key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
         raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None
+    document.notes.append(f"{dotted(body)}: {outline.note}")
     vertices = [list(corner) for corner in outline.vertices]
     document.put(body, Document({"shape": "polygon", "vertices": vertices} | rest, part.places))
 

@@ -40,12 +40,13 @@ class Document:
 
     ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps paths of entries, such as
     ``("finger", "masses", 0, "at")``, to where they were written. Where ``varies_outlines``, objects stay files of
-    outlines, since keys of theirs vary; elsewhere they become polygons.
+    outlines, since keys of theirs vary; elsewhere they become polygons, and ``notes`` say of each key what was read.
     """
 
     value: Any
     places: dict[KeyPath, Place] = field(default_factory=dict)
     varies_outlines: bool = False
+    notes: list[str] = field(default_factory=list)
 
     def get(self, path: KeyPath) -> Any:
         """The value at a path that exists."""

@@ -176,7 +176,8 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     ----------
     path : path-like
     names : sequence of str
-        Of the columns of a table that needs no line of headings; one that it has is skipped.
+        Of the columns of a table without a line of headings, which is then no error; headings may also stand behind #
+        in the line above the numbers, as numpy writes them.
 
     Raises
     ------
@@ -200,7 +201,8 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     lines, (separator, cells) = [line for _, line in numbered], _separated([line for _, line in numbered])
     if not any(row[-1] for row in cells) and len(cells[0]) > 1:  # a separator behind the last cell
         cells = [row[:-1] for row in cells]
-    top, names = (int(_number_in(cells[0][0]) is None), names) if names else _headings(cells)
+    bare = names and _number_in(cells[0][0]) is not None
+    top, names = (0, _commented(text, numbered[0][0], separator, len(cells[0])) or names) if bare else _headings(cells)
     header_line = numbered[max(top - 1, 0)][0]
     # headings again, where a file was begun anew
     retained = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
@@ -246,6 +248,13 @@ def _separated(lines: Sequence[str]) -> tuple[str, list[tuple[str, ...]]]:
     return separator, [tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator))) for line in lines]
 
 
+def _commented(text: str, first: int, separator: str, count: int) -> list[str]:
+    """Headings behind # in the line above the first of numbers, where it has one per column; none elsewhere."""
+    above = text.splitlines()[first - 2].strip() if first > 1 else ""
+    cells = [cell.strip() for cell in above.lstrip("#").split(separator)]
+    return cells if above.startswith("#") and len(cells) == count and all(cells) else []
+
+
 def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
     """Number of lines above the numbers, and a heading per column.
 
@@ -256,7 +265,7 @@ def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
         top = next((k for k, row in enumerate(rows) if row[0] == "coords"), 2) + 1
         columns = list(zip(*rows[1:top], strict=True))[1:]
         return top, ["frame", *("_".join(dict.fromkeys(part for part in cells if part)) for cells in columns)]
-    first, second = rows[0], rows[1]
+    first, second = rows[0], rows[min(1, len(rows) - 1)]
     if (
         (len(first) != len(second) or not all(first))
         and "t" in second

@@ -112,6 +112,23 @@ def test_validate_reports_every_file(tmp_path):
     assert run("validate", "--quiet", RELEASE).output == ""
 
 
+def test_validate_says_what_of_a_drawing_is_the_object(tmp_path):
+    drawn = '<path id="plate" d="M0 0h40v20h-40z M9 9h3v3h-3z"/><text>A</text>'
+    page = 'xmlns="http://www.w3.org/2000/svg" width="80mm" height="60mm" viewBox="0 0 80 60"'
+    (tmp_path / "plate.svg").write_text(f"<svg {page}>{drawn}</svg>")
+    scene = re.sub(
+        r"(?s)object:\n.*?supports:",
+        "object: {shape: outline, file: plate.svg, mass: 0.1, position: [0.02, 0]}\nsupports:",
+        (ROOT / "configs/grasp/mug.yaml").read_text(),
+    )
+    (tmp_path / "plate.yaml").write_text(scene.replace("../fingers", str(ROOT / "configs/fingers")))
+    said = "object: path 'plate' [1] (40 x 20 mm) of plate.svg; left out: path 'plate' [2] (3 x 3 mm): a hole, text"
+    result = run("validate", str(tmp_path / "plate.yaml"))
+    assert result.stdout.splitlines() == [f"{tmp_path}/plate.yaml: valid (grasp)", f"  {said}"]
+    (found,) = json.loads(run("validate", "--json", str(tmp_path / "plate.yaml")).stdout)["files"]
+    assert found["notes"] == [said]
+
+
 def test_validate_names_the_line_of_what_a_model_cannot_be(tmp_path):
     file = tmp_path / "scene.yaml"
     text = Path(RELEASE).read_text().replace("../fingers", str(ROOT / "configs/fingers"))

@@ -1,12 +1,10 @@
-"""Outlines of objects from files: paths of SVG, polylines of DXF, points of CSV, silhouettes of PNG."""
+"""Outlines of objects from files: shapes of SVG, curves of DXF, points of CSV, silhouettes of PNG."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -15,27 +13,29 @@ from continuum_grasp.scene.parts import OffsetPolygon, Part, Point, check_simple
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Value
 
+if TYPE_CHECKING:
+    from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnOutline
+
 _SMALLEST, _GREATEST = 1e-4, 10.0
 """Sizes of an outline [m] beyond which its unit is likely another one."""
-_CURVE = 48
-"""Chords of a curve of an SVG path, before it is simplified: they keep a half circle to 0.05 % of its radius."""
-
-Ring = tuple[str, list[Point]]
-"""Name of a closed curve in its file, and its points there."""
+_FORMS = (".svg", ".dxf", ".csv", ".png")
 
 
 class OutlineFile(Value):
     """File of an outline, and how it is read."""
 
     shape: Literal["outline"]
-    """A closed curve in a file; it becomes a polygon whose frame has its origin at the centroid, y up."""
+    """The outer closed curve in a file; it becomes a polygon whose frame has its origin at the centroid, y up."""
     file: Annotated[str, Field(examples=["bottle.png"])]
-    """SVG (a path or shape), DXF (a closed polyline, spline, circle or ellipse), CSV (two columns, with or without a
-    line of names) or PNG (a dark silhouette on a light or transparent ground)."""
+    """SVG (shapes that are visible), DXF (entities of the model space; those that meet are joined), CSV (columns x and
+    y, with units in their headings or without headings) or PNG (a dark silhouette on a light ground, or an opaque one
+    on a transparent ground)."""
     path: str | None = None
-    """Curve to take of several: ``id`` of an SVG path, or the layer of a DXF entity."""
+    """Curve to take of several: ``id`` of an SVG element or of a group around it; layer, block or handle of DXF;
+    ``silhouette 2`` of PNG, the second largest. An error that lists several curves has a name of each."""
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
-    """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF states, 1 m of CSV."""
+    """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF or the headings of a CSV
+    state, 1 m of a CSV without units."""
     tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] = 1e-4
     """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
@@ -46,50 +46,62 @@ class OutlineFile(Value):
         return (OffsetPolygon(self.vertices),)
 
     @cached_property
+    def drawn(self) -> DrawnOutline:
+        """The curve as the file has it [m], and what else the file has."""
+        from continuum_grasp.scene.objects.drawings.curves import outline_in
+
+        name = Path(self.file).name
+        if Path(self.file).suffix.lower() not in _FORMS:
+            raise ValueError(f"file: expected {', '.join(_FORMS)}, got {name}")
+        try:
+            drawing = self._read()
+        except (OSError, ValueError, SyntaxError) as error:
+            raise ValueError(f"file: cannot be read: {name}: {error}") from None
+        scale = drawing.unit if self.scale is None else self.scale
+        if scale is None:
+            raise ValueError(f"scale: missing; {name} does not say how long a unit of it is")
+        drawing.curves = [curve.scaled(scale) for curve in drawing.curves]
+        return outline_in(drawing, name, self.path)
+
+    @property
+    def note(self) -> str:
+        """What was read as the outline, its size, and what of the file is not part of it."""
+        rest = f"; left out: {', '.join(self.drawn.left_out)}" if self.drawn.left_out else ""
+        return f"{self.drawn.curve.text} of {Path(self.file).name}{rest}"
+
+    @cached_property
     def vertices(self) -> tuple[Point, ...]:
         """Corners counter-clockwise, from the centroid [m]."""
-        read = _READERS.get(Path(self.file).suffix.lower())
-        if read is None:
-            raise ValueError(f"file: expected {', '.join(_READERS)}, got {Path(self.file).name}")
-        try:
-            unit, rings = read(self)
-        except (OSError, ValueError, SyntaxError) as error:
-            raise ValueError(f"file: cannot be read: {error}") from None
-        if self.path is not None:
-            known = ", ".join(sorted({name for name, _ in rings})) or "none"
-            rings = [ring for ring in rings if ring[0] == self.path]
-            if not rings:
-                raise ValueError(f"path: no closed curve {self.path!r} in the file, which has {known}")
-        scale = unit if self.scale is None else self.scale
-        if scale is None:
-            raise ValueError("scale: missing; the file does not say how long a unit of it is")
-        return self._corners([(name, [(x * scale, y * scale) for x, y in ring]) for name, ring in rings])
-
-    def _corners(self, rings: list[Ring]) -> tuple[Point, ...]:
         import shapely
 
-        if not rings:
-            raise ValueError("file: no closed curve in it: expected one that ends where it begins")
-        for name, ring in rings:
-            check_simple(ring, f"file: the curve {name!r}" if name else "file: the curve")
-        solids = sorted((shapely.Polygon(ring) for _, ring in rings), key=lambda solid: -solid.area)
-        inner = [other.representative_point() for other in solids[1:]]
-        if holes := [at for at in inner if solids[0].contains(at)]:
-            where = f"({holes[0].x:.4g}, {holes[0].y:.4g}) m"
-            raise ValueError(
-                f"file: the outline has a hole at {where} (as scaled): fill it, or choose one curve by path"
-            )
-        if inner:
-            names = ", ".join(repr(name) for name, _ in rings)
-            raise ValueError(f"file: {len(rings)} closed curves ({names}): expected one; choose by path")
-        size = max(solids[0].bounds[2] - solids[0].bounds[0], solids[0].bounds[3] - solids[0].bounds[1])
+        curve = self.drawn.curve
+        size = max(curve.size)
         if not _SMALLEST < size < _GREATEST:
             raise ValueError(f"scale: the outline would be {size:.4g} m long; in which unit is the file?")
-        simple = corners_of(solids[0].simplify(self.tolerance).exterior.coords[:-1])
+        simple = corners_of(shapely.Polygon(curve.points).simplify(self.tolerance).exterior.coords[:-1])
         if len(simple) < 3 or self.tolerance > 0.2 * size:
             raise ValueError(f"tolerance: {self.tolerance:g} m leaves nothing of an outline {size:.4g} m long")
         x, y = polygon_centroid(simple)
         return tuple((round(a - x, 9), round(b - y, 9)) for a, b in simple)
+
+    def _read(self) -> Drawing:
+        """Curves of the file; a library is loaded with the first file of its form."""
+        form = Path(self.file).suffix.lower()
+        if form == ".svg":
+            from continuum_grasp.scene.objects.drawings.svg import read_svg
+
+            return read_svg(self.file)
+        if form == ".dxf":
+            from continuum_grasp.scene.objects.drawings.dxf import read_dxf
+
+            return read_dxf(self.file)
+        if form == ".png":
+            from continuum_grasp.scene.objects.drawings.picture import read_png
+
+            return read_png(self.file, self.threshold)
+        from continuum_grasp.scene.objects.drawings.points import read_csv
+
+        return read_csv(self.file, self.scale)
 
     def _check(self) -> None:
         check_simple(self.vertices, "tolerance: the outline")
@@ -97,83 +109,3 @@ class OutlineFile(Value):
 
 class Outline(OutlineFile, ObjectBody):
     """Any closed curve that a file has: a drawing, or a silhouette."""
-
-
-def _from_svg(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
-    import svgelements
-
-    rings: list[Ring] = []
-    for element in svgelements.SVG.parse(shape.file).elements():
-        if not isinstance(element, svgelements.Shape):
-            continue
-        for piece in svgelements.Path(element).as_subpaths():
-            path = svgelements.Path(piece)
-            points = [path.first_point]
-            for segment in path:
-                straight = isinstance(segment, svgelements.Line | svgelements.Close | svgelements.Move)
-                points += [segment.point((k + 1) / _CURVE) for k in range(_CURVE)] if not straight else [segment.end]
-            if isinstance(path[-1], svgelements.Close) or abs(points[0] - points[-1]) < _JOINED * path.length():
-                rings.append((element.id or "", _once([(p.x, -p.y) for p in points if p is not None])))
-    # 0.0254 / 96.0: a user unit of SVG [m]: 96 per inch, by CSS
-    return (0.0254 / 96.0), rings
-
-
-def _from_dxf(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
-    import ezdxf
-    from ezdxf import path
-    from ezdxf.enums import InsertUnits
-    from ezdxf.units import conversion_factor
-
-    try:
-        drawing = ezdxf.readfile(shape.file)  # type: ignore[attr-defined]
-    except ezdxf.DXFError as error:  # type: ignore[attr-defined]
-        raise ValueError(str(error)) from None
-    unit = conversion_factor(InsertUnits(drawing.units), InsertUnits.Meters) if drawing.units else None
-    rings = []
-    for entity in drawing.modelspace().query("LWPOLYLINE POLYLINE SPLINE CIRCLE ELLIPSE"):
-        curve = path.make_path(entity)
-        if curve.is_closed:
-            chord = 0.1 * shape.tolerance / (shape.scale or unit or 1.0)
-            rings.append((str(entity.dxf.layer), _once([(p.x, p.y) for p in curve.flattening(chord)])))
-    return unit, rings
-
-
-def _from_csv(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
-    from continuum_grasp.scene.table import read_table
-
-    table = read_table(shape.file, ("x", "y"))
-    points = _once(list(zip(table.numbers("x").tolist(), table.numbers("y").tolist(), strict=True)))
-    return 1.0, [("", points)] if len(points) > 2 else []
-
-
-def _from_png(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
-    import contourpy
-    import numpy as np
-    from PIL import Image
-
-    with Image.open(shape.file) as image:
-        gray, alpha = np.moveaxis(np.asarray(image.convert("LA"), dtype=float) / 255.0, 2, 0)
-    # A ground round the image closes what its edge cuts off.
-    dark = np.pad((1.0 - gray) * alpha, 1)
-    lines: Any = contourpy.contour_generator(z=dark[::-1]).lines(shape.threshold)
-    return None, [("", _once([(float(x), float(y)) for x, y in line])) for line in lines]
-
-
-_JOINED = 1e-6
-"""Gap between the ends of a curve, as a part of its length, up to which it is closed."""
-_READERS: dict[str, Callable[[OutlineFile], tuple[float | None, list[Ring]]]] = {
-    ".svg": _from_svg,
-    ".dxf": _from_dxf,
-    ".csv": _from_csv,
-    ".png": _from_png,
-}
-
-
-def _once(points: list[Point]) -> list[Point]:
-    """Points without repeated ones, and without the last where it is the first."""
-    size = max(math.dist(points[0], p) for p in points) if points else 0.0
-    distinct: list[Point] = []
-    for point in points:
-        if not distinct or math.dist(point, distinct[-1]) > _JOINED * size:
-            distinct.append(point)
-    return distinct[:-1] if len(distinct) > 1 and math.dist(distinct[0], distinct[-1]) <= _JOINED * size else distinct

@@ -1,0 +1,127 @@
+"""Curves of DXF drawings: entities of the model space that are visible, blocks expanded."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
+
+_UNITS = {
+    1: 0.0254, 2: 0.3048, 3: 1609.344, 4: 1e-3, 5: 1e-2, 6: 1.0, 7: 1e3, 8: 2.54e-8, 9: 2.54e-5, 10: 0.9144, 11: 1e-10,
+    12: 1e-9, 13: 1e-6, 14: 0.1, 15: 10.0, 16: 100.0, 21: 1200 / 3937, 22: 100 / 3937, 23: 3600 / 3937,
+    24: 6336000 / 3937,
+}  # fmt: skip
+"""Length of a unit by ``$INSUNITS`` [m]; ezdxf has no mils and no survey units. Those beyond a planet are left out."""
+_CURVES = ("LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX", "LWPOLYLINE", "POLYLINE")
+_CHORD = 1e-5
+"""Distance of chords from a curve as a part of its size [1]: a hundredth of a tolerance of 0.1 mm on 100 mm."""
+_FLAT = 1e-6
+"""Part of the size of a curve by which its height may vary [1]: rounding of coordinates."""
+
+
+def read_dxf(file: str) -> Drawing:
+    """Read what is visible in the model space; `ValueError` names layer and handle of an entity that cannot be read."""
+    import ezdxf
+    import ezdxf.recover
+
+    try:
+        try:
+            document = ezdxf.readfile(file)  # type: ignore[attr-defined]
+        except ezdxf.DXFStructureError:  # type: ignore[attr-defined]
+            document, _ = ezdxf.recover.readfile(file)
+    except ezdxf.DXFError as error:  # type: ignore[attr-defined]
+        raise ValueError(str(error)) from None
+    stated = b"$INSUNITS" in Path(file).read_bytes()  # ezdxf takes meters for a file without a header
+    drawing = Drawing(
+        _UNITS.get(document.units) if stated else None, advice="choose one by path (a layer, block or handle)"
+    )
+    for entity, layer, blocks in _visible(document, document.modelspace(), drawing.ignored):
+        if (curve := _curve(entity, layer, blocks, drawing.ignored)) is not None:
+            drawing.curves.append(curve)
+    return drawing
+
+
+def _visible(
+    document: Any, entities: Iterable[Any], ignored: Counter[str], layer: str = "0", blocks: tuple[str, ...] = ()
+) -> Iterator[tuple[Any, str, tuple[str, ...]]]:
+    """Entities that are drawn, the layer of each, and the names and handles of the blocks in which it stands.
+
+    What is on layer 0 of a block is on the layer of its reference; a reference on a layer that is off shows what is on
+    others, on a frozen layer nothing.
+    """
+    for entity in entities:
+        own = str(entity.dxf.layer)
+        own = layer if blocks and own == "0" else own
+        hidden = _hidden(document, own)
+        if entity.dxf.get("invisible", 0):
+            ignored["invisible entity"] += 1
+        elif hidden and (entity.dxftype() != "INSERT" or hidden == "frozen"):
+            ignored[f"entity on layer {own!r}, which is {hidden}"] += 1
+        elif entity.dxftype() == "INSERT":
+            yield from _expanded(document, entity, ignored, own, blocks)
+        else:
+            yield entity, own, blocks
+
+
+def _expanded(
+    document: Any, insert: Any, ignored: Counter[str], layer: str, blocks: tuple[str, ...]
+) -> Iterator[tuple[Any, str, tuple[str, ...]]]:
+    from ezdxf.xclip import XClip
+
+    name, block = str(insert.dxf.name), insert.block()
+    if block is None or block.block.is_xref:
+        ignored[f"block {name!r}, which is in another file"] += 1
+        return
+    if XClip(insert).is_clipping_enabled:
+        raise ValueError(
+            f"block {name!r} on layer {layer!r} (INSERT {insert.dxf.handle}) is clipped, which is not read"
+        )
+    around = (name, *((str(insert.dxf.handle),) if insert.dxf.handle else ()), *blocks)
+    for single in insert.multi_insert() if insert.mcount > 1 else [insert]:
+        yield from _visible(document, single.virtual_entities(), ignored, layer, around)
+
+
+def _hidden(document: Any, name: str) -> str:
+    """Why a layer is not drawn; empty where it is."""
+    if not document.layers.has_entry(name):
+        return ""
+    layer = document.layers.get(name)
+    return "frozen" if layer.is_frozen() else "off" if layer.is_off() else ""
+
+
+def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[str]) -> Curve | None:
+    from ezdxf.path import make_path
+
+    kind, handle = entity.dxftype(), _handle(entity)
+    if kind not in _CURVES or (kind == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)):
+        ignored[kind] += 1
+        return None
+    inside = f" of block {blocks[0]!r}" if blocks else ""
+    label = f"{kind} {handle} on layer {layer!r}{inside}"
+    names = tuple(dict.fromkeys((handle, *blocks, layer)))
+    if kind == "POLYLINE":  # a frame of control points is not part of the curve
+        entity.vertices[:] = [vertex for vertex in entity.vertices if not vertex.dxf.flags & 16]
+    try:
+        # Eight Bézier curves per arc of a bulge, a quarter or a span of a spline: they are off by less than 1e-8.
+        curve = make_path(entity, segments=8, level=8)
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise ValueError(f"{label} cannot be read: {error}") from None
+    if not len(curve):
+        return None
+    corners = curve.control_vertices()
+    spans = [max(axis) - min(axis) for axis in zip(*((p.x, p.y, p.z) for p in corners), strict=True)]
+    size = max(spans)
+    if size <= 0.0:
+        return None
+    flaw = "is not in a plane of constant z: draw it in the plane of x and y" if spans[2] > _FLAT * size else ""
+    points = distinct((p.x, p.y) for p in curve.flattening(_CHORD * size))
+    return Curve(label, names, points, curve.is_closed, (layer, blocks), flaw=flaw) if len(points) > 1 else None
+
+
+def _handle(entity: Any) -> str:
+    """Handle of an entity, or of what it is a copy of in a block."""
+    origin = entity.origin_of_copy
+    return str(entity.dxf.handle or (origin.dxf.handle if origin is not None else None) or "without handle")

@@ -1,0 +1,54 @@
+"""Outlines measured point by point, in CSV tables."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, NamedTuple
+
+from continuum_grasp.arrays import Array
+from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
+from continuum_grasp.scene.units import units_of
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.table import Table
+
+
+class _Column(NamedTuple):
+    values: Array
+    unit: str | None
+    at: int
+
+
+def read_csv(file: str, scale: float | None) -> Drawing:
+    """Read the columns x and y, or the two of a table without headings; `InputError` has the line of what is wrong.
+
+    ``scale`` is the length of a unit in the configuration [m], which units in the headings must not contradict.
+    """
+    from continuum_grasp.scene.table import read_table
+
+    table = read_table(file, ("x", "y"))
+    x, y = _column(table, "x"), _column(table, "y")
+    factors = [float(units_of("m")[column.unit]) for column in (x, y) if column.unit]
+    if len(factors) == 1:
+        bare = x if x.unit is None else y
+        raise table.error(f"column {table.headings[bare.at]} has no unit, the other has [{x.unit or y.unit}]", bare.at)
+    for column, factor in zip((x, y), factors, strict=False):
+        if scale is not None and abs(factor - scale) > 1e-9 * scale:
+            message = f"its heading says [{column.unit}], the configuration scale: {scale:g} m; leave one out"
+            raise table.error(message, column.at)
+    ratio = factors[1] / factors[0] if factors else 1.0
+    points = distinct(zip(x.values.tolist(), (ratio * y.values).tolist(), strict=True))
+    curves = [Curve("curve", (), points)] if len(points) > 2 else []
+    return Drawing(factors[0] if factors else 1.0, curves)
+
+
+def _column(table: Table, name: str) -> _Column:
+    """A column by its heading, in capitals too and with the unit in brackets or behind a low line: X, x [mm], x_mm."""
+    lengths = "|".join(map(re.escape, units_of("m")))
+    for at, heading in enumerate(table.headings):
+        if parts := re.fullmatch(rf"{name}(?:_({lengths}))?", heading, re.IGNORECASE):
+            unit = table.units[at] or parts[1]
+            if unit is not None and unit not in units_of("m"):
+                raise table.error(f"expected a unit of length ({', '.join(units_of('m'))}), got [{unit}]", at)
+            return _Column(table.numbers(heading), unit, at)
+    raise table.error(f"no column {name!r} (it has {', '.join(table.headings)})", 0)
