@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.shapes import ObjectBody
-from continuum_grasp.scene.parts import OffsetPolygon, Part, Point, check_simple, corners_of, polygon_centroid
+from continuum_grasp.scene.objects.shapes import Drawing, ObjectBody
+from continuum_grasp.scene.objects.simplify import FINER, MOST, SHARE, deviation, simplified
+from continuum_grasp.scene.parts import OffsetPolygon, Part, Point, check_simple
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Extent, Value
+from continuum_grasp.scene.value import SAME, Extent, Value
 
 _SMALLEST, _GREATEST = 1e-4, 10.0
 """Sizes of an outline [m] beyond which its unit is likely another one."""
@@ -36,8 +37,9 @@ class OutlineFile(Value):
     """Curve to take of several: ``id`` of an SVG path, or the layer of a DXF entity."""
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
     """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF states, 1 m of CSV."""
-    tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] = 1e-4
-    """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners."""
+    tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] | None = None
+    """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners. None: a thousandth of the
+    longer side of what the curve fills."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
     """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black."""
 
@@ -47,7 +49,48 @@ class OutlineFile(Value):
 
     @cached_property
     def vertices(self) -> tuple[Point, ...]:
-        """Corners counter-clockwise, from the centroid [m]."""
+        """Corners counter-clockwise, from the centroid of the curve [m]."""
+        return self.corners()
+
+    @property
+    def distance_allowed(self) -> float:
+        """The tolerance [m], also where it is a share of the size."""
+        return SHARE * _extent(self.curve) if self.tolerance is None else self.tolerance
+
+    @cached_property
+    def drawn(self) -> Drawing | None:
+        """Curve that the corners stand for, where they are not exact."""
+        return self.drawing(self.vertices)
+
+    def corners(self, kept: Collection[int] = (), share: float = 1.0) -> tuple[Point, ...]:
+        """Corners of the polygon that is within a share of the tolerance of the curve, with points of it that are
+        ``kept``.
+        """
+        size, tolerance = _extent(self.curve), self.distance_allowed
+        corners = simplified(self.curve, share * tolerance, kept)
+        if len(corners) < 3 or tolerance > 0.2 * size:
+            raise ValueError(f"tolerance: {tolerance:g} m leaves nothing of an outline {size:.4g} m long")
+        return corners
+
+    def drawing(self, corners: tuple[Point, ...], kept: Collection[int] = ()) -> Drawing | None:
+        """Curve that some corners stand for, with points ``kept`` in its polygon, too; None where they are exact."""
+        off = deviation(self.curve, corners)
+        if off <= SAME * _extent(self.curve):
+            return None
+        # Noise of a picture has corners without end.
+        finer = (self.corners(kept, share) for share in (FINER, 2.0 * FINER))
+        return Drawing(deviation=off, vertices=next((f for f in finer if len(f) <= MOST), corners))
+
+    def polygon(self, kept: Collection[int] = ()) -> dict[str, Any]:
+        """Keys of the polygon that stands for the curve, with points of it that are ``kept``."""
+        corners = self.corners(kept)
+        drawing = self.drawing(corners, kept)
+        drawn = {} if drawing is None else {"drawn": drawing.model_dump(mode="json")}
+        return {"shape": "polygon", "vertices": [list(corner) for corner in corners], **drawn}
+
+    @cached_property
+    def curve(self) -> tuple[Point, ...]:
+        """Points of the curve as it was read, counter-clockwise, from its centroid [m]."""
         read = _READERS.get(Path(self.file).suffix.lower())
         if read is None:
             raise ValueError(f"file: expected {', '.join(_READERS)}, got {Path(self.file).name}")
@@ -63,33 +106,7 @@ class OutlineFile(Value):
         scale = unit if self.scale is None else self.scale
         if scale is None:
             raise ValueError("scale: missing; the file does not say how long a unit of it is")
-        return self._corners([(name, [(x * scale, y * scale) for x, y in ring]) for name, ring in rings])
-
-    def _corners(self, rings: list[Ring]) -> tuple[Point, ...]:
-        import shapely
-
-        if not rings:
-            raise ValueError("file: no closed curve in it: expected one that ends where it begins")
-        for name, ring in rings:
-            check_simple(ring, f"file: the curve {name!r}" if name else "file: the curve")
-        solids = sorted((shapely.Polygon(ring) for _, ring in rings), key=lambda solid: -solid.area)
-        inner = [other.representative_point() for other in solids[1:]]
-        if holes := [at for at in inner if solids[0].contains(at)]:
-            where = f"({holes[0].x:.4g}, {holes[0].y:.4g}) m"
-            raise ValueError(
-                f"file: the outline has a hole at {where} (as scaled): fill it, or choose one curve by path"
-            )
-        if inner:
-            names = ", ".join(repr(name) for name, _ in rings)
-            raise ValueError(f"file: {len(rings)} closed curves ({names}): expected one; choose by path")
-        size = max(solids[0].bounds[2] - solids[0].bounds[0], solids[0].bounds[3] - solids[0].bounds[1])
-        if not _SMALLEST < size < _GREATEST:
-            raise ValueError(f"scale: the outline would be {size:.4g} m long; in which unit is the file?")
-        simple = corners_of(solids[0].simplify(self.tolerance).exterior.coords[:-1])
-        if len(simple) < 3 or self.tolerance > 0.2 * size:
-            raise ValueError(f"tolerance: {self.tolerance:g} m leaves nothing of an outline {size:.4g} m long")
-        x, y = polygon_centroid(simple)
-        return tuple((round(a - x, 9), round(b - y, 9)) for a, b in simple)
+        return _only([(name, [(x * scale, y * scale) for x, y in ring]) for name, ring in rings])
 
     def _check(self) -> None:
         check_simple(self.vertices, "tolerance: the outline")
@@ -97,6 +114,38 @@ class OutlineFile(Value):
 
 class Outline(OutlineFile, ObjectBody):
     """Any closed curve that a file has: a drawing, or a silhouette."""
+
+def _only(rings: list[Ring]) -> tuple[Point, ...]:
+    """The one closed curve of several that is an outline, counter-clockwise, from its centroid [m]."""
+    import shapely
+
+    if not rings:
+        raise ValueError("file: no closed curve in it: expected one that ends where it begins")
+    for name, ring in rings:
+        check_simple(ring, f"file: the curve {name!r}" if name else "file: the curve")
+    solids = sorted((shapely.Polygon(ring) for _, ring in rings), key=lambda solid: -solid.area)
+    inner = [other.representative_point() for other in solids[1:]]
+    if holes := [at for at in inner if solids[0].contains(at)]:
+        where = f"({holes[0].x:.4g}, {holes[0].y:.4g}) m"
+        raise ValueError(
+            f"file: the outline has a hole at {where} (as scaled): fill it, or choose one curve by path"
+        )
+    if inner:
+        names = ", ".join(repr(name) for name, _ in rings)
+        raise ValueError(f"file: {len(rings)} closed curves ({names}): expected one; choose by path")
+    ring = shapely.orient_polygons(solids[0]).exterior.coords[:-1]
+    size = _extent(ring)
+    if not _SMALLEST < size < _GREATEST:
+        raise ValueError(f"scale: the outline would be {size:.4g} m long; in which unit is the file?")
+    center = solids[0].centroid
+    # A billionth of the size: numbers as they are written have no digits of rounding.
+    digits = 9 - math.ceil(math.log10(size))
+    return tuple((round(x - center.x, digits), round(y - center.y, digits)) for x, y in ring)
+
+
+def _extent(curve: Sequence[Point]) -> float:
+    """Longer side of the box around a curve [m]."""
+    return max(max(side) - min(side) for side in zip(*curve, strict=True))
 
 
 def _from_svg(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
@@ -133,7 +182,8 @@ def _from_dxf(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
     for entity in drawing.modelspace().query("LWPOLYLINE POLYLINE SPLINE CIRCLE ELLIPSE"):
         curve = path.make_path(entity)
         if curve.is_closed:
-            chord = 0.1 * shape.tolerance / (shape.scale or unit or 1.0)
+            size = max(curve.control_vertices()[0].distance(p) for p in curve.control_vertices())
+            chord = 0.1 * (shape.tolerance / (shape.scale or unit or 1.0) if shape.tolerance else SHARE * size)
             rings.append((str(entity.dxf.layer), _once([(p.x, p.y) for p in curve.flattening(chord)])))
     return unit, rings
 
