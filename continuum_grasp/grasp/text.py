@@ -48,6 +48,7 @@ def parts(result: GraspResult, quality: bool = True) -> list[Part]:
         every += [] if result.certificate is None else [_certificate(result.certificate)]
         said = result.statistics.get("fine_model")
         every += [Part("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
+    every += [] if result.outline is None else [Part("Outline", ("", ""), [("drawing", str(result.outline))])]
     every += [_trials(result.robustness)] if result.robustness is not None else []
     return [part for part in every if part.rows]
 

@@ -19,6 +19,7 @@ from continuum_grasp.scene.document import Change, Document, KeyPath, undotted
 from continuum_grasp.scene.kinds import KINDS, kind_of, model_of
 from continuum_grasp.scene.problems import input_error
 from continuum_grasp.scene.shape import Shape
+from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.sweep import Draw, Follow, Grid, Sweep, Varied
 from continuum_grasp.scene.value import Value
 
@@ -152,6 +153,14 @@ class SceneKeys:
         """Unit of a key; empty where there is none."""
         unit = self.shape.unit(path, self.base.value)
         return "" if unit is None or unit == "1" else unit
+
+
+def base_scene(loaded: Any, document: Document, file: str | os.PathLike[str]) -> Any:
+    """The scene that a sweep or design varies, as it stands in its file; any other configuration itself."""
+    if not isinstance(loaded, Sweep | Design):
+        return loaded
+    keys = SceneKeys(loaded, document, Path(file), ("grasp", "mpc"))
+    return validated(keys.base, keys.model)
 
 
 def _is_number(value: Any) -> bool:
