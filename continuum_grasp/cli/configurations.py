@@ -120,7 +120,7 @@ def validate(
         list[Path],
         typer.Argument(metavar="FILE", help="YAML configurations.", show_default=False),
     ],
-    picture: Path | None = option("Draw the scene as it was understood, before anything is solved.", metavar="FILE", parser=named_path),
+    picture: Path | None = option("Draw the scene before anything is solved.", metavar="FILE", parser=named_path),
 ) -> None:
     """Check configurations. Whether a finger can be modeled so is part of it."""
     from continuum_grasp.control.prediction import Prediction

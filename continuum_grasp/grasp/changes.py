@@ -74,7 +74,7 @@ def with_finer_outline(
     change = None if arrays is None else _change(result.scene, here, arrays)
     # A contact that slides on the drawing stays on the edges beside its own.
     if change is None or change.displacement > _longest_edge(result.scene):
-        missing = f"with {error.finer} corners in place of {error.corners} no such grasp was found: what that changes is open"
+        missing = f"with {error.finer} corners in place of {error.corners} no such grasp was found"
         return replace(result, outline=replace(error, missing=missing))
     return replace(result, outline=replace(error, change=change, missing=""))
 
@@ -90,7 +90,8 @@ def _redrawn(scene: GraspScene) -> GraspScene:
 
 def _longest_edge(scene: GraspScene) -> float:
     """Longest edge of the object's outlines [m]."""
-    return max(math.dist(a, b) for part in scene.object.parts for a, b in pairwise([*(o := part.outline()), o[0]]))
+    rings = (part.outline() for part in scene.object.parts)
+    return max(math.dist(a, b) for ring in rings for a, b in pairwise([*ring, ring[0]]))
 
 
 def asked_tolerance(scene: GraspScene) -> float | None:

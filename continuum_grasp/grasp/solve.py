@@ -12,7 +12,16 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.grasp.changes import FIRST, NONE, asked_tolerance, resolve_elements, sensitivities, with_fine, with_finer_outline, with_outline
+from continuum_grasp.grasp.changes import (
+    FIRST,
+    NONE,
+    asked_tolerance,
+    resolve_elements,
+    sensitivities,
+    with_fine,
+    with_finer_outline,
+    with_outline,
+)
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, Attempt
@@ -57,9 +66,9 @@ def optimize_grasp(
     raise_on_failure : bool, optional
         Raise where there is no verified grasp; False: return the result with its ``status``.
     fine : bool, optional
-        Solve once more with a fine model, and report in the result's ``fine`` what that changes; of an object that is an
-        outline also with a polygon nearer to its drawing, in ``outline``. Takes some seconds each. Not for a scene with
-        ``robust`` or tendons whose friction states must not matter.
+        Solve once more with a fine model, and report in the result's ``fine`` what that changes; where the object is an
+        outline, also with a polygon nearer to its drawing, in ``outline``. Takes some seconds each. Not for a scene
+        with ``robust`` or tendons whose friction states must not matter.
     progress : callable, optional
         Takes a line of text now and then: the best so far, and what is left.
 
@@ -116,9 +125,7 @@ def _compared(result: GraspResult, elements: bool, budget: Budget) -> GraspResul
     try:
         if result.outline is not None and result.outline.finer > result.outline.corners:
             budget.tell(f"held with {result.tension:.4g} N; compared with a finer outline")
-            result = with_finer_outline(
-                result, result.outline, budget, lambda scene: _Verdict(scene, budget).result()
-            )
+            result = with_finer_outline(result, result.outline, budget, lambda scene: _Verdict(scene, budget).result())
         if elements:
             budget.tell(f"held with {result.tension:.4g} N; compared with a fine model")
             result = with_fine(result, budget)

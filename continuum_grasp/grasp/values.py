@@ -210,10 +210,8 @@ class OutlineError:
         return f"with {self.finer} corners in place of {self.corners} {self.change.words}"
 
     def __str__(self) -> str:
-        return (
-            f"the polygon is within {1e3 * self.deviation:.3g} mm of the drawing "
-            f"({self.deviation / self.size:.2%} of the object's size); {self.words}"
-        )
+        share = self.deviation / self.size
+        return f"the polygon is within {1e3 * self.deviation:.3g} mm of the drawing ({share:.2%} of the object's size)"
 
 
 @dataclass(frozen=True)

@@ -141,15 +141,16 @@ def _supports(view: SceneView) -> list[Label]:
     labels = [_label(peg.name, INK, np.array(peg.position)) for peg in view.pegs]
     for wall in view.walls:
         along = np.array([-wall.normal[1], wall.normal[0]])
-        foot = middle - wall.height(tuple(middle)) * np.array(wall.normal)
+        foot = middle - wall.height((float(middle[0]), float(middle[1]))) * np.array(wall.normal)
         reach = 0.5 * float(np.abs(along) @ sides)
         start = float((foot - wall.point) @ along)
         # 0.7: on the way from the middle to the edge of the picture
         at = np.clip(start + 0.7 * reach, -wall.half_length, wall.half_length)
         near = np.array(wall.point) + at * along
         labels.append(_label(wall.name, INK, near))
-    zones = bodies.zones_of(view.scene).items()
-    return labels + [_label(f"keep out: {n}", ORANGE, np.array(z.center if z.type == "disc" else z.point)) for n, z in zones]
+    for name, zone in bodies.zones_of(view.scene).items():
+        labels.append(_label(f"keep out: {name}", ORANGE, np.array(zone.center if zone.type == "disc" else zone.point)))
+    return labels
 
 
 def _targets(ax: Axes, view: SceneView) -> list[Label]:

@@ -13,7 +13,7 @@ from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.grasp.view import turned, unloaded
 from continuum_grasp.scene.cost import CircleReference, RowSamples
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.supports import Palm
 
 if TYPE_CHECKING:
@@ -125,9 +125,7 @@ class SceneView:
             return {"finger": [*self.inner.contacts, self.inner.finger.rod.length]}
         return {
             setup.name: [
-                place
-                for place, switch in zip((*setup.middle_places, setup.finger.rod.length), setup.switches.values(), strict=True)
-                if switch != "off"
+                at for at, switch in zip(_spots(setup), setup.switches.values(), strict=True) if switch != "off"
             ]
             for setup in self.inner.setups
         }
@@ -136,15 +134,20 @@ class SceneView:
     def loads(self) -> list[Acting]:
         """Forces and moments on the finger of a simulation, those that hold it at first too."""
         initial = getattr(self.scene, "initial", None)
-        return [self._acting(load) for load in (*getattr(self.scene, "loads", ()), *getattr(initial, "held_by", ()))]
+        loads = (*getattr(self.scene, "loads", ()), *getattr(initial, "held_by", ()))
+        return [acting for acting in map(self._acting, loads) if acting is not None]
 
-    def _acting(self, load: Any) -> Acting:
+    def _acting(self, load: Any) -> Acting | None:
+        """What a load does where it is greatest; None where it is zero, as one that data replace."""
         at, turn = self.on("finger", [load.at])[0], 0.0
         if load.kind == "moment":
             values = np.atleast_1d(getattr(load.moment, "values", load.moment))
-            return Acting(at, np.zeros(2), f"moment {values[np.abs(values).argmax()]:.3g} N m")
+            moment = float(values[np.abs(values).argmax()])
+            return Acting(at, np.zeros(2), f"moment {moment:.3g} N m") if moment else None
         values = np.reshape(getattr(load.force, "values", load.force), (-1, 2))
         force = values[np.hypot(*values.T).argmax()]
+        if not force.any():
+            return None
         if load.follows:
             line = self.backbones["finger"]
             turn = float(np.interp(load.at, line[:, 0], line[:, 3]))
@@ -163,13 +166,14 @@ class SceneView:
     @cached_property
     def ranges(self) -> dict[str, tuple[Array, Array]]:
         """Least and greatest position [m] of what may be moved, by its name."""
-        free = {"object": self.object} | {name: finger for name, finger in self.fingers.items()}
-        ranges = {}
+        free: dict[str, Any] = {"object": self.object, **self.fingers}
+        ranges: dict[str, tuple[Array, Array]] = {}
         for name, thing in free.items():
             bounds = getattr(thing, "base_free" if name in self.fingers else "free", None)
             if bounds is not None and (bounds.x or bounds.y):
                 x, y = thing.base.position if name in self.fingers else thing.position
-                ranges[name] = tuple(np.transpose([bounds.x or (x, x), bounds.y or (y, y)]))
+                low, high = np.transpose([bounds.x or (x, x), bounds.y or (y, y)])
+                ranges[name] = low, high
         return ranges
 
     @cached_property
@@ -177,14 +181,20 @@ class SceneView:
         """Limits of the picture: all that is somewhere, and of endless walls and zones the point nearest to it."""
         points = [*self.outlines, *self.before, *self.thickness.values(), *self.targets.values()]
         points += [np.array(ends) for ends in self.ranges.values()]
-        points += [*bodies.zone_points(self.scene), *(np.array([peg.position]) + peg.radius * bodies.CIRCLE for peg in self.pegs)]
+        points += bodies.zone_points(self.scene)
+        points += [np.array([peg.position]) + peg.radius * bodies.CIRCLE for peg in self.pegs]
         middle = np.concatenate(points).mean(axis=0)
         for wall in self.walls:
-            ends = wall.ends if np.isfinite(wall.half_length) else [middle - wall.height(tuple(middle)) * np.array(wall.normal)]
-            points.append(np.array(ends))
+            foot = middle - wall.height((float(middle[0]), float(middle[1]))) * np.array(wall.normal)
+            points.append(np.array(wall.ends if np.isfinite(wall.half_length) else [foot]))
         side = float(np.ptp(np.concatenate(points), axis=0).max())
         # 0.16: labels stand around everything, up to two lines of 8 points in a drawing of 5 inches
         return axes.bend_box(points, 0.16 * side)
+
+
+def _spots(setup: FingerSetup) -> list[float]:
+    """Positions of middle contacts and tip along a finger of a grasp [m]."""
+    return [*setup.middle_places, setup.finger.rod.length]
 
 
 def _points(setpoint: Any) -> Array | None:

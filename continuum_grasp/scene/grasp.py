@@ -30,8 +30,8 @@ from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.objects import GraspObject, deviation_of
 from continuum_grasp.scene.objects.shapes import greatest_shift, pose_bounds
 from continuum_grasp.scene.objects.simplify import SHARE
-from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.placement import Supported, is_beside
+from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Switch
 from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.scene.value import Configuration
@@ -475,8 +475,8 @@ class GraspScene(Configuration, Supported):
 
     def _check_supports(self) -> None:
         near, fixed = TOUCHING * self.object.size, self.object.free is None
-        # Below, a drawing does not say whether it touches.
-        nearly = max(SHARE * self.object.size, deviation_of(self.object))
+        # Below, a drawing of this size (twice the object's at most) does not say whether it touches.
+        nearly = max(2.0 * SHARE * self.object.size, deviation_of(self.object))
         where, advice = ("and fixed", "; object.against places it") if fixed else ("wherever it may be", "")
         for body in self.places:
             least, greatest = self.gap_range(body)

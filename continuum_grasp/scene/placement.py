@@ -76,7 +76,7 @@ def lie_against(body: GraspObject, places: Sequence[Place]) -> GraspObject:
     placed = body.model_copy(update={"position": (x, y)})
     for wall in surfaces:
         if is_beside(placed, wall):
-            raise ValueError(f"object.against: beside object.position the object touches only beyond the ends of {wall.name}")
+            raise ValueError(f"object.against: at object.position the object passes beside the ends of {wall.name}")
     if placed.free is not None:
         placed.free.check(*placed.pose)
     return placed
@@ -113,8 +113,8 @@ def touching_points(curve: Sequence[Point], supports: Any, frames: Sequence[Any]
     for place in around.places:
         away = place.height if isinstance(place, Wall) else partial(math.dist, place.position)
         distances = [away(point) for point in points]
-        least = min(distances)
-        touching |= {k for k, distance in enumerate(distances) if distance <= least + SAME * math.dist((x, y), points[k])}
+        near = min(distances) + SAME * max(math.dist((x, y), point) for point in points)
+        touching |= {k for k, distance in enumerate(distances) if distance <= near}
     return touching
 
 

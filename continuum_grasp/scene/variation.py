@@ -15,11 +15,11 @@ from pydantic import ValidationError
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import nearest
 from continuum_grasp.scene.assembly import assembled, changed, named_file, path_of, placed, validated
+from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.document import Change, Document, KeyPath, undotted
 from continuum_grasp.scene.kinds import KINDS, kind_of, model_of
 from continuum_grasp.scene.problems import input_error
 from continuum_grasp.scene.shape import Shape
-from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.sweep import Draw, Follow, Grid, Sweep, Varied
 from continuum_grasp.scene.value import Value
 

@@ -90,7 +90,7 @@ class OutlineFile(Value):
 
     @cached_property
     def curve(self) -> tuple[Point, ...]:
-        """Points of the curve as it was read, counter-clockwise, from its centroid [m]."""
+        """Points of the curve as it was read, from its centroid [m]."""
         read = _READERS.get(Path(self.file).suffix.lower())
         if read is None:
             raise ValueError(f"file: expected {', '.join(_READERS)}, got {Path(self.file).name}")
@@ -115,8 +115,9 @@ class OutlineFile(Value):
 class Outline(OutlineFile, ObjectBody):
     """Any closed curve that a file has: a drawing, or a silhouette."""
 
+
 def _only(rings: list[Ring]) -> tuple[Point, ...]:
-    """The one closed curve of several that is an outline, counter-clockwise, from its centroid [m]."""
+    """The one closed curve of several that is an outline, from its centroid [m]."""
     import shapely
 
     if not rings:
@@ -127,13 +128,11 @@ def _only(rings: list[Ring]) -> tuple[Point, ...]:
     inner = [other.representative_point() for other in solids[1:]]
     if holes := [at for at in inner if solids[0].contains(at)]:
         where = f"({holes[0].x:.4g}, {holes[0].y:.4g}) m"
-        raise ValueError(
-            f"file: the outline has a hole at {where} (as scaled): fill it, or choose one curve by path"
-        )
+        raise ValueError(f"file: the outline has a hole at {where} (as scaled): fill it, or choose one curve by path")
     if inner:
         names = ", ".join(repr(name) for name, _ in rings)
         raise ValueError(f"file: {len(rings)} closed curves ({names}): expected one; choose by path")
-    ring = shapely.orient_polygons(solids[0]).exterior.coords[:-1]
+    ring = solids[0].exterior.coords[:-1]  # in the order of the file: a mirrored one is simplified alike
     size = _extent(ring)
     if not _SMALLEST < size < _GREATEST:
         raise ValueError(f"scale: the outline would be {size:.4g} m long; in which unit is the file?")
