@@ -16,6 +16,7 @@ from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.examples import Example
+    from continuum_grasp.scene.document import Document
 
 _FIRST = "grasp/mug"
 """The example of those who name none."""
@@ -119,7 +120,7 @@ def validate(
         list[Path],
         typer.Argument(metavar="FILE", help="YAML configurations.", show_default=False),
     ],
-    picture: Path | None = option("Draw the object as it was understood.", metavar="FILE", parser=named_path),
+    picture: Path | None = option("Draw the scene before anything is solved.", metavar="FILE", parser=named_path),
 ) -> None:
     """Check configurations. Whether a finger can be modeled so is part of it."""
     from continuum_grasp.control.prediction import Prediction
@@ -153,7 +154,7 @@ def validate(
         else:
             kind = kind_of_scene(loaded)
             if picture is not None:
-                _draw(loaded, file, picture)
+                _draw(loaded, document, file, picture)
             checked.append({"file": str(file), "valid": True, "kind": kind, "notes": document.notes})
             output.say(f"{file}: valid ({kind})")
             for note in document.notes:
@@ -163,15 +164,13 @@ def validate(
         raise typer.Exit(2)
 
 
-def _draw(loaded: Any, file: Path, picture: Path) -> None:
-    """Draw the object of a configuration; of several, the last one's picture stays."""
-    from continuum_grasp.plotting import plot_object
+def _draw(loaded: Any, document: Document, file: Path, picture: Path) -> None:
+    """Draw the scene of a configuration, of a sweep or design its base; of several files, the last one's stays."""
+    from continuum_grasp.plotting import plot_scene
     from continuum_grasp.results import save_picture
+    from continuum_grasp.scene.variation import base_scene
 
-    body = getattr(getattr(loaded, "grasp", loaded), "object", None)
-    if body is None:
-        raise InputError("has no object to draw (--picture)", file=str(file))
-    save_picture(plot_object(body), picture)
+    save_picture(plot_scene(base_scene(loaded, document, file)), picture)
 
 
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")

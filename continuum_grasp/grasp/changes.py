@@ -4,8 +4,10 @@ friction, mass and pose, from the multipliers of the solution, without solving a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -14,12 +16,15 @@ from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.values import Units, problem_values, tension_weight
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import REFUTED, Change, Sensitivity, tension_of
+from continuum_grasp.grasp.values import REFUTED, Change, OutlineError, Sensitivity, tension_of
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.methods import default_family
+from continuum_grasp.scene.objects import deviation_of, redrawn
+from continuum_grasp.scene.placement import lie_against
 
 FINE = 6
 """Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:
@@ -40,6 +45,53 @@ def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
         return replace(refuted, statistics={**result.statistics, "fine_model": solved})
     change = _change(result.scene, result.arrays, solved.arrays)
     return replace(result, fine=change, statistics={**result.statistics, "fine_model": str(change)})
+
+
+def with_outline(result: GraspResult) -> GraspResult:
+    """The result with the error of its object's outline; what that changes is not computed."""
+    body = result.scene.object
+    off = deviation_of(body)
+    if off == 0.0:
+        return result
+    corners, finer = (sum(len(part.outline()) for part in each.parts) for each in (body, redrawn(body)))
+    missing = "what that changes was not computed"
+    return replace(result, outline=OutlineError(off, body.size, corners, finer, missing=missing))
+
+
+def with_finer_outline(
+    result: GraspResult, error: OutlineError, budget: Budget, search: Callable[[GraspScene], GraspResult]
+) -> GraspResult:
+    """The result with what a polygon nearer to the drawing changes, next to this grasp; where none is there, by a
+    ``search``, since contacts do not slide far over corners.
+    """
+    scene, here = _redrawn(result.scene), result.arrays
+    solved = _solve_again(scene, result, budget)
+    if isinstance(solved, str):
+        found = search(scene)
+        arrays = found.arrays if found.solved else None
+    else:
+        arrays = solved.arrays
+    change = None if arrays is None else _change(result.scene, here, arrays)
+    # A contact that slides on the drawing stays on the edges beside its own.
+    if change is None or change.displacement > _longest_edge(result.scene):
+        missing = f"with {error.finer} corners in place of {error.corners} no such grasp was found"
+        return replace(result, outline=replace(error, missing=missing))
+    return replace(result, outline=replace(error, change=change, missing=""))
+
+
+def _redrawn(scene: GraspScene) -> GraspScene:
+    """The scene with polygons nearer to the drawings of its object, which touches the same supports."""
+    body = redrawn(scene.object)
+    touching = touching_supports(scene, scene.object.pose) if body.free is None else frozenset()
+    if 0 < len(touching) <= 2:
+        body = lie_against(body.replaced(against=tuple(sorted(touching))), scene.places)
+    return scene.model_copy(update={"object": body})
+
+
+def _longest_edge(scene: GraspScene) -> float:
+    """Longest edge of the object's outlines [m]."""
+    rings = (part.outline() for part in scene.object.parts)
+    return max(math.dist(a, b) for ring in rings for a, b in pairwise([*ring, ring[0]]))
 
 
 def asked_tolerance(scene: GraspScene) -> float | None:

@@ -18,9 +18,11 @@ from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
     NEAR,
+    ROUGH,
     Change,
     Contact,
     FingerPosture,
+    OutlineError,
     Reason,
     Sensitivity,
     Status,
@@ -69,6 +71,9 @@ class GraspResult(Result):
         How the answer changes with friction, mass and pose; empty where the solver stopped early.
     fine : Change, optional
         What a fine model changes, where that was asked for.
+    outline : OutlineError, optional
+        Error of the polygons that stand for drawings of the object, and what a finer one changes, where that was asked
+        for; None: the object is exact.
     exploration : Exploration, optional
         What the search looked at.
     lower_bound : float, optional
@@ -109,6 +114,7 @@ class GraspResult(Result):
     statistics: Mapping[str, Any] = field(default_factory=dict)
     sensitivity: tuple[Sensitivity, ...] = ()
     fine: Change | None = None
+    outline: OutlineError | None = None
     exploration: Exploration | None = None
     lower_bound: float | None = None
     robustness: Robustness | None = None
@@ -200,6 +206,10 @@ class GraspResult(Result):
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
             rows["second-order test"] = self.certificate.stability.word
             rows["model error"] = f"{1e3 * error:.2f} mm" if np.isfinite(error) else "not computed"
+        if self.outline is not None:
+            change = self.outline.change
+            tension = "" if change is None else f", tension {change.tension_change:+.1%}"
+            rows["outline error"] = f"{1e3 * self.outline.deviation:.3g} mm{tension}"
         return rows
 
     @property
@@ -220,6 +230,8 @@ class GraspResult(Result):
                 f"the tendons hardly pull ({self.tension:.2g} N in all): the bases press the fingers against the "
                 "object, so that slack tendons do not release it, and its forces depend on where bases and object are"
             )
+        if self.outline is not None and self.outline.change and abs(self.outline.change.tension_change) > ROUGH:
+            warnings.append(f"the outline is rough, {self.outline.words}: take a smaller object.tolerance")
         if self.robustness is not None:
             warnings += self.robustness.warnings()
         if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
@@ -317,6 +329,7 @@ class GraspResult(Result):
             "violated": list(self.violated),
             "reasons": [reason.data() for reason in self.reasons],
             "advice": self.advice,
+            "outline": None if self.outline is None else asdict(self.outline),
             "exploration": None if self.exploration is None else asdict(self.exploration),
             "robustness": None if self.robustness is None else self.robustness.data(),
         }

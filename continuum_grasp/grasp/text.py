@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import DriveState
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.robust.result import Robustness
-    from continuum_grasp.grasp.values import Contact, FingerPosture
+    from continuum_grasp.grasp.values import Contact, FingerPosture, OutlineError
 
 _HEAD = """\
 # How the object is held, or why it is not. World frame, SI units. Forces at contacts are those on what touches the
@@ -48,6 +48,7 @@ def parts(result: GraspResult, quality: bool = True) -> list[Part]:
         every += [] if result.certificate is None else [_certificate(result.certificate)]
         said = result.statistics.get("fine_model")
         every += [Part("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
+    every += [] if result.outline is None else [_outline(result.outline)]
     every += [_trials(result.robustness)] if result.robustness is not None else []
     return [part for part in every if part.rows]
 
@@ -197,6 +198,10 @@ def _certificate(certificate: Certificate) -> Part:
         notes.append(f"fingers overlap by {1e3 * overlap:.2f} mm in the plane: they must lie at different heights")
     head = ("Check", "Found", "In terms of", "Limit", "Verdict")
     return Part("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
+
+
+def _outline(outline: OutlineError) -> Part:
+    return Part("Outline of the object", ("", ""), [("error", str(outline)), ("changes", outline.words)])
 
 
 def _trials(robustness: Robustness) -> Part:

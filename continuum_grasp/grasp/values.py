@@ -25,6 +25,9 @@ SATISFIED = 1e-7
 """Scaled violation below which a constraint counts as satisfied: a hundred times the tolerances of the solvers."""
 REFUTED = "refuted by the fine model"
 DRIVEN_AWAY = "but any small push drives the object away (no stable grasp was found)"
+ROUGH = 0.02
+"""Change of the tension by a polygon nearer to the object's drawing from which on a warning says so [1]: as much as a
+basin must promise for the search not to be complete without it."""
 STEADIER = (
     "For a stable grasp: contacts nearer to the base, one more contact or support, or a stiffer finger. stability: "
     "ignore, where the drives hold their position or something else steadies the object."
@@ -180,7 +183,7 @@ class Reason:
 
 @dataclass(frozen=True)
 class Change:
-    """Change of a grasp with other elements."""
+    """Change of a grasp with other elements, or another polygon for its object's outline."""
 
     elements: dict[str, int]  # of each finger in the model compared with
     tension: float  # sum of tensions there [N]
@@ -193,12 +196,39 @@ class Change:
         """The greater of the change of tension and the displacement per length [1]."""
         return max(abs(self.tension_change), self.displacement / self.length)
 
-    def __str__(self) -> str:
-        count = max(self.elements.values())
+    @property
+    def words(self) -> str:
+        """What changes, in words."""
         return (
-            f"with {count} elements the tension changes by {self.tension_change:+.2%} to {self.tension:#.4g} N, "
+            f"the tension changes by {self.tension_change:+.2%} to {self.tension:#.4g} N, "
             f"contacts by {1e3 * self.displacement:.2g} mm at most"
         )
+
+    def __str__(self) -> str:
+        return f"with {max(self.elements.values())} elements {self.words}"
+
+
+@dataclass(frozen=True)
+class OutlineError:
+    """Error of the polygons that stand for drawings of the object, and what it changes."""
+
+    deviation: float  # greatest distance of a polygon from its drawing [m]
+    size: float  # greatest distance of the object's boundary from its center of mass [m]
+    corners: int  # of the polygons, here
+    finer: int  # of those nearer to the drawings with which it was solved again
+    change: Change | None = None  # with these; None: not solved, or no grasp next to this one
+    missing: str = ""  # why there is no change
+
+    @property
+    def words(self) -> str:
+        """What it changes, in words."""
+        if self.change is None:
+            return self.missing
+        return f"with {self.finer} corners in place of {self.corners} {self.change.words}"
+
+    def __str__(self) -> str:
+        share = self.deviation / self.size
+        return f"the polygon is within {1e3 * self.deviation:.3g} mm of the drawing ({share:.2%} of the object's size)"
 
 
 @dataclass(frozen=True)

@@ -152,7 +152,7 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
     finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
     if mission.drive_tension is not None:
         finger = finger.with_tendons(max_tension=mission.drive_tension)
-    body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
+    body = mission.grasp.object.moved_to((pose[0], pose[1], pose[2]), free=None)
     control = _control_scene(mission, finger, body, tuple(contact.station for contact in middles), held)
     control = control.replaced(parameters=(*control.parameters, *_base_parameters(mission, grasp, setup)))
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.

@@ -228,7 +228,7 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Posture | N
     closed = scene.replaced(
         grasp=None,
         finger=scene.finger.replaced(base=BasePose(position=tuple(base[:2]), angle=base[2])),
-        object=scene.object and scene.object.replaced(position=tuple(pose[:2]), angle=pose[2]),
+        object=scene.object and scene.object.moved_to(tuple(pose)),
         contacts=tuple(at for at, _ in middle),
         goal=scene.goal.model_copy(update={"contact_force": aim}),
     )

@@ -11,6 +11,7 @@ from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.plotting.grasp.view import plot_object as plot_object
+    from continuum_grasp.plotting.scene import plot_scene as plot_scene
 
 _OF_RESULTS = (
     *("accuracy", "contact_forces", "coordinates", "energy", "front", "grasp", "map", "modes", "robustness"),

@@ -119,8 +119,13 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
         key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
         raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None
     document.notes.append(f"{dotted(body)}: {outline.note}")
-    vertices = [list(corner) for corner in outline.vertices]
-    document.put(body, Document({"shape": "polygon", "vertices": vertices} | rest, part.places))
+    at = body.index("object")
+    frames = [document.get(body[: at + 1]), *([rest] if body[at + 1 :] else [])]
+    touching = import_module("continuum_grasp.scene.placement").touching_points
+    polygon = outline.polygon(touching(outline.curve, document.get(body[:at]).get("supports"), frames))
+    # That of the curve, not of the polygon.
+    mass = {} if body[at + 1 :] else {"center_of_mass": [0.0, 0.0]}
+    document.put(body, Document(polygon | mass | rest, part.places))
 
 
 def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) -> Path:

@@ -27,10 +27,12 @@ from continuum_grasp.scene.grasp_options import (
     Robust,
 )
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.objects import GraspObject, deviation_of
 from continuum_grasp.scene.objects.shapes import greatest_shift, pose_bounds
+from continuum_grasp.scene.objects.simplify import SHARE
+from continuum_grasp.scene.placement import Supported, is_beside
 from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import Peg, Place, Supported, Switch
+from continuum_grasp.scene.supports import Peg, Place, Switch
 from continuum_grasp.scene.tendons import Tendons
 from continuum_grasp.scene.value import Configuration
 
@@ -253,11 +255,6 @@ class GraspScene(Configuration, Supported):
         return tuple((k, m) for k, m in two if _can_meet(fingers[k], fingers[m]))
 
     @property
-    def places(self) -> tuple[Place, ...]:
-        """All walls and pegs."""
-        return (*self.walls, *self.pegs)
-
-    @property
     def state_columns(self) -> dict[str, slice]:
         """Columns of each finger's friction states among all those that must not matter; empty where none do."""
         columns, start = dict[str, slice](), 0
@@ -477,15 +474,25 @@ class GraspScene(Configuration, Supported):
                 )
 
     def _check_supports(self) -> None:
-        near, where = TOUCHING * self.object.size, "and fixed" if self.object.free is None else "wherever it may be"
+        near, fixed = TOUCHING * self.object.size, self.object.free is None
+        # Below, a drawing of this size (twice the object's at most) does not say whether it touches.
+        nearly = max(2.0 * SHARE * self.object.size, deviation_of(self.object))
+        where, advice = ("and fixed", "; object.against places it") if fixed else ("wherever it may be", "")
         for body in self.places:
             least, greatest = self.gap_range(body)
             # The plane of a finite edge may cut the object beside the edge.
             solid = isinstance(body, Peg) or math.isinf(body.half_length) or body.touch == "on"
             if greatest < -near and solid:
-                raise ValueError(f"supports.{body.name} lies {-greatest:.4g} m deep in the object {where}")
+                raise ValueError(f"supports.{body.name} lies {-greatest:.4g} m deep in the object {where}{advice}")
             if body.touch == "on" and least > near:
-                raise ValueError(f"supports.{body.name} should touch the object, which is {least:.4g} m away {where}")
+                raise ValueError(
+                    f"supports.{body.name} should touch the object, which is {least:.4g} m away {where}{advice}"
+                )
+            if fixed and body.touch == "auto" and near < least < nearly and not is_beside(self.object, body):
+                raise ValueError(
+                    f"supports.{body.name} is {least:.4g} m away from the object, too near to be meant so and too far "
+                    f"to carry it: set object.against: {body.name}, or supports.{body.name}.touch: off"
+                )
 
 
 def _can_meet(finger: GraspFinger, other: GraspFinger) -> bool:

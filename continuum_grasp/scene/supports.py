@@ -166,20 +166,3 @@ Place = Wall | Peg
 
 Support = Annotated[Palm | Line | Point | VGroove, Field(discriminator="type")]
 """A support of the object."""
-
-
-class Supported(Value):
-    """A scene whose object may touch supports."""
-
-    supports: dict[str, Support] = Field(default_factory=dict, max_length=8)
-    """Fixed walls, edges, points and grooves by name, which the object may touch."""
-
-    @property
-    def walls(self) -> tuple[Wall, ...]:
-        """All straight supports."""
-        return tuple(wall for name, support in self.supports.items() for wall in support.walls(name))
-
-    @property
-    def pegs(self) -> tuple[Peg, ...]:
-        """All round supports."""
-        return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))

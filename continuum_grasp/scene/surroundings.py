@@ -10,7 +10,8 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer, refusals
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
-from continuum_grasp.scene.supports import Supported, Wall
+from continuum_grasp.scene.placement import Supported
+from continuum_grasp.scene.supports import Place, Wall
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
 
@@ -138,6 +139,12 @@ class Surroundings(Supported):
             raise ValueError("contact_law is missing: an object needs its stiffness and friction")
         if self.object_moves and body.mass < 1e-9:
             raise ValueError("object.mass must be positive for an object that moves")
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """All walls and pegs, with the table where it is in the plane."""
+        table = None if self.table is None else self.table.wall
+        return super().places if table is None else (*super().places, table)
 
     @property
     def surroundings(self) -> Surroundings | None:

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import nearest
 from continuum_grasp.scene.assembly import assembled, changed, named_file, path_of, placed, validated
+from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.document import Change, Document, KeyPath, undotted
 from continuum_grasp.scene.kinds import KINDS, kind_of, model_of
 from continuum_grasp.scene.problems import input_error
@@ -152,6 +153,14 @@ class SceneKeys:
         """Unit of a key; empty where there is none."""
         unit = self.shape.unit(path, self.base.value)
         return "" if unit is None or unit == "1" else unit
+
+
+def base_scene(loaded: Any, document: Document, file: str | os.PathLike[str]) -> Any:
+    """The scene that a sweep or design varies, as it stands in its file; any other configuration itself."""
+    if not isinstance(loaded, Sweep | Design):
+        return loaded
+    keys = SceneKeys(loaded, document, Path(file), ("grasp", "mpc"))
+    return validated(keys.base, keys.model)
 
 
 def _is_number(value: Any) -> bool:

@@ -21,6 +21,7 @@ from continuum_grasp.scene import Design, GraspScene, Polygon, Sweep
 from continuum_grasp.scene.design_space import SINGLE, design_space_of
 from continuum_grasp.scene.document import Document, Place
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.objects import redrawn
 from continuum_grasp.scene.parts import OffsetPolygon, corners_of
 from continuum_grasp.scene.variation import variation_of
 from continuum_grasp.sweeps.plan import Point
@@ -285,3 +286,50 @@ def test_scale_and_tolerance_of_an_outline_vary(tmp_path):
     space = design_space_of(design, Document({}, {(): Place("design")}), tmp_path / "design.yaml")
     assert space.start == [1e-3]
     assert space.scene(SINGLE, [1.5e-3]).object.size == pytest.approx(0.03, abs=2e-4)
+
+
+# -- simplification, and what touches --------------------------------------------------------------------------------
+
+
+def disc_file(folder, radius, count=720, turn=0.0):
+    turns = turn + np.arange(count) * math.tau / count
+    np.savetxt(folder / "disc.csv", radius * np.column_stack([np.cos(turns), np.sin(turns)]), delimiter=",")
+    return folder / "disc.csv"
+
+
+@pytest.mark.parametrize("radius", [2e-4, 0.04, 2.0])
+def test_the_default_tolerance_is_a_share_of_the_size_and_the_error_is_stated(tmp_path, radius):
+    body = object_of(disc_file(tmp_path, radius), scale=1.0, tolerance=None, position=[2.0 * radius + 0.1, 0.0])
+    sides = np.linalg.norm(np.diff([*body.vertices, body.vertices[0]], axis=0), axis=1)
+    arrows = radius - np.sqrt(radius**2 - 0.25 * sides**2)  # of the circle over each chord
+    assert body.drawn.deviation == pytest.approx(arrows.max(), rel=0.02)
+    assert body.drawn.deviation <= 2e-3 * radius
+    assert len(body.vertices) > 48
+    assert redrawn(body).vertices == body.drawn.vertices
+    finer = shapely.Polygon(body.drawn.vertices).exterior
+    assert finer.hausdorff_distance(shapely.Point(0.0, 0.0).buffer(radius, 4000).exterior) < 6e-4 * radius
+
+
+def test_an_outline_that_is_a_polygon_has_no_error(tmp_path):
+    (tmp_path / "square.csv").write_text(SQUARE)
+    assert object_of(tmp_path / "square.csv", scale="1 mm").drawn is None
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+@pytest.mark.parametrize("tolerance", [None, 2e-3])
+def test_simplification_keeps_the_points_that_touch(tmp_path, angle, tolerance):
+    """An egg off its axes, placed by the farthest points of its curve, which are no corners of a rough polygon."""
+    turns = np.arange(1000) * math.tau / 1000 + 1e-3
+    ring = np.column_stack([0.03 * np.cos(turns) + 0.004 * np.cos(2 * turns), 0.04 * np.sin(turns)])
+    np.savetxt(tmp_path / "egg.csv", ring, delimiter=",")
+    ring = ring - np.array(shapely.Polygon(ring).centroid.coords[0])
+    turned = ring @ np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    x, y = -turned.min(axis=0)
+    shape = {"shape": "outline", "file": str(tmp_path / "egg.csv"), "mass": 0.1, "tolerance": tolerance}
+    palm, table = ({"type": "palm", "point": [0, 0], "normal_angle": a} for a in (0.0, 0.5 * math.pi))
+    scene = load(SCENE).changed(
+        {"supports": {"palm": palm, "table": table}, "object": shape | {"position": [x, y], "angle": angle}}
+    )
+    assert [place.name for place in scene.places] == ["palm", "table"]
+    assert max(abs(scene.gap_range(place)[0]) for place in scene.places) < 1e-6 * scene.object.size
+    assert len(scene.object.vertices) < 150

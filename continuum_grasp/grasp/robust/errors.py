@@ -187,7 +187,7 @@ class InError:
         ranges = {"x": (x - reach, x + reach), "y": (y - reach, y + reach), "angle": (angle - YIELDS, angle + YIELDS)}
         # Where it does not yield, the response pins its pose.
         free = Freedom(**ranges) if self.yields or self.scene.object.free is not None else None
-        pose = {"position": (x, y), "angle": angle, "free": free}
+        pose = {"position": (x, y), "angle": angle, "free": free, "against": None}
         body = scene.object.model_copy(update={**pose, "mass": mass * scene.object.mass})
         changed = with_contacts_changed(scene, "friction", lambda nominal: friction * nominal)
         return changed.model_copy(update={"object": body})

@@ -67,9 +67,9 @@ def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
     """The scene of one finger with object and base held where it has them, or as near to that as the contacts ``on`` by
     name allow, where its postures are scanned; None where nothing may move, or nothing is scanned.
     """
-    (x, y, angle), bases = object_poses(scene, on)[0], dict(scene.named_fingers)
+    pose, bases = object_poses(scene, on)[0], dict(scene.named_fingers)
     free = scene.object.free is not None or any(finger.base_free is not None for finger in bases.values())
-    held = scene.object.replaced(position=(x, y), angle=angle, free=None)
+    held = scene.object.moved_to(pose, free=None)
     still = scene.with_fingers({name: finger.replaced(base_free=None) for name, finger in bases.items()})
     still = still.model_copy(update={"object": held})
     return still if free and is_scanned(still, on) else None

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.grasp import GraspScene
 
 
-_FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
+FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
 """Colors of fingers: dark enough for text, of which every finger has some."""
 _SUPPORT = ORANGE
 _PLACES = 81
@@ -91,7 +91,7 @@ class GraspView:
         """Per finger position along it, x, y [m] and the angle of the section's X axis [rad], (points, 4)."""
         if self.found:
             return {name: np.asarray(finger.backbone) for name, finger in self.result.fingers.items()}
-        return {name: _unloaded(finger) for name, finger in self.scene.named_fingers.items()}
+        return {name: unloaded(finger) for name, finger in self.scene.named_fingers.items()}
 
     def body(self, name: str) -> Array:
         """Outline of a finger with its rounded end, (points, 2) [m]."""
@@ -142,7 +142,7 @@ class GraspView:
             return SLATE
         names = list(self.scene.named_fingers)
         owner = name.split(".")[0]
-        return _FINGERS[names.index(owner)] if owner in names else _SUPPORT
+        return FINGERS[names.index(owner)] if owner in names else _SUPPORT
 
 
 def turned(points: Array, angle: float) -> Array:
@@ -157,7 +157,7 @@ def lighter(color: str, share: float) -> str:
     return "#" + "".join(f"{round(p + (255 - p) * share):02X}" for p in parts)
 
 
-def _unloaded(finger: GraspFinger) -> Array:
+def unloaded(finger: GraspFinger) -> Array:
     """The backbone of a finger that nothing bends but its rest curvature (points, 4) [m, rad]."""
     s = np.linspace(0.0, finger.rod.length, _PLACES)
     step = s[1]

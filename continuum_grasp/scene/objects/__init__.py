@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.outline import Outline
+from continuum_grasp.scene.objects.outline import Outline, OutlineFile
 from continuum_grasp.scene.objects.shapes import (
     Box,
     Circle,
@@ -19,10 +19,12 @@ from continuum_grasp.scene.objects.shapes import (
     Freedom,
     MemberPlace,
     ObjectBody,
+    OutlineCurve,
     Polygon,
     Stadium,
     Superellipse,
 )
+from continuum_grasp.scene.objects.simplify import FINER
 from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.value import ListOf
 
@@ -33,11 +35,14 @@ __all__ = [
     "Freedom",
     "GraspObject",
     "Outline",
+    "OutlineCurve",
     "Polygon",
     "Stadium",
     "Superellipse",
     "Union",
     "UnionMember",
+    "deviation_of",
+    "redrawn",
 ]
 
 SHAPES = (Circle, Ellipse, Superellipse, Box, Polygon, Stadium, Outline)
@@ -76,3 +81,21 @@ GraspObject = Annotated[
     Circle | Ellipse | Superellipse | Box | Polygon | Stadium | Outline | Union, Field(discriminator="shape")
 ]
 """An object to be grasped."""
+
+
+def deviation_of(body: GraspObject) -> float:
+    """Greatest distance of an object's polygons from the drawings that they stand for [m]."""
+    drawings = (getattr(shape, "drawn", None) for shape in getattr(body, "members", (body,)))
+    return max((drawing.deviation for drawing in drawings if drawing is not None), default=0.0)
+
+
+def redrawn(body: Any) -> Any:
+    """An object, or a member of a union, whose polygons are nearer to the drawings that they stand for."""
+    if isinstance(body, Union):
+        return body.replaced(members=tuple(redrawn(member) for member in body.members))
+    drawing = getattr(body, "drawn", None)
+    if drawing is None:
+        return body
+    if isinstance(body, OutlineFile):
+        return body.replaced(tolerance=FINER * body.distance_allowed)
+    return body.replaced(vertices=drawing.vertices, drawn=None)

@@ -1,17 +1,20 @@
-"""Outlines of objects from files: shapes of SVG, curves of DXF, points of CSV, silhouettes of PNG."""
+"""Outlines of objects from files: a curve of a drawing, points of CSV, silhouettes of PNG."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.shapes import ObjectBody
-from continuum_grasp.scene.parts import OffsetPolygon, Part, Point, check_simple, corners_of, polygon_centroid
+from continuum_grasp.scene.objects.shapes import ObjectBody, OutlineCurve
+from continuum_grasp.scene.objects.simplify import FINER, MOST, SHARE, deviation, simplified
+from continuum_grasp.scene.parts import OffsetPolygon, Part, Point, check_simple
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Extent, Value
+from continuum_grasp.scene.value import SAME, Extent, Value
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnOutline
@@ -36,8 +39,9 @@ class OutlineFile(Value):
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
     """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF or the headings of a CSV
     state, 1 m of a CSV without units."""
-    tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] = 1e-4
-    """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners."""
+    tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] | None = None
+    """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners. None: a thousandth of the
+    longer side of what the curve fills."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
     """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black."""
 
@@ -46,7 +50,7 @@ class OutlineFile(Value):
         return (OffsetPolygon(self.vertices),)
 
     @cached_property
-    def drawn(self) -> DrawnOutline:
+    def found(self) -> DrawnOutline:
         """The curve as the file has it [m], and what else the file has."""
         from continuum_grasp.scene.objects.drawings.curves import outline_in
 
@@ -66,23 +70,64 @@ class OutlineFile(Value):
     @property
     def note(self) -> str:
         """What was read as the outline, its size, and what of the file is not part of it."""
-        rest = f"; left out: {', '.join(self.drawn.left_out)}" if self.drawn.left_out else ""
-        return f"{self.drawn.curve.text} of {Path(self.file).name}{rest}"
+        rest = f"; left out: {', '.join(self.found.left_out)}" if self.found.left_out else ""
+        return f"{self.found.curve.text} of {Path(self.file).name}{rest}"
+
+    @cached_property
+    def curve(self) -> tuple[Point, ...]:
+        """Points of the curve as it was read, from its centroid [m]."""
+        import shapely
+
+        # In the order of the file: a mirrored one is simplified alike.
+        ring = self.found.curve.points
+        size = _extent(ring)
+        if not _SMALLEST < size < _GREATEST:
+            raise ValueError(f"scale: the outline would be {size:.4g} m long; in which unit is the file?")
+        center = shapely.Polygon(ring).centroid
+        # A billionth of the size: numbers as they are written have no digits of rounding.
+        digits = 9 - math.ceil(math.log10(size))
+        return tuple((round(x - center.x, digits), round(y - center.y, digits)) for x, y in ring)
 
     @cached_property
     def vertices(self) -> tuple[Point, ...]:
-        """Corners counter-clockwise, from the centroid [m]."""
-        import shapely
+        """Corners counter-clockwise, from the centroid of the curve [m]."""
+        return self.corners()
 
-        curve = self.drawn.curve
-        size = max(curve.size)
-        if not _SMALLEST < size < _GREATEST:
-            raise ValueError(f"scale: the outline would be {size:.4g} m long; in which unit is the file?")
-        simple = corners_of(shapely.Polygon(curve.points).simplify(self.tolerance).exterior.coords[:-1])
-        if len(simple) < 3 or self.tolerance > 0.2 * size:
-            raise ValueError(f"tolerance: {self.tolerance:g} m leaves nothing of an outline {size:.4g} m long")
-        x, y = polygon_centroid(simple)
-        return tuple((round(a - x, 9), round(b - y, 9)) for a, b in simple)
+    @property
+    def distance_allowed(self) -> float:
+        """The tolerance [m], also where it is a share of the size."""
+        return SHARE * _extent(self.curve) if self.tolerance is None else self.tolerance
+
+    @cached_property
+    def drawn(self) -> OutlineCurve | None:
+        """Curve that the corners stand for, where they are not exact."""
+        return self.drawing(self.vertices)
+
+    def corners(self, kept: Collection[int] = (), share: float = 1.0) -> tuple[Point, ...]:
+        """Corners of the polygon that is within a share of the tolerance of the curve, with points of it that are
+        ``kept``.
+        """
+        size, tolerance = _extent(self.curve), self.distance_allowed
+        corners = simplified(self.curve, share * tolerance, kept)
+        if len(corners) < 3 or tolerance > 0.2 * size:
+            raise ValueError(f"tolerance: {tolerance:g} m leaves nothing of an outline {size:.4g} m long")
+        return corners
+
+    def drawing(self, corners: tuple[Point, ...], kept: Collection[int] = ()) -> OutlineCurve | None:
+        """Curve that some corners stand for, with points ``kept`` in its polygon, too; None where they are exact."""
+        off = deviation(self.curve, corners)
+        if off <= SAME * _extent(self.curve):
+            return None
+        # Noise of a picture has corners without end.
+        finer = (self.corners(kept, share) for share in (FINER, 2.0 * FINER))
+        return OutlineCurve(deviation=off, vertices=next((f for f in finer if len(f) <= MOST), corners))
+
+    def polygon(self, kept: Collection[int] = ()) -> dict[str, Any]:
+        """Keys of the polygon that stands for the curve, with points of it that are ``kept``."""
+        corners = self.corners(kept)
+        drawing = self.drawing(corners, kept)
+        drawn = {} if drawing is None else {"drawn": drawing.model_dump(mode="json")}
+        return {"shape": "polygon", "vertices": [list(corner) for corner in corners], **drawn}
 
     def _read(self) -> Drawing:
         """Curves of the file; a library is loaded with the first file of its form."""
@@ -109,3 +154,8 @@ class OutlineFile(Value):
 
 class Outline(OutlineFile, ObjectBody):
     """Any closed curve that a file has: a drawing, or a silhouette."""
+
+
+def _extent(curve: Sequence[Point]) -> float:
+    """Longer side of the box around a curve [m]."""
+    return max(max(side) - min(side) for side in zip(*curve, strict=True))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
@@ -69,6 +69,10 @@ class ObjectBody(Value):
     """Angle from the world's axes to the object's [rad]."""
     free: Freedom | None = None
     """Bounds within which the pose may be chosen; None: it is fixed."""
+    against: Annotated[str | ListOf[str], Field(examples=["palm"])] | None = None
+    """Support that the object lies against, or two of them, by name: the object moves from ``position`` along their
+    normals until it touches, and does not turn. One support leaves the coordinate along it as ``position`` has it; two,
+    and a groove alone, fix both. With ``free`` the search starts there. None: ``position`` is exact."""
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -100,6 +104,10 @@ class ObjectBody(Value):
     def pose(self) -> tuple[float, float, float]:
         """World x, y [m] and angle [rad]."""
         return *self.position, self.angle
+
+    def moved_to(self, pose: Pose, **fields: Any) -> Self:
+        """A copy that stands at a pose, whatever it lay ``against``, with other values of some ``fields``."""
+        return self.replaced(position=(pose[0], pose[1]), angle=pose[2], against=None, **fields)
 
     def distance(self, point: Point) -> float:
         """Distance of a world point from the object where it starts [m], negative inside."""
@@ -199,6 +207,15 @@ class Box(_BoxShape, ObjectBody):
     """A rectangle, with rounded corners where a radius is given."""
 
 
+class OutlineCurve(Value):
+    """Curve that a polygon stands for, with the distance between both; files of outlines give it."""
+
+    deviation: Extent
+    """Greatest distance of the polygon from the curve [m]."""
+    vertices: Annotated[ListOf[Position], Field(min_length=3, max_length=1024)]
+    """Corners of a polygon that is nearer to the curve, by which reports measure what the deviation changes [m]."""
+
+
 class _PolygonShape(Value):
     shape: Literal["polygon"]
     """A simple polygon, with rounded corners, but for reflex ones, where a radius is given."""
@@ -207,6 +224,8 @@ class _PolygonShape(Value):
     than a hundred."""
     corner_radius: Distance = 0.0
     """Radius of the rounded corners, inside the sharp outline [m]."""
+    drawn: OutlineCurve | None = None
+    """Curve of a drawing that the polygon stands for; None: the polygon itself is meant."""
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

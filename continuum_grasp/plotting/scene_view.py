@@ -1,0 +1,206 @@
+"""Contents of a picture of a scene of any kind, before anything is solved: shapes, points and texts in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from continuum_grasp.arrays import Array
+from continuum_grasp.plotting.drawing import axes, bodies
+from continuum_grasp.plotting.grasp.view import turned, unloaded
+from continuum_grasp.scene.cost import CircleReference, RowSamples
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.supports import Palm
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.supports import Peg, Support, Wall
+
+
+class Acting(NamedTuple):
+    """A force or a moment on a finger."""
+
+    at: Array
+    """World point (2,) [m]."""
+    force: Array
+    """Greatest force over time, world (2,) [N]; zero for a moment."""
+    text: str
+    """What it is, with its greatest magnitude."""
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """What is there to draw of a scene of any kind, in the world [m]."""
+
+    scene: Any
+    """A scene of one finger, a grasp, a mission, or a finger alone."""
+
+    @cached_property
+    def inner(self) -> Any:
+        """What has fingers, object and supports: of a mission its grasp."""
+        grasp = getattr(self.scene, "grasp", None)
+        return self.scene if hasattr(self.scene, "finger") or grasp is None else grasp
+
+    @cached_property
+    def fingers(self) -> dict[str, Finger]:
+        """The fingers by name."""
+        if isinstance(self.inner, Finger):
+            return {"finger": self.inner}
+        return dict(self.inner.named_fingers) if isinstance(self.inner, GraspScene) else {"finger": self.inner.finger}
+
+    @cached_property
+    def backbones(self) -> dict[str, Array]:
+        """Unloaded backbones (points, 4): position along the finger, x, y [m], angle of the section's X axis [rad]."""
+        return {name: unloaded(finger) for name, finger in self.fingers.items()}
+
+    @cached_property
+    def object(self) -> Any:
+        """The object; None without one."""
+        return getattr(self.inner, "object", None)
+
+    @cached_property
+    def outlines(self) -> list[Array]:
+        """Outlines of the object's parts where it starts."""
+        return [] if self.object is None else bodies.object_outlines(self.object, np.array(self.object.pose))
+
+    @cached_property
+    def before(self) -> list[Array]:
+        """Outlines of the object where a mission finds it, before it is turned into its grasp."""
+        turn = getattr(self.scene, "turn", None)
+        if turn is None:
+            return []
+        return bodies.object_outlines(self.object, np.array([*turn.position, self.object.angle - turn.angle]))
+
+    @cached_property
+    def supports(self) -> dict[str, Support]:
+        """The supports by name, with a table that is in the plane."""
+        table = getattr(self.inner, "table", None)
+        wall = None if table is None else table.wall
+        palm = {} if wall is None else {"table": Palm(point=wall.point, normal_angle=wall.normal_angle)}
+        return {**getattr(self.inner, "supports", {}), **palm}
+
+    @property
+    def walls(self) -> list[Wall]:
+        """Straight surfaces of the supports."""
+        return [wall for name, support in self.supports.items() for wall in support.walls(name)]
+
+    @property
+    def pegs(self) -> list[Peg]:
+        """Round surfaces of the supports."""
+        return [peg for name, support in self.supports.items() for peg in support.pegs(name)]
+
+    @cached_property
+    def gravity(self) -> tuple[Array, float]:
+        """Gravity in the plane (2,), and out of it [m/s2]."""
+        if isinstance(self.inner, GraspScene):
+            lifted = self.inner.gravity.magnitude if self.inner.gravity.mode == "out_of_plane" else 0.0
+            return np.array(self.inner.gravity_in_plane), lifted
+        in_plane = np.array(getattr(self.inner, "gravity", (0.0, 0.0)))
+        return in_plane, float(getattr(self.inner, "out_of_plane_gravity", 0.0))
+
+    @cached_property
+    def targets(self) -> dict[str, Array]:
+        """Points (n, 2) that finger and object are led to, by what is led there."""
+        goal, reference = getattr(self.scene, "goal", None), getattr(self.scene, "reference", None)
+        targets = {}
+        if goal is not None:
+            targets = {"goal of the tip": goal.tip and goal.tip.value, "goal": goal.shape and goal.shape.value}
+        elif reference is not None:
+            targets = {
+                "setpoint of the tip": _points(reference.tip),
+                "setpoint": _points(reference.shape),
+                "setpoint of the object": _points(reference.object_position),
+            }
+        return {name: np.reshape(points, (-1, 2)) for name, points in targets.items() if points is not None}
+
+    @cached_property
+    def contacts(self) -> dict[str, list[float]]:
+        """Positions along each finger at which it is asked, or left free, to touch the object [m]."""
+        if self.object is None:
+            return {}
+        if not isinstance(self.inner, GraspScene):
+            return {"finger": [*self.inner.contacts, self.inner.finger.rod.length]}
+        return {
+            setup.name: [
+                at for at, switch in zip(_spots(setup), setup.switches.values(), strict=True) if switch != "off"
+            ]
+            for setup in self.inner.setups
+        }
+
+    @cached_property
+    def loads(self) -> list[Acting]:
+        """Forces and moments on the finger of a simulation, those that hold it at first too."""
+        initial = getattr(self.scene, "initial", None)
+        loads = (*getattr(self.scene, "loads", ()), *getattr(initial, "held_by", ()))
+        return [acting for acting in map(self._acting, loads) if acting is not None]
+
+    def _acting(self, load: Any) -> Acting | None:
+        """What a load does where it is greatest; None where it is zero, as one that data replace."""
+        at, turn = self.on("finger", [load.at])[0], 0.0
+        if load.kind == "moment":
+            values = np.atleast_1d(getattr(load.moment, "values", load.moment))
+            moment = float(values[np.abs(values).argmax()])
+            return Acting(at, np.zeros(2), f"moment {moment:.3g} N m") if moment else None
+        values = np.reshape(getattr(load.force, "values", load.force), (-1, 2))
+        force = values[np.hypot(*values.T).argmax()]
+        if not force.any():
+            return None
+        if load.follows:
+            line = self.backbones["finger"]
+            turn = float(np.interp(load.at, line[:, 0], line[:, 3]))
+        return Acting(at, turned(force, turn), f"force {np.hypot(*force):.3g} N")
+
+    def on(self, finger: str, places: Any) -> Array:
+        """World points (n, 2) at positions along an unloaded finger [m]."""
+        line = self.backbones[finger]
+        return np.column_stack([np.interp(places, line[:, 0], line[:, k]) for k in (1, 2)])
+
+    @cached_property
+    def thickness(self) -> dict[str, Array]:
+        """Outlines of the unloaded fingers (points, 2)."""
+        return {name: bodies.finger_outline(line, self.fingers[name]) for name, line in self.backbones.items()}
+
+    @cached_property
+    def ranges(self) -> dict[str, tuple[Array, Array]]:
+        """Least and greatest position [m] of what may be moved, by its name."""
+        free: dict[str, Any] = {"object": self.object, **self.fingers}
+        ranges: dict[str, tuple[Array, Array]] = {}
+        for name, thing in free.items():
+            bounds = getattr(thing, "base_free" if name in self.fingers else "free", None)
+            if bounds is not None and (bounds.x or bounds.y):
+                x, y = thing.base.position if name in self.fingers else thing.position
+                low, high = np.transpose([bounds.x or (x, x), bounds.y or (y, y)])
+                ranges[name] = low, high
+        return ranges
+
+    @cached_property
+    def box(self) -> axes.Box:
+        """Limits of the picture: all that is somewhere, and of endless walls and zones the point nearest to it."""
+        points = [*self.outlines, *self.before, *self.thickness.values(), *self.targets.values()]
+        points += [np.array(ends) for ends in self.ranges.values()]
+        points += bodies.zone_points(self.scene)
+        points += [np.array([peg.position]) + peg.radius * bodies.CIRCLE for peg in self.pegs]
+        middle = np.concatenate(points).mean(axis=0)
+        for wall in self.walls:
+            foot = middle - wall.height((float(middle[0]), float(middle[1]))) * np.array(wall.normal)
+            points.append(np.array(wall.ends if np.isfinite(wall.half_length) else [foot]))
+        side = float(np.ptp(np.concatenate(points), axis=0).max())
+        # 0.16: labels stand around everything, up to two lines of 8 points in a drawing of 5 inches
+        return axes.bend_box(points, 0.16 * side)
+
+
+def _spots(setup: FingerSetup) -> list[float]:
+    """Positions of middle contacts and tip along a finger of a grasp [m]."""
+    return [*setup.middle_places, setup.finger.rod.length]
+
+
+def _points(setpoint: Any) -> Array | None:
+    """World points (n, 2) of a setpoint: where it is, or is led along; None without one."""
+    if setpoint is None:
+        return None
+    if isinstance(setpoint, CircleReference):
+        return np.array(setpoint.center) + setpoint.radius * bodies.CIRCLE
+    return np.reshape(setpoint.values if isinstance(setpoint, RowSamples) else setpoint, (-1, 2))

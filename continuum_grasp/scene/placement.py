@@ -1,0 +1,177 @@
+"""Objects that lie against supports: gaps between them, and the position at which the object touches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field, ValidationError
+
+from continuum_grasp.labels import nearest
+from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
+from continuum_grasp.scene.parts import Point
+from continuum_grasp.scene.supports import Peg, Place, Support, Wall
+from continuum_grasp.scene.value import SAME, Value
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.objects import GraspObject
+
+_TOUCHES = 1e-10
+"""Gap, as a part of the object's size, at which it touches [1]: rounding of positions a million sizes away."""
+_STEP = 1e-6
+"""Shift, as a part of the object's size, by which the slope of a gap is measured [1]."""
+_STEPS = 50
+"""Steps of Newton's method; gaps to walls take one, to a peg as many as the nearest place on the object changes."""
+_PARALLEL = 1e-6
+"""Sine of the angle between two surfaces below which they leave the object free to slide [1]."""
+
+
+class Supported(Value):
+    """A scene whose object may touch supports."""
+
+    supports: dict[str, Support] = Field(default_factory=dict, max_length=8)
+    """Fixed walls, edges, points and grooves by name, which the object may touch."""
+
+    def _check(self) -> None:
+        body = getattr(self, "object", None)
+        if body is not None and body.against is not None:
+            self.__dict__["object"] = lie_against(body, self.places)
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """All walls and pegs."""
+        return (*self.walls, *self.pegs)
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """All straight supports."""
+        return tuple(wall for name, support in self.supports.items() for wall in support.walls(name))
+
+    @property
+    def pegs(self) -> tuple[Peg, ...]:
+        """All round supports."""
+        return tuple(peg for name, support in self.supports.items() for peg in support.pegs(name))
+
+
+def lie_against(body: GraspObject, places: Sequence[Place]) -> GraspObject:
+    """Move an object along the normals of the supports that it lies ``against``, until it touches all of them.
+
+    Raises
+    ------
+    ValueError
+        There are no such supports, or it cannot touch them.
+    """
+    surfaces = _chosen(body, places)
+    x, y = body.position
+    for _ in range(_STEPS):
+        gaps = [gap(body, surface, (x, y)) for surface in surfaces]
+        if max(map(abs, gaps)) <= _TOUCHES * body.size:
+            break
+        dx, dy = _shift(gaps, [_slope(body, surface, (x, y)) for surface in surfaces])
+        x, y = x + dx, y + dy
+    else:
+        raise ValueError(f"object.against: no place near object.position touches {_names(surfaces)}: give another one")
+    placed = body.model_copy(update={"position": (x, y)})
+    for wall in surfaces:
+        if is_beside(placed, wall):
+            raise ValueError(f"object.against: at object.position the object passes beside the ends of {wall.name}")
+    if placed.free is not None:
+        placed.free.check(*placed.pose)
+    return placed
+
+
+def gap(body: ObjectBody, place: Place, position: tuple[float, float] | None = None) -> float:
+    """Distance of an object, moved to a position, from a support [m]; negative where it lies within the support."""
+    x, y = body.position if position is None else position
+    if isinstance(place, Wall):
+        facing = place.normal_angle + math.pi - body.angle
+        return place.height((x, y)) - max(part.support(facing) for part in body.parts)
+    back = x - body.position[0], y - body.position[1]
+    return body.distance((place.position[0] - back[0], place.position[1] - back[1])) - place.radius
+
+
+def touching_points(curve: Sequence[Point], supports: Any, frames: Sequence[Any]) -> set[int]:
+    """Indices of the points of a curve nearest to supports, as they are written in a configuration.
+
+    ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. What is
+    wrong in them is reported where all of the scene is validated.
+    """
+    x, y, angle = 0.0, 0.0, 0.0
+    try:
+        around = Supported.model_validate({"supports": supports or {}})
+        for frame in frames:
+            at = MemberPlace.model_validate({key: frame[key] for key in ("position", "angle") if key in frame})
+            c, s = math.cos(angle), math.sin(angle)
+            x, y = x + c * at.position[0] - s * at.position[1], y + s * at.position[0] + c * at.position[1]
+            angle += at.angle
+    except ValidationError:
+        return set()
+    c, s = math.cos(angle), math.sin(angle)
+    points, touching = [(x + c * px - s * py, y + s * px + c * py) for px, py in curve], set[int]()
+    for place in around.places:
+        away = place.height if isinstance(place, Wall) else partial(math.dist, place.position)
+        distances = [away(point) for point in points]
+        near = min(distances) + SAME * max(math.dist((x, y), point) for point in points)
+        touching |= {k for k, distance in enumerate(distances) if distance <= near}
+    return touching
+
+
+def is_beside(body: ObjectBody, place: Place) -> bool:
+    """Whether what of an object is nearest to a finite wall is beyond its ends."""
+    if isinstance(place, Peg) or math.isinf(place.half_length):
+        return False
+    facing, step = place.normal_angle + math.pi - body.angle, 1e-7
+    reach = max(part.support(facing) for part in body.parts)
+    # The slope of a support function is how far to the side the outermost point is: a face has two of them.
+    sides = [(max(part.support(facing + turn) for part in body.parts) - reach) / turn for turn in (step, -step)]
+    (nx, ny), (px, py) = place.normal, place.point
+    at = (body.position[1] - py) * nx - (body.position[0] - px) * ny
+    low, high = at - max(sides), at - min(sides)
+    slack = 1e-6 * body.size
+    return high < -place.half_length - slack or low > place.half_length + slack
+
+
+def _chosen(body: GraspObject, places: Sequence[Place]) -> list[Place]:
+    names = (body.against,) if isinstance(body.against, str) else body.against or ()
+    surfaces: list[Place] = []
+    for name in names:
+        found = [place for place in places if place.name == name or place.name.startswith(f"{name}.")]
+        if not found:
+            known = list(dict.fromkeys(place.name.partition(".")[0] for place in places))
+            raise ValueError(f"object.against: no support {name!r}{nearest(name, known)}")
+        surfaces += [place for place in found if place not in surfaces]
+    if len(surfaces) > 2:
+        raise ValueError(
+            f"object.against: {_names(surfaces)} are more than the two surfaces that fix a position: name two of them"
+        )
+    return surfaces
+
+
+def _names(surfaces: Sequence[Place]) -> str:
+    return " and ".join(surface.name for surface in surfaces)
+
+
+def _slope(body: ObjectBody, place: Place, at: tuple[float, float]) -> tuple[float, float]:
+    """Derivative of a gap by the object's position."""
+    if isinstance(place, Wall):
+        return place.normal
+    h, (x, y) = _STEP * body.size, at
+    across, up = (
+        gap(body, place, (x + dx, y + dy)) - gap(body, place, (x - dx, y - dy)) for dx, dy in ((h, 0.0), (0.0, h))
+    )
+    return across / (2.0 * h), up / (2.0 * h)
+
+
+def _shift(gaps: Sequence[float], slopes: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The shortest shift that closes one or two gaps, to first order."""
+    (a, b), *other = slopes
+    if not other:
+        size = a * a + b * b
+        return -gaps[0] * a / size, -gaps[0] * b / size
+    ((c, d),) = other
+    area = a * d - b * c
+    if abs(area) < _PARALLEL:
+        raise ValueError("object.against: the two supports face alike: between them the object is free to slide")
+    return (b * gaps[1] - d * gaps[0]) / area, (c * gaps[0] - a * gaps[1]) / area
