@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from continuum_grasp import __version__, interrupt
+from continuum_grasp import __version__, interrupt, shell
 from continuum_grasp.cli.output import FAILED
 from continuum_grasp.errors import ContinuumGraspError, InputError
 
@@ -54,8 +54,18 @@ def _one_line() -> Iterator[None]:
         raise typer.Exit(BAD_INPUT) from None
 
 
+class _Root(typer.Context):
+    """Has usage and hints name the command as it was typed; ``continuum-grasp`` alone is completed by the Tab key."""
+
+    @property
+    def command_path(self) -> str:
+        return shell.called()
+
+
 class _Verbs(TyperGroup):
     """Turns the package's errors into one message and an exit code."""
+
+    context_class = _Root
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         old, _, to = args[0].partition("-")
@@ -98,7 +108,7 @@ class _Verb(TyperCommand):
 
 
 app = typer.Typer(
-    name="continuum-grasp",
+    name=shell.NAME,
     cls=_Verbs,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -146,7 +156,7 @@ def main() -> None:
     atexit.register(gc.freeze)
     with interrupt.listening(command=True):
         try:
-            app(prog_name="continuum-grasp")
+            app(prog_name=shell.NAME)
         except SystemExit as end:
             _end_output()
             if interrupt.was_pressed() and end.code != INTERRUPTED:

@@ -83,6 +83,11 @@ class Pair:
         return friction_rate(self.law, self.gap, ca.vertsplit(self.z), self.slip) if self.z.numel() else []
 
     @property
+    def slip_speed(self) -> Scalar:
+        """Speed of the object along what may touch it [m/s]."""
+        return ca.norm_2(ca.vertcat(*self.slip))
+
+    @property
     def stored_energy(self) -> Scalar:
         """Energy in the normal spring [J]."""
         return stored_energy(self.law, self.gap) if self.load is None else 0.0
