@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
-__version__ = "0.7.0"
+__version__ = "0.8.0"
 
 if TYPE_CHECKING:
     from continuum_grasp.accuracy.choose import choose_fidelity as choose_fidelity
