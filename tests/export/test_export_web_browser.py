@@ -152,6 +152,7 @@ def test_slip_is_said_while_it_is_seen(opened):
     """At rest contacts bear all of their friction, as they slipped there, and slip no more."""
     page = stopped(opened("close_on_mug"))
     seen = "({ used: page.used(2), slip: page.memory.slip[2], note: document.getElementById('note').textContent })"
+    page.evaluate("page.reset()")  # it ran until it was stopped
     page.evaluate("page.advance(1600)")
     page.wait_for_function("document.getElementById('note').textContent === 'finger 2 and finger tip slip.'")
     moving = page.evaluate(seen)
