@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -54,7 +55,7 @@ def _start(folder: str | os.PathLike[str]) -> list[str]:
     program = Path(sys.argv[0])
     if started := _started_by():
         python, script = started
-        return [python, _seen_from(folder, script)]
+        return [_typed(python), _seen_from(folder, script)]
     if program.parts[-2:] == ("continuum_grasp", "__main__.py"):
         return [_python(), "-m", "continuum_grasp"]
     if program.stem == NAME and program.exists() and not _is_found(program):
@@ -67,9 +68,19 @@ def _started_by() -> list[str]:
 
 
 def _python() -> str:
-    """The Python of this process: by its name where a shell finds it so, otherwise by its absolute path."""
-    names = [name for name in ("python", "python3") if shutil.which(name) == sys.executable]
-    return names[0] if names else sys.executable
+    return _typed(sys.executable)
+
+
+@cache
+def _typed(python: str) -> str:
+    """The name of a Python where a shell runs that one by it, also by a shim as of pyenv; otherwise its path."""
+    name = os.path.basename(python)
+    found = shutil.which(name)
+    if name == python or found is None:
+        return python
+    asked = [found, "-c", "import sys; print(sys.executable)"]
+    said = subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip()
+    return name if said == python else python
 
 
 def _is_found(program: Path) -> bool:
