@@ -13,6 +13,7 @@ from continuum_grasp.model.contact_law import (
     friction_rate,
     friction_share,
     normal_force,
+    speed_of,
     stored_energy,
     viscous_friction,
 )
@@ -85,7 +86,7 @@ class Pair:
     @property
     def slip_speed(self) -> Scalar:
         """Speed of the object along what may touch it [m/s]."""
-        return ca.norm_2(ca.vertcat(*self.slip))
+        return speed_of(self.slip)
 
     @property
     def stored_energy(self) -> Scalar:
