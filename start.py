@@ -2,10 +2,12 @@
 """Set up continuum_grasp in a folder of its own (.venv), then run it. Needs nothing but Python 3.11 or newer.
 
     python3 start.py grasp configs/grasp/mug.yaml    any verb of continuum-grasp, with its options
+    python3 start.py docs                            documentation and API reference as a site: build/docs/index.html
+    python3 start.py jupyterlab notebooks            the notebooks in a browser
+    python3 start.py install jax torch               extras of pyproject.toml, by their names
     python3 start.py test                            the tests, with pytest's options
-    python3 start.py docs                            the documentation as a site, in build/docs
 
-The first run installs, later runs start at once. Nothing is installed outside of .venv.
+On Windows: py start.py. The first run installs, later runs start at once. Nothing is installed outside of .venv.
 """
 
 # Old versions of Python must be able to read this file, to say that they are too old.
@@ -23,10 +25,13 @@ VENV = os.path.join(ROOT, ".venv")
 PYTHON = os.path.join(VENV, *(("Scripts", "python.exe") if os.name == "nt" else ("bin", "python")))
 STAMP = os.path.join(VENV, "installed.json")
 TOOLS = {
-    "test": ("test", ["pytest", "-n", "auto", "--dist", "worksteal"]),
-    "docs": ("docs", ["mkdocs", "build", "--strict"]),
+    "test": ("test", ["pytest", "-n", "auto", "--dist", "worksteal"], ROOT),
+    "docs": ("docs", ["mkdocs", "build", "--strict"], ROOT),
+    "jupyterlab": ("notebook", ["jupyterlab"], None),
 }
-"""What is no verb of continuum-grasp: the extra that it needs, and the command that gets its options."""
+"""What is no verb of continuum-grasp: the extra that it needs, the command that gets its options, and in which folder."""
+STARTED_BY = "CONTINUUM_GRASP_STARTED_BY"
+"""Variable by which the package names commands as they are typed; continuum_grasp/shell.py reads it."""
 
 
 def main(arguments):
@@ -36,14 +41,36 @@ def main(arguments):
     if not arguments or arguments[0] in ("-h", "--help"):
         print(__doc__.strip())
         return 0
+    if arguments[0] == "install":
+        return install(arguments[1:])
     tool = TOOLS.get(arguments[0])
     if not set_up([tool[0]] if tool else []):
         return 2
     sys.stdout.flush()
     os.environ.setdefault("NO_MKDOCS_2_WARNING", "1")  # pyproject.toml asks for the versions that go together
     if tool is None:
+        os.environ[STARTED_BY] = json.dumps([python_as_typed(), os.path.abspath(sys.argv[0])])
         return run([PYTHON, "-m", "continuum_grasp", *arguments])
-    return run([PYTHON, "-m", *tool[1], *arguments[1:]], cwd=ROOT)
+    return run([PYTHON, "-m", *tool[1], *arguments[1:]], cwd=tool[2])
+
+
+def python_as_typed():
+    """The word before start.py; the launcher of Windows does not pass on its own."""
+    if os.name == "nt" and shutil.which("py"):
+        return "py"
+    word = sys.orig_argv[0]
+    return os.path.abspath(word) if os.path.dirname(word) else word
+
+
+def install(extras):
+    """Install extras beside what is there; an unknown one is named, which pip says in a warning alone."""
+    import tomllib
+
+    with open(os.path.join(ROOT, "pyproject.toml"), "rb") as stream:
+        known = tomllib.load(stream)["project"]["optional-dependencies"]
+    if not extras or not set(extras) <= set(known):
+        return fail("expected extras to install, of: " + ", ".join(sorted(known)))
+    return 0 if set_up(extras) else 2
 
 
 def run(command, cwd=None):

@@ -70,7 +70,8 @@ def installed(wheel, tmp_path_factory):
 @pytest.mark.parametrize("compiler", [None, ""], ids=["compiler", "no compiler"])
 def test_an_empty_folder_holds_a_certified_grasp_after_two_commands(compiler, installed, tmp_path):
     inherited = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "CC")}
-    env = {**inherited, **({} if compiler is None else {"CC": compiler}), "MPLBACKEND": "Agg"}
+    active = f"{installed.parent}{os.pathsep}{os.environ['PATH']}"
+    env = {**inherited, **({} if compiler is None else {"CC": compiler}), "MPLBACKEND": "Agg", "PATH": active}
 
     def run(*arguments, program=installed):
         line = [program, *arguments]

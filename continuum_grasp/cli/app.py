@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from continuum_grasp import __version__, interrupt
+from continuum_grasp import __version__, interrupt, shell
 from continuum_grasp.cli.output import FAILED, UNSTABLE
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 
@@ -60,8 +60,18 @@ def _exit_status(error: ContinuumGraspError) -> int:
     return UNSTABLE if isinstance(error, SolverError) and error.status == "unstable" else FAILED
 
 
+class _Root(typer.Context):
+    """Has usage and hints name the command as it was typed; ``continuum-grasp`` alone is completed by the Tab key."""
+
+    @property
+    def command_path(self) -> str:
+        return shell.called()
+
+
 class _Verbs(TyperGroup):
     """Turns the package's errors into one message and an exit code."""
+
+    context_class = _Root
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         old, _, to = args[0].partition("-")
@@ -104,7 +114,7 @@ class _Verb(TyperCommand):
 
 
 app = typer.Typer(
-    name="continuum-grasp",
+    name=shell.NAME,
     cls=_Verbs,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -152,7 +162,7 @@ def main() -> None:
     atexit.register(gc.freeze)
     with interrupt.listening(command=True):
         try:
-            app(prog_name="continuum-grasp")
+            app(prog_name=shell.NAME)
         except SystemExit as end:
             _end_output()
             if interrupt.was_pressed() and end.code != INTERRUPTED:

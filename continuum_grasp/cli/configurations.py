@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import shlex
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from continuum_grasp import shell
 from continuum_grasp.cli.options import option, verb
 from continuum_grasp.cli.output import Output, named_path, out_option
 from continuum_grasp.errors import InputError
@@ -52,17 +52,19 @@ def new(
     from continuum_grasp.examples import copy_example, copy_notebooks, example
 
     if notebooks:
-        files, command = copy_notebooks(folder), ["jupyter", "lab", "notebooks"]
+        files, command = copy_notebooks(folder), shell.tool("jupyterlab", "notebooks", folder=folder)
         output.say("Notebooks, and what they read:\n")
     else:
-        files, command = copy_example(name, folder), _command(example(name))
+        files, command = copy_example(name, folder), _command(example(name), folder)
         output.say(f"{name}: {example(name).summary}\n")
     for file in files:
         output.say(f"  {file}")
     output.say("\nRun it:\n")
     if folder.resolve() != Path.cwd():
-        output.say(f"  cd {shlex.quote(str(folder))}")
-    output.say(f"  {shlex.join(command)}")
+        output.say(f"  {shell.line(['cd', str(folder)])}")
+    if notebooks and not shell.installs("jupyterlab"):
+        output.say(f"  {shell.installing('notebook')}")
+    output.say(f"  {shell.line(command)}")
     output.result(example=None if notebooks else name, folder=folder, files=files, command=command)
 
 
@@ -72,7 +74,7 @@ def _list(output: Output) -> None:
     all_ = examples().values()
     width = max(len(example.name) for example in all_)
     for command in dict.fromkeys(example.verb for example in all_):
-        output.say(f"continuum-grasp {command}")
+        output.say(shell.called(command))
         for example in all_:
             if example.verb == command:
                 note = f" (not shipped: its data, {', '.join(example.missing)})" if example.missing else ""
@@ -83,8 +85,8 @@ def _list(output: Output) -> None:
     output.result(examples=rows)
 
 
-def _command(example: Example) -> list[str]:
-    return ["continuum-grasp", *example.arguments]
+def _command(example: Example, folder: Path = Path()) -> list[str]:
+    return shell.command(*example.arguments, folder=folder)
 
 
 def schema(

@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from continuum_grasp import shell
 from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
@@ -98,7 +99,7 @@ class SerialBoard:
         try:
             import serial
         except ImportError:
-            raise InputError("a serial board needs pyserial: pip install continuum-grasp[serial]") from None
+            raise InputError(f"a serial board needs pyserial: {shell.installing('serial')}") from None
         self._readings, self._sent = whole("readings", readings), 0
         self._rest, self._number = b"", -1
         self.damaged = self.missed = 0

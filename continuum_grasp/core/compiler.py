@@ -284,10 +284,13 @@ def _single_assignment(body: str) -> str:
 
 
 def check_tools(names: Sequence[str], needed: str, packages: str) -> None:
-    """Refuse where programs are missing; ``needed`` says what they are for, with braces in their place."""
+    """Refuse where programs are missing; ``needed`` says what they are for, with braces in their place.
+
+    ``packages`` of Debian have them.
+    """
     missing = [name for name in names if shutil.which(name) is None]
     if missing:
-        raise InputError(f"{needed.format(' and '.join(missing))} (Debian: {packages})")
+        raise InputError(f"{needed.format(' and '.join(missing))}; on Debian and Ubuntu: sudo apt install {packages}")
 
 
 @cache

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp import shell
 from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import choose_method
@@ -27,7 +28,7 @@ try:
     from gymnasium.vector import AutoresetMode
     from gymnasium.vector.utils import batch_space
 except ImportError as error:
-    raise InputError("environments need the extra 'gym': pip install 'continuum-grasp[gym]'") from error
+    raise InputError(f"environments need the extra 'gym': {shell.installing('gym')}") from error
 
 
 class Ended(Enum):

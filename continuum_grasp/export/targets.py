@@ -63,7 +63,7 @@ def measured_core(target: str) -> str:
     core = _core(target)
     if core is None:
         raise InputError(f"{target} has no emulated board: take cortex-m4f or cortex-m7", key="target")
-    check_tools(TOOLS, "measuring needs {}", "gcc-arm-none-eabi, qemu-system-arm")
+    check_tools(TOOLS, "measuring needs {}", "gcc-arm-none-eabi qemu-system-arm")
     return core
 
 

@@ -113,8 +113,13 @@ def _fast(law: ContactLaw, v: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
     # [1/s]: a held object that swings at a few Hz does not creep
     limit = (100.0 * (law.displacement or 0.0)) ** 4
     fourth = square * square
+    return fourth / (fourth + limit), speed_of(v)
+
+
+def speed_of(v: Sequence[Scalar]) -> Scalar:
+    """Speed of a slip v [m/s] by direction, differentiable at rest [m/s]."""
     # 1e-24: keeps roots differentiable at zero [m2/s2]: the square of 1e-12 m/s, far below any slip that matters
-    return fourth / (fourth + limit), ca.sqrt(square + 1e-24)
+    return ca.sqrt(_square(v) + 1e-24)
 
 
 def _square(values: Sequence[Scalar]) -> Scalar:

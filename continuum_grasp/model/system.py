@@ -80,6 +80,7 @@ class System(Functions):
     | curvature             | x, u, p           | kappa [1/m]: at the nodes of clothoids, one per arc |
     | range_use             | x, u, p           | use of the declared bending range, per element [1] |
     | touch                 | x, u, w, p        | gap [m], normal_force, friction, lift [N], force, point, normal |
+    | slip                  | x, u, w, p        | speed [m/s] at which surfaces move along each other, (K)        |
     | energy                | x, u, p           | kinetic, potential [J] |
     | internal              | x, u, p           | M [Q s2/q], K [Q/q], D [Q s/q] (n, n): inertia, elasticity, damping |
     | pressed_linearization | x, u, w, p, press | A (nx, nx) with every gap smaller by press (K) [m] |
@@ -254,6 +255,7 @@ class System(Functions):
         point=lambda eq: columns(pair.point for pair in eq.contacts.pairs),
         normal=lambda eq: columns(pair.normal for pair in eq.contacts.pairs),
     )
+    slip = named("x u w p", speed=lambda eq: [pair.slip_speed for pair in eq.contacts.pairs])
 
 
 def columns(vectors: Iterable[Vec]) -> ca.SX:

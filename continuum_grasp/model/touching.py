@@ -13,6 +13,7 @@ from continuum_grasp.model.contact_law import (
     friction_rate,
     friction_share,
     normal_force,
+    speed_of,
     stored_energy,
     viscous_friction,
 )
@@ -81,6 +82,11 @@ class Pair:
     def z_rate(self) -> list[Scalar]:
         """Rates of the friction states [1/s]."""
         return friction_rate(self.law, self.gap, ca.vertsplit(self.z), self.slip) if self.z.numel() else []
+
+    @property
+    def slip_speed(self) -> Scalar:
+        """Speed of the object along what may touch it [m/s]."""
+        return speed_of(self.slip)
 
     @property
     def stored_energy(self) -> Scalar:

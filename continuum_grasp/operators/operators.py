@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from continuum_grasp import shell
 from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
 from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
@@ -280,7 +281,7 @@ def toolkit(name: str, called: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        text = f"{called} is not installed: expected what `pip install 'continuum-grasp[{name}]'` installs"
+        text = f"{called} is not installed: {shell.installing(name)}"
         raise InputError(text) from error
 
 

@@ -24,9 +24,7 @@ def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> Non
         raise InputError("this folder cannot be written", file=str(there))
     kind = None if verb is None else kind_of_run(path)
     if kind not in (None, verb):
-        raise InputError(
-            f"the folder holds what continuum-grasp {kind} wrote; take another one, or remove it", file=str(folder)
-        )
+        raise InputError(f"the folder holds what {kind} wrote; take another one, or remove it", file=str(folder))
 
 
 _HELD: dict[Path, contextlib.ExitStack] = {}

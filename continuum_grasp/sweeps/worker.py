@@ -18,6 +18,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
+from continuum_grasp import shell
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 from continuum_grasp.labels import clipped
 from continuum_grasp.results.plain import digest
@@ -205,7 +206,7 @@ def dask_pool(address: str) -> Iterator[ExecutorPool]:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise InputError(
-            "a Dask cluster needs the extra 'cluster': pip install 'continuum-grasp[cluster]'", key="scheduler"
+            f"a Dask cluster needs the extra 'cluster': {shell.installing('cluster')}", key="scheduler"
         ) from None
     try:
         # Not the default one: the caller may use Dask for something else.

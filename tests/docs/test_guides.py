@@ -80,6 +80,7 @@ def test_pages_of_a_path_are_short_examples_from_an_empty_folder(page):
     text = page_text(page)
     assert len(text.split()) <= 1_500
     assert "continuum-grasp new" in next(block.text for block in blocks(text) if block.kind == "sh")
+    assert "](README.md#activate)" in text.partition("```")[0]  # a shell knows the command once .venv is active
     assert pictures(text)
 
 

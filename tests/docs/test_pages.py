@@ -30,14 +30,27 @@ def test_every_page_is_in_the_navigation_once():
 
 
 def test_the_overview_names_every_guide():
-    named = {target("docs/README.md", link)[0] for link in links(read("docs/README.md"))}
+    """The changelog names the changes of old versions."""
+    named = {target(page, link)[0] for page in ("docs/README.md", "CHANGELOG.md") for link in links(read(page))}
     assert [path for path in PAGES if path.startswith("docs/") and path not in {*named, "docs/README.md"}] == []
 
 
+def test_the_changelog_has_the_last_version_and_links_to_all_before_it():
+    """In short entries: one line a change."""
+    text = read("CHANGELOG.md")
+    (newest,) = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    linked = re.findall(r"\[([\d.]+)\]\(docs/changes/", text)
+    assert set(linked) == {path.stem for path in (ROOT / "docs/changes").glob("*.md")}
+    assert [newest, *linked] == sorted({newest, *linked}, key=lambda v: [int(n) for n in v.split(".")], reverse=True)
+    entries = re.findall(r"^- .*(?:\n  .*)*", text, re.MULTILINE)
+    assert [entry for entry in entries if len(entry) > 160] == []
+
+
 def test_pages_that_people_write_are_short():
-    """Errata, gallery and results are lists, of which programs write two."""
+    """Errata, gallery and results are lists, of which programs write two; changes of old versions stay as they were."""
     lists = {"docs/errata.md", "docs/gallery.md", "docs/results.md"}
-    words = {page: len(read(page).split()) for page in PAGES if page.startswith("docs/") and page not in lists}
+    read_by_users = [page for page in PAGES if page.startswith("docs/") and not page.startswith("docs/changes/")]
+    words = {page: len(read(page).split()) for page in read_by_users if page not in lists}
     assert sum(words.values()) <= 45_000, sorted(words.items(), key=lambda one: -one[1])
 
 

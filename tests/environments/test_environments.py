@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp import InputError, run_closed_loop
+from continuum_grasp import InputError, run_closed_loop, shell
 from continuum_grasp.closed_loop.integration import Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.scene.loads import Actuation
@@ -482,5 +482,5 @@ def test_without_gymnasium():
         "    except cg.InputError as error: print(error)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    missing = "environments need the extra 'gym': pip install 'continuum-grasp[gym]'"
+    missing = f"environments need the extra 'gym': {shell.installing('gym')}"
     assert done.stdout.splitlines() == [str(len(TASKS)), missing, missing]

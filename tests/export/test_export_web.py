@@ -104,7 +104,28 @@ def test_what_is_seen_is_what_the_model_says(release, tmp_path):
         found = [arrays[f"{name}_x"], arrays[f"{name}_y"]] if name in ("force", "point", "normal") else arrays[name]
         np.testing.assert_allclose(found, np.array(value).reshape(np.shape(found)), rtol=1e-9, atol=1e-9)
     assert arrays["normal_force"].max() > 1.0
+    assert arrays["slip"][:3] == pytest.approx(slips(scene, system, arrays), rel=1e-6, abs=1e-12)
     assert plant.at[plant.pushed] == pytest.approx([share * length for share in PUSHED])
+
+
+def slips(scene, system, arrays):
+    """Speeds along the surface, of rigid bodies: the mug, which may climb, and the section at each contact."""
+    x, u, p = arrays["x"], arrays["u"], arrays["p"]
+    stations = [*scene.contacts, scene.finger.rod.length]
+    r, v = (np.array(of(stations)(x, u, p)[0]).T for of in (system.sections, system.section_velocities))
+    spin = np.array(system.section_velocities(stations)(x, u, p)[1]).ravel()
+    at = [name.partition(" ")[0] for name in system.x_names].index("object_x")
+    (place, _, _), (rate, turn, climb) = ((x[k : k + 2], x[k + 2], x[k + 3]) for k in (at, at + 4))
+    found = []
+    for k in range(len(stations)):
+        point, normal = (np.array([arrays[f"{name}_x"][k], arrays[f"{name}_y"][k]]) for name in ("point", "normal"))
+        moving = rate + turn * across(point - place) - v[k] - spin[k] * across(point - r[k])
+        found.append(np.hypot(across(normal) @ moving, climb))
+    return found
+
+
+def across(vector):
+    return np.array([-vector[1], vector[0]])
 
 
 def test_a_hand_pushes_where_it_is(release, tmp_path):

@@ -148,6 +148,25 @@ def test_a_mug_is_held_and_a_hand_pulls_it_out(opened):
     assert np.linalg.norm(pulled - held) > 1e-4
 
 
+def test_slip_is_said_while_it_is_seen(opened):
+    """At rest contacts bear all of their friction, as they slipped there, and slip no more."""
+    page = stopped(opened("close_on_mug"))
+    seen = "({ used: page.used(2), slip: page.memory.slip[2], note: document.getElementById('note').textContent })"
+    page.evaluate("page.reset()")  # it ran until it was stopped
+    page.evaluate("page.advance(1600)")
+    page.wait_for_function("document.getElementById('note').textContent === 'finger 2 and finger tip slip.'")
+    moving = page.evaluate(seen)
+    assert moving["slip"] > 1e-3
+    page.evaluate("page.advance(3200)")
+    page.wait_for_function("document.getElementById('note').hidden")
+    rest = page.evaluate(seen)
+    assert rest["note"] == ""
+    assert min(moving["used"], rest["used"]) > 0.99
+    assert rest["slip"] < 1e-5
+    assert "Normal force at each contact (arrows: with friction) [N]" in page.text_content("#plots")
+    assert "normal force and friction together" in page.text_content("#help")
+
+
 def test_a_run_plays_and_is_taken_over(opened):
     page = stopped(opened("run"))
     last = page.evaluate("page.record.t.length - 1")

@@ -116,9 +116,7 @@ def test_a_folder_of_another_command_is_refused_before_anything_is_computed(comm
     save(tmp_path, 1.0, "other")
     result = run(*COMMANDS[command], "--out", tmp_path)
     assert result.exit_code == 2
-    assert result.stderr == (
-        f"error: {tmp_path}: the folder holds what continuum-grasp other wrote; take another one, or remove it\n"
-    )
+    assert result.stderr == (f"error: {tmp_path}: the folder holds what other wrote; take another one, or remove it\n")
     assert names(tmp_path) == RUN
 
 

@@ -43,7 +43,7 @@ WHAT = ("plant", "controller")
 """Parts of a closed loop that may be exported; of a simulated scene the first, of a mission the second."""
 VERSIONS = ("2", "3")
 _NO_LOOP = "a simulated scene has a plant alone; a controller needs a closed loop or a mission"
-_NO_PLANT = "a mission has a controller alone; continuum-grasp mpc moves its plant"
+_NO_PLANT = "a mission has a controller alone; the verb mpc moves its plant"
 _OWN = "is for a simulated scene: a closed loop has its own"
 _MISSIONS = (MissionScene, MissionRun)
 _UNITS = (

@@ -47,9 +47,12 @@ def sections_kernel(
     return Kernel.of(name, given, outputs, text)
 
 
-def contact_kernel(system: System, given: Symbols, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> Kernel:
-    """Gaps and forces of all contacts, as of ``System.touch``; vectors by their components."""
+def contact_kernel(
+    system: System, given: Symbols, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX, slip: bool = False
+) -> Kernel:
+    """Gaps and forces of all contacts, as of ``System.touch``, vectors by their components; on demand slip speeds."""
     outputs = by_component(dict(zip(system.touch.name_out(), system.touch(x, u, w, p), strict=True)))
+    outputs |= {"slip": system.slip(x, u, w, p)} if slip else {}
     return Kernel.of("contact", given, outputs, "Gaps and forces of all contacts.")
 
 

@@ -55,6 +55,7 @@ from continuum_grasp.simulation.trajectory import Trajectory
 
 _TESTED = "tests/check.h"
 """Header of a package's tests."""
+_NEEDED = "a page needs {} to make WebAssembly, which no other C compiler replaces"
 _DIGITS = 6
 """Digits of numbers that are only drawn."""
 _TABLE = 0.005
@@ -150,7 +151,7 @@ def page_of(
 
     ``plant_model`` is the plant of a closed loop where it is not the scene's, ``mission`` what the controller does.
     """
-    check_tools(("clang", "wasm-ld"), "a page needs {} to make WebAssembly", "clang, lld")
+    check_tools(("clang", "wasm-ld"), _NEEDED, "clang lld")
     modules: dict[str, Future[bytes]] = {}
     loop, controller, wrapper = None, None, ""
     with ThreadPoolExecutor() as pool:

@@ -131,7 +131,7 @@ class WebPlant:
         finger_state, given = x[: self.system.nx], self.given
         look = [sections_kernel("shape", self.system, self.at.tolist(), given, finger_state, self.acting, p)]
         if self.system.touch_names:
-            look.append(contact_kernel(self.system, given, finger_state, self.acting, w, p))
+            look.append(contact_kernel(self.system, given, finger_state, self.acting, w, p, slip=True))
         if self.tensions.numel():
             look.append(Kernel.of("pull", given, {"tension": self.tensions}, "Tension of each tendon at its drive."))
         sense, foresee = list[Kernel](), list[Kernel]()

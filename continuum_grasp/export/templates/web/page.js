@@ -599,17 +599,19 @@ function drawScale(w, h) {
 const limit = (k) => ROUGH.of[k] * memory.p[ROUGH.parameter];
 const used = (k) => Math.hypot(memory.friction[k], memory.lift[k]) / Math.max(limit(k) * memory.normal_force[k], 1e-9);
 const SEEN = 0.02; // N
+// What moves by less than a pixel in a second is seen to rest, though it may bear all of its friction.
+const slips = (k) => used(k) > 0.98 && memory.slip[k] * scale > 1;
 function drawForces() {
   if (!memory.force_x) return;
   world.unit = Math.max(0.97 * (world.unit ?? 0), 4 * PLANT.pushes.most, ...memory.normal_force);
   PLANT.touches.forEach((name, k) => {
     const fx = memory.force_x[k], fy = memory.force_y[k], size = Math.hypot(fx, fy);
     if (name === "table" || memory.normal_force[k] < SEEN) return;
-    const reach = 0.24 * PLANT.length * scale * Math.min(size / world.unit, 1.2), slips = used(k) > 0.98;
-    const [x, y] = onCanvas(memory.point_x[k], memory.point_y[k]), color = slips ? colors.second : colors.force;
+    const reach = 0.24 * PLANT.length * scale * Math.min(size / world.unit, 1.2), slipping = slips(k);
+    const [x, y] = onCanvas(memory.point_x[k], memory.point_y[k]), color = slipping ? colors.second : colors.force;
     const out = Math.atan2(-memory.normal_y[k], memory.normal_x[k]), half = Math.atan(limit(k)), turn = Math.atan2(-fy, fx);
     const back = (long, angle = turn) => [x - long * Math.cos(angle), y - long * Math.sin(angle)], tail = back(reach);
-    fill(mix(color, slips ? 0.35 : 0.16), () => {
+    fill(mix(color, slipping ? 0.35 : 0.16), () => {
       pen.moveTo(x, y);
       pen.arc(x, y, reach + 12, out - half, out + half);
       pen.closePath();
@@ -695,7 +697,7 @@ const unitOf = (name) => (name.match(/\[(.*)\]/) ?? ["", ""])[1];
 const plots = [];
 const inputs = new Plot("Input", unitOf(PLANT.input_names[0]), PLANT.input_names);
 plots.push(inputs);
-const contacts = PLANT.touches.length ? new Plot("Contact force", "N", PLANT.touches) : null;
+const contacts = PLANT.touches.length ? new Plot("Normal force at each contact (arrows: with friction)", "N", PLANT.touches) : null;
 if (contacts) plots.push(contacts);
 const times = new Plot(LOOP ? "Time per call of the controller" : "Time per step", "ms", ["time"]);
 plots.push(times);
@@ -834,7 +836,7 @@ function help() {
     "Push the finger, drag the wind in its circle, move the sliders.",
     controller || LOOP ? "The pale fingers are the plan, a third, two thirds and the whole of the horizon ahead." : "",
     PLANT.tendons.length ? "Tendons are the redder and thicker the more they pull." : "",
-    ROUGH ? "Each force is drawn in its friction cone; where it leaves the cone, the contact slips." : "",
+    ROUGH ? "Arrows are the whole force at each contact, normal force and friction together, in its friction cone; one that slips has another color." : "",
     `Keys: arrows move ${aims ? "the target" : PLANT.inputs.length ? "the first inputs" : `the ${thing}`}, space pauses, s is slow motion, r resets.`,
   ].filter(Boolean).join(" ");
 }
@@ -937,7 +939,7 @@ function notice() {
       found.push(`The ${thing} is lost.`);
     } else if (world.sunk > 1e-3) found.push(`The ${thing} slips.`);
     else {
-      const slipping = PLANT.touches.filter((name, k) => name !== "table" && memory.normal_force[k] > SEEN && used(k) > 0.98);
+      const slipping = PLANT.touches.filter((name, k) => name !== "table" && memory.normal_force[k] > SEEN && slips(k));
       if (slipping.length) found.push(`${slipping.map(words).join(" and ")} ${slipping.length > 1 ? "slip" : "slips"}.`);
     }
   }
@@ -977,7 +979,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", readColors
 await reset();
 help();
 // For tests and for those who look: what moves, and what it can be given.
-window.page = { world, memory, plant: PLANT, record: RECORD, rate: () => rate, advance, play, takeOver, reset, tick, foresee, section, controller: LOOP, toScreen: (x, y) => {
+window.page = { world, memory, plant: PLANT, record: RECORD, rate: () => rate, advance, play, takeOver, reset, tick, foresee, section, used, controller: LOOP, toScreen: (x, y) => {
   const box = canvas.getBoundingClientRect(), [left, top] = onCanvas(x, y);
   return [box.left + canvas.clientLeft + left, box.top + canvas.clientTop + top];
 } };
