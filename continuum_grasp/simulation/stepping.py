@@ -287,7 +287,7 @@ def _between(rows: Array, every: int, count: int) -> Array:
 
 
 _NODES = np.linspace(0.0, 1.0, 6)
-"""Places in a part between two knots at which inputs are taken [1]: as many as quintics, the pieces of samples, have."""
+"""Places in a part between two knots at which inputs are taken [1]: as many as the quintics between samples need."""
 
 
 def _integrate_reference(
@@ -295,9 +295,9 @@ def _integrate_reference(
 ) -> tuple[Array, str]:
     """Integrate with CVODES (backward differentiation) to states (T, nx) at instants t (T,) [s], the first being x0.
 
-    It starts anew at every instant, and at every knot of inputs and loads between, where they may have kinks; ``looser``
-    is a factor on its tolerances. Where a state is not finite, those before it and why; Interrupted has them as
-    ``result``.
+    It starts anew at every instant, and at every knot of inputs and loads between, where they may have kinks;
+    ``looser`` is a factor on its tolerances. Where a state is not finite, those before it and why; Interrupted has
+    them as ``result``.
     """
     integrator = _reference_part(model, looser)
     states = np.empty((len(t), model.nx))
