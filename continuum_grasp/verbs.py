@@ -35,8 +35,9 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
         T instants ``t`` (T,) [s], states ``x`` (T, nx), inputs ``u`` (T, nu), forces ``w`` (T, nw), tip positions
         ``tip`` (T, 2) [m] and energies ``kinetic`` and ``potential`` (T,) [J]; SI units, world frame. ``x_names``,
         ``u_names`` and ``w_names`` have the unit of each entry, ``time_error`` estimates what the steps in time leave,
-        ``space_error`` what the elements leave (``time.space_error``, ``fidelity.tolerance``), ``warnings`` names
-        elements beyond their bending range or strain limit, and overlaps with the object between stations.
+        ``space_error`` what the elements leave (``time.space_error``, ``fidelity.tolerance``), ``static_error`` what
+        they leave at rest under the first and the last inputs where that is not asked for, ``warnings`` names elements
+        beyond their bending range or strain limit, and overlaps with the object between stations.
 
     Raises
     ------

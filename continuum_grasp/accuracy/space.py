@@ -25,13 +25,18 @@ from continuum_grasp.simulation.modes import Modes, modes
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.simulate import simulate
 from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium
-from continuum_grasp.simulation.trajectory import Trajectory, backbones
+from continuum_grasp.simulation.statics import equilibrium, equilibrium_at, statics_model
+from continuum_grasp.simulation.trajectory import Trajectory, backbones, error_text
 
 _MOST = COUNTS[-1]
 """Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen."""
 _PLACES, _INSTANTS = 21, 100
 """Places along the finger and instants of a motion that are compared [1]."""
+_FEW = 4
+"""Elements up to which the error at rest is stated unasked [1]: halves of four clothoids take 0.6 s of processor time,
+of eight 12 s."""
+_NOTICED = 0.01
+"""Error at rest per length beyond which a motion has a warning [1]."""
 
 _HALVED = Consumer("accuracy in space", {"initial.friction_states": "belongs to these elements"})
 
@@ -95,7 +100,7 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
         scene = scene.replaced(time=scene.time.replaced(tolerance=steps))
     motion = simulate(scene, progress=progress)
     if tolerance is None and not (scene.time and scene.time.space_error):
-        return motion
+        return at_both_ends(motion)
     began = perf_counter()
     while True:
         finer: Trajectory | None = None
@@ -121,6 +126,51 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
         motion = finer
     statistics = {**motion.statistics, "space_error_s": perf_counter() - began}
     return replace(motion, statistics=statistics, warnings=(*motion.warnings, *([trouble] if trouble else [])))
+
+
+def at_both_ends(motion: Trajectory) -> Trajectory:
+    """The motion with its ``static_error``, and with what is to be said of its shapes at rest.
+
+    That is the error that the elements leave where the finger is at rest under its first, and under its last inputs and
+    loads: two equilibria in place of a second motion. It is not known with an object, whose contact forces are not
+    those of a finger that moves alone, and of many elements, whose halves are dear.
+    """
+    scene, model = motion.scene, motion.model
+    if scene.object is not None or len(model.lengths) > _FEW:
+        return motion
+    began = perf_counter()
+    reached_by = (scene.initial.reached_by or "pulling") if model.friction_names else None
+    held = scene.replaced(initial=Initial(pose="equilibrium", reached_by=reached_by))
+    try:
+        finer_scene = refined(held, model)
+        finer = FingerModel(finer_scene, loads=model.loads, input_rates=False)
+        coarse = statics_model(held, model, model.loads)
+    except InputError:
+        return motion
+    ends = [(0.0, "its first", motion.q[0]), (float(motion.t[-1]), "its last", motion.q[-1])]
+    if Signals(held, coarse).constant:
+        ends = [(0.0, "its", motion.q[-1])]
+    errors, warnings = list[float](), list[str]()
+    for at, name, q in ends:
+        try:
+            rest = equilibrium_at(held, coarse, at=at, guess=q)
+        except SolverError:
+            continue
+        try:
+            fine = equilibrium_at(finer_scene, finer, at=at, guess=translated(coarse, rest.q, rest.u, finer))
+            errors.append(_whole(model) * _between(rest, fine))
+        except SolverError:
+            errors.append(np.inf)
+        where = f"at rest under {name} inputs and loads"
+        if errors[-1] > _NOTICED:
+            size = error_text(errors[-1], motion.length)
+            warnings.append(f"{where} the error that the elements leave is {size}: take more, or fidelity.tolerance")
+        known = (*motion.warnings, *map(str, rest.limits))  # of motions too, with the instant
+        said = [text for text in rest.warnings if not any(other.startswith(text.split(" (")[0]) for other in known)]
+        warnings += [f"{where} {text}" for text in said]
+    statistics = {**motion.statistics, "static_error_s": perf_counter() - began}
+    error = max(errors, default=np.nan)
+    return replace(motion, static_error=error, warnings=(*motion.warnings, *warnings), statistics=statistics)
 
 
 def _whole(model: FingerModel) -> float:
@@ -164,8 +214,13 @@ def error_of_equilibrium(equilibrium: Equilibrium) -> float:
     finer = finer_equilibrium(equilibrium)
     if not isinstance(finer, Equilibrium):
         return finer
-    apart = np.linalg.norm(equilibrium.backbone(_PLACES) - finer.backbone(_PLACES), axis=-1).max()
-    return float(_whole(equilibrium.model) * apart / equilibrium.model.finger.rod.length)
+    return _whole(equilibrium.model) * _between(equilibrium, finer)
+
+
+def _between(first: Equilibrium, other: Equilibrium) -> float:
+    """Greatest distance of the finger's places of two equilibria, per length [1]."""
+    distance = np.linalg.norm(first.backbone(_PLACES) - other.backbone(_PLACES), axis=-1).max()
+    return float(distance / first.model.finger.rod.length)
 
 
 def error_of_modes(coarse: Modes) -> Array:

@@ -31,7 +31,7 @@ def simulate(output: Output) -> None:
         "tip": tuple(trajectory.tip[-1]),
         "energy": energy,
     }
-    values |= {"time_error": trajectory.time_error, "space_error": trajectory.space_error}
+    values |= {name: getattr(trajectory, name) for name in ("time_error", "space_error", "static_error")}
     output.report(trajectory, files, **values)
 
 

@@ -117,7 +117,7 @@ class PlantModel(Remade):
     ) -> None:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
         varies = given is None and scene.object_moves
-        finger, self._order = self.scene.finger, scene.plant.drive_order
+        finger, self._order = self.scene.finger, scene.plant_order
         self._lag = _lag_of(scene, self.scene)
         self._lags = 0 if self._lag is None else len(self._lag)
         varied_lag = _LAG in parameters and not finger.winches and self._lag is not None
@@ -153,7 +153,7 @@ class PlantModel(Remade):
     def _system(self) -> System | ChainSystem:
         """The finger in its surroundings, without the lag, which is the plant's own: its sensors read every tension."""
         plant, finger = self.control.plant, self.scene.finger
-        unlagged = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
+        unlagged = self.scene.replaced(finger=finger.with_tendons(time_constant=None, drive_order=2))
         varied = self.parameters, self.object_parameters
         if plant.guides is not None:
             return ChainSystem(unlagged, plant.guides, plant.axial_stiffness, *varied)

@@ -275,7 +275,7 @@ class Command(Summarized):
     @property
     def health_text(self) -> str:
         """The health in words, with its likely cause; empty for OK."""
-        return health_text(self.health, self.suspect, self.trip)
+        return health_text(self.health, self.suspect, self.trip, int(self._number("ahead")))
 
     @property
     def anomaly(self) -> Anomaly:

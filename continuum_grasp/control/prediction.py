@@ -141,7 +141,7 @@ class Prediction(Remade):
                 arms,
                 _greatest(arms, limits),
                 lag,
-                () if self.x_names[state].startswith("pressure_") else (state + 1,),
+                (state + 1,) if "_rate [" in "".join(self.x_names[state + 1 : state + 2]) else (),
             )
             for state, (arms, lag) in zip(states, drives, strict=False)
         ]

@@ -141,10 +141,18 @@ _TRIPS = {
 }
 
 
-def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -> str:
+_LAGS = {
+    1: "shorter delay or lag than the model's (a first-order lag is `drive_order: 1`)",
+    -1: "longer delay or lag than the model's",
+    0: "another delay or lag than the model's",
+}
+
+
+def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE, ahead: int = 0) -> str:
     """Describe a health in words, with its likely cause; empty for OK.
 
-    ``suspect`` is what contradicts the model, or the reading that is frozen.
+    ``suspect`` is what contradicts the model, or the reading that is frozen; ``ahead`` is 1 where a drive runs ahead of
+    the model's, -1 where it falls behind.
     """
     if health == Health.OK:
         return ""
@@ -158,7 +166,7 @@ def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE) -
     elif reason == Trip.UNANSWERED:
         cause = "an old image, a camera that sees something else, or an unknown contact that holds the finger"
     else:
-        cause = "longer delay or lag than the model's, swapped or rotated axes, wrong scale, or an unknown contact"
+        cause = f"{_LAGS[ahead]}, swapped or rotated axes, wrong scale, or an unknown contact"
     what = {
         Health.MISMATCH: "contradicts the model",
         Health.DETUNED: "contradicts the model, so `input_rate` is raised",

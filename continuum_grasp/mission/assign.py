@@ -161,7 +161,9 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
     tensions = np.array(posture.tensions)
     least = np.array([tendon.min_tension for tendon in placed.tendon_list])
     greatest = np.array([tendon.max_tension for tendon in finger.tendon_list])
-    free = placed.with_tendons(time_constant=None, drive=None, axial_stiffness=None, series_stiffness=None)
+    free = placed.with_tendons(
+        time_constant=None, drive_order=2, drive=None, axial_stiffness=None, series_stiffness=None
+    )
     before, angles, _ = _about_to_touch(control, free, body, tensions, (least, greatest), edges)
     if mission.turn is not None:
         _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, greatest), edges)[2])

@@ -97,7 +97,7 @@ class ControlScene(CommandedScene):
             plant.guides with rigid:
                 needs plant.axial_stiffness: a tendon that sticks at two guides must be elastic between them
             object_moves with unseen: needs estimator.measured.object, by which the controller knows where it is
-            plant.fidelity.family=matched_clothoid with plant.drive_order jumps:
+            plant.fidelity.family=matched_clothoid with first_order jumps:
                 needs a continuous tip moment: give the drive a lag of second order, or use clothoid
             plant.drive_order with jumps_alone: needs plant.time_constant
             controller.scenarios.damping without finger.damping.{material,per_arc}:
@@ -120,6 +120,7 @@ class ControlScene(CommandedScene):
             rigid=lambda s: not (s.plant.axial_stiffness or all(t.axial_stiffness for t in s.finger.tendon_list)),
             unseen=lambda s: s.estimator and not s.estimator.measured.object,
             jumps=_jumps,
+            first_order=lambda s: s.plant_order == 1,
             jumps_alone=lambda s: _jumps(s) and not any(tendon.time_constant for tendon in s.finger.tendon_list),
             # Also where tendons do not have it.
             unlike=lambda s, name: (
@@ -214,6 +215,11 @@ class ControlScene(CommandedScene):
             for name in self.scenario_parameters(key)
         ]
         return tuple(dict.fromkeys((*self.parameters, *varied)))
+
+    @property
+    def plant_order(self) -> int:
+        """Order of the lag of the plant's drive."""
+        return self.plant.drive_order or self.finger.drive_order
 
     @property
     def bench_mounting(self) -> Mounting | None:

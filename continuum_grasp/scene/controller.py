@@ -123,7 +123,8 @@ class InputLimits(Value):
     rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("unit of the input per second")] | None = None
     """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
     time_constant: TimeConstant | None = None
-    """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
+    """Time constant T of each of the two lags in series, 1/(T s + 1)^2, by which the tip moment of a finger without
+    tendons follows [s]: of a drive of first order half its own. That of tendons is in ``finger.tendons``."""
 
 
 class CommandedScene(FingerScene):
@@ -260,7 +261,7 @@ class _Differs(Value):
     series_stiffness: Annotated[Positive, Unit("N/m")] | None = None
     """Stiffness between drive and finger [N/m]; None: as the controller knows it."""
     time_constant: TimeConstant | None = None
-    """Time constant of the drive [s]; None: as the controller knows it."""
+    """Time constant of each lag of the drive [s]; None: as the controller knows it."""
 
 
 class Scenario(_Differs):
@@ -340,9 +341,9 @@ class Plant(_Differs):
     guides: Annotated[int, Field(ge=8, le=200)] | None = None
     """In place of ``fidelity``: a chain of this many hinges with a guide of the tendons at each, at which they stick or
     slide by the capstan law alone, elastic in between, slack where they would push. None: elements and cells."""
-    drive_order: Literal[1, 2] = 2
-    """Order of the drive's lag: 2 as the controller knows it, critically damped; 1: T dF/dt = F_command - F. A ramp is
-    followed twice the time constant late by the former, once by the latter."""
+    drive_order: Literal[1, 2] | None = None
+    """Order of the drive's lag; None: as the controller knows it. A ramp is followed as many times the time constant
+    late."""
     object_mass: Annotated[Positive, Unit("1")] = 1.0
     """Mass of an object that moves, per that which the controller knows [1]."""
     object_friction: Annotated[Positive, Unit("1")] = 1.0

@@ -87,7 +87,8 @@ class LengthDrive(_Winch):
 
     kind: Literal["length"]
     time_constant: TimeConstant
-    """Time constant of the critically damped servo [s]."""
+    """Time constant T of each of the two lags in series, 1/(T s + 1)^2, by which the servo follows [s]: of one of first
+    order half its own."""
     rate_max: Annotated[Positive, Field(examples=[0.1]), Unit("m/s")] | None = None
     """Greatest speed [m/s]; None: not limited."""
 

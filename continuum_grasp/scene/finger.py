@@ -133,6 +133,7 @@ class Finger(Value):
         tendons.drive with two_kinds: all tendons of a finger need the same kind of drive, input and arrangement
         tendons.time_constant with two_lags:
             must be that of tendons that run alike: their moments add up before they lag
+        tendons.drive_order with two_orders: must be that of all tendons
         tendons.drive.arrangement=one_pulley with no_two: one_pulley needs two tendons
         tendons.drive.arrangement=one_pulley with unlike(friction): one_pulley needs tendons with the same friction
         tendons.drive.arrangement=one_pulley with unlike(axial_stiffness):
@@ -146,6 +147,7 @@ class Finger(Value):
         """,
         two_kinds=lambda f: len({t.drive and (t.drive.key, t.drive.arrangement) for t in f.tendon_list}) > 1,
         two_lags=lambda f: two_lags(f.tendon_list, f.rod.length),
+        two_orders=lambda f: len({tendon.drive_order for tendon in f.tendon_list}) > 1,
         no_two=lambda f: len(f.tendon_list) != 2,
         one_sided=lambda f: one_sided(f.tendon_list),
         unlike=lambda f, name: len({getattr(tendon, name) for tendon in f.tendon_list}) > 1,
@@ -361,6 +363,7 @@ class Finger(Value):
             "tendon friction": self.has_tendon_friction,
             f"tendons with drive.kind: {winches[0].kind if winches else ''}": winches,
             "pressures that follow by a first-order lag": self.lagging_pressures,
+            "tensions that follow by a first-order lag": self.drive_order == 1,
             **{SECTION_LAWS[key]: attrgetter(key.removeprefix("finger."))(self) for key in laws},
             "a body at the tip that turns with it": tip and (tip.rotary_inertia or any(tip.center_of_mass)),
         }
@@ -372,6 +375,11 @@ class Finger(Value):
         # Quadratic damping holds the section at the tip back from where its moment alone would bend it: two matched
         # clothoids of 0.3 m are 10 mm off where a tendon bends them against 1e-4 N m3 s2, two free ones 0.01 mm.
         return bool(self.free_tip_reasons or self.damping.quadratic)
+
+    @property
+    def drive_order(self) -> int:
+        """Order of the lag of commanded tensions, if they have one."""
+        return min((tendon.drive_order for tendon in self.tendon_list), default=2)
 
     @property
     def lagging_pressures(self) -> bool:
@@ -404,7 +412,8 @@ class Finger(Value):
 
     def with_lags(self, time_constant: float | None) -> Self:
         """A copy whose tensions and pressures lag by a time constant [s]; None: they follow at once."""
-        changed = self.with_tendons(time_constant=time_constant)
+        order = 2 if time_constant is None else self.drive_order
+        changed = self.with_tendons(time_constant=time_constant, drive_order=order)
         return changed.replaced(pressure=tuple(c.replaced(time_constant=time_constant) for c in self.chambers) or None)
 
     def places_of(self, key: str) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, field_validator
 
@@ -49,6 +49,7 @@ class _Tensions(Value):
         drive without series_stiffness: needs series_stiffness: the tension follows from it
         min_tension with drive: must be zero: drives cannot maintain it; see drive.pretension
         time_constant with drive: is that of commanded tensions: leave it out
+        drive_order without time_constant: has no effect without a lag
         """
     )
 
@@ -66,8 +67,12 @@ class _Tensions(Value):
     conduit_bend: Annotated[NonNegative, Field(le=100.0), Unit("rad")] = 0.0
     """Bend of a sheath between drive and finger, whose friction the tendon passes first [rad]."""
     time_constant: TimeConstant | None = None
-    """Time constant of the tension drive [s]: the commanded tension is followed through a critically damped
-    second-order lag. None: the tension is what is commanded."""
+    """Time constant T of each of the lags in series by which a tension follows its command [s]: of two, 1/(T s + 1)^2,
+    unless ``drive_order`` is 1; a drive of first order has 63 % of a step after T, one of second order 26 %. None: the
+    tension is what is commanded."""
+    drive_order: Literal[1, 2] = 2
+    """Order of that lag: 2: critically damped, two lags in series; 1: T dF/dt = F_command - F. The mean delay is as
+    many times T."""
     axial_stiffness: Annotated[Positive, Field(examples=[10e3]), Unit("N")] | None = None
     """Stiffness EA of the tendon along the finger [N]; needed by drives."""
     series_stiffness: Annotated[Positive, Field(examples=[3e4]), Unit("N/m")] | None = None
@@ -147,7 +152,7 @@ TendonList = Annotated[ListOf[Tendon], Field(min_length=1, max_length=16)]
 def two_lags(tendons: tuple[Tendon, ...], length: float) -> bool:
     """Whether tendons whose moments add up lag by different times."""
     groups = alike(tendons, length)
-    return any(len({tendons[k].time_constant for k in group}) > 1 for group in groups)
+    return any(len({(tendons[k].time_constant, tendons[k].drive_order) for k in group}) > 1 for group in groups)
 
 
 def one_sided(tendons: tuple[Tendon, ...]) -> bool:
@@ -181,7 +186,8 @@ def channels(length: float, tendons: tuple[Tendon, ...], *, apart: bool = False)
     for group in [[k] for k in range(len(tendons))] if apart else alike(tendons, length):
         like, shape = tendons[group[0]], tendons[group[0]].shape(length)
         arms = tuple(tendon.arm(length) if k in group else 0.0 for k, tendon in enumerate(tendons))
-        per_shape.append(Channel(shape, like.end(length) if shape.breaks else length, arms, like.time_constant))
+        to = like.end(length) if shape.breaks else length
+        per_shape.append(Channel(shape, to, arms, like.time_constant, like.drive_order))
     return tuple(per_shape)
 
 
@@ -215,7 +221,7 @@ class Chamber(Value):
     max_pressure: Annotated[float, Field(ge=-1e6, le=1e9, examples=[100e3, "100 kPa"]), Unit("Pa")]
     """Greatest pressure above that of the surroundings [Pa]."""
     time_constant: TimeConstant | None = None
-    """Time constant with which the pressure follows its command, by a first-order lag [s]. None: at once."""
+    """Time constant of the one lag, of first order, by which the pressure follows its command [s]. None: at once."""
     stiffness_share: Annotated[NonNegative, Field(le=100.0, examples=[0.1]), Unit("1")] = 0.0
     """Bending stiffness that its wall adds from ``start`` to ``to``, per that of the rod there [1]."""
 

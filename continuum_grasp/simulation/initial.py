@@ -15,7 +15,7 @@ from continuum_grasp.scene.methods import default_family
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import friction_history, friction_states, states_of_motors
-from continuum_grasp.simulation.statics import at_start, friction_of, statics_model
+from continuum_grasp.simulation.statics import equilibrium_at, friction_of, statics_model
 
 
 @check_arguments
@@ -63,7 +63,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
         held = statics_model(scene, model, (*scene.loads, *initial.held_by))
-        rest = at_start(scene, held)
+        rest = equilibrium_at(scene, held)
         q, stands = rest.q, rest.u[: len(initial.motor_angles or ())]
     elif initial.pose == "straight":
         q = model.structure.straight()

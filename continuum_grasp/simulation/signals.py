@@ -107,6 +107,13 @@ class Signals:
         later = sorted(t for t in times if 0.0 < t <= duration)
         return [0.0, *later[:: max(1, math.ceil(len(later) / 15))]]
 
+    def knots(self, start: float, end: float) -> list[float]:
+        """Instants [s] inside a span at which inputs or loads have a knot of their samples."""
+        # 1e-9: share of the span that rounding of its ends may be
+        least = 1e-9 * (end - start)
+        times = {t for value in self._sampled for t in value.times}
+        return sorted(t for t in times if start + least < t < end - least)
+
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
         """Warnings about samples that change within less than a step, unless a slower lag takes them up."""
         # A lag rounds off what a tension does; a tenth of it resolves its exponential.

@@ -127,6 +127,7 @@ class _Run:
         }
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
+        jumps = () if used.method == "reference" else jumps  # which starts anew at every knot
         at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
         body, poses, half = self._scene.object, result.object_pose, self._model.finger.profile.half_thickness

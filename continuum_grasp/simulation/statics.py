@@ -245,11 +245,11 @@ def equilibrium(
     _WHOLE.check(scene, of={"extra_loads": bool(model is not None and extra_loads)})
     if model is None:
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
-    return replace(at_start(scene, model, guess=guess, stable=stable, side=side), scene=scene)
+    return replace(equilibrium_at(scene, model, guess=guess, stable=stable, side=side), scene=scene)
 
 
-def at_start(scene: Scene, model: FingerModel, **search: Any) -> Equilibrium:
-    """Find the equilibrium of a model under a scene's inputs and its own loads at time zero.
+def equilibrium_at(scene: Scene, model: FingerModel, *, at: float = 0.0, **search: Any) -> Equilibrium:
+    """Find the equilibrium of a model under a scene's inputs and its own loads at an instant [s], time zero by default.
 
     Where motors stand at ``initial.motor_angles``, tendons are as long as on winches that follow a length, behind a
     play where there is one, and the input of the result balances the tensions without dry friction of the motors;
@@ -258,7 +258,7 @@ def at_start(scene: Scene, model: FingerModel, **search: Any) -> Equilibrium:
     angles = scene.initial.motor_angles
     if angles is None:
         signals, friction = Signals(scene, model), friction_of(scene.initial, model)
-        return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **friction, **search)
+        return equilibrium_under(model, signals.u(at)[0], signals.w(at)[0], **friction, **search)
     motors, finger = model.structure.motors, scene.finger.with_drives(_locked)
     wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
     # Chambers beside the tendons have their pressures.
@@ -266,7 +266,7 @@ def at_start(scene: Scene, model: FingerModel, **search: Any) -> Equilibrium:
     held_at = wound if "lengths" in finger.input_keys else tuple(angles)
     actuation = Actuation.of(finger.input_keys, (*held_at, *pressures))
     same = scene.replaced(finger=finger, actuation=actuation, initial=scene.initial.replaced(motor_angles=None))
-    solution = at_start(same, statics_model(same, model, model.loads), **search)
+    solution = equilibrium_at(same, statics_model(same, model, model.loads), **search)
     tensions = [] if solution.tensions is None else solution.tensions.tolist()
     held = solution.u.copy()  # moments that are inputs come after the drives
     for k, (motor, angle) in enumerate(zip(motors, angles, strict=True)):

@@ -197,13 +197,14 @@ class Stepper:
 
     def _levels(self, ends: list[Array], start: int, count: int, plan: Plan) -> list[Array]:
         """States at every output step by the steps, and at the shared ones by longer ones; the finite ones of them."""
-        u, w = self._inputs(start * self._time.step, count, plan)
         if plan.method == "reference":
             # 100.0: factor on the tolerances of the variable-step integrator with which its error is measured
             pairs, model = zip(ends, (1.0, 100.0), strict=False), self.core.model
-            runs = [_integrate_reference(model, x, self._time.step, u, w, looser) for x, looser in pairs]
+            t = (start + np.arange(count + 1)) * self._time.step
+            runs = [_integrate_reference(model, x, t, self.signals, looser) for x, looser in pairs]
             self._failure = runs[0][1]
             return [states for states, _ in runs]
+        u, w = self._inputs(start * self._time.step, count, plan)
         rows = 2 * count * plan.substeps + 1
         inputs = signal("u", u, self.core.model.nu, rows, None), signal("w", w, self.core.model.nw, rows, None)
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
@@ -231,7 +232,7 @@ class Stepper:
 
     def _inputs(self, start: float, count: int, plan: Plan) -> tuple[Array, Array]:
         """Inputs and forces at half sub-steps, or one row where nothing varies."""
-        if self.signals.constant and plan.method != "reference":
+        if self.signals.constant:
             return self.signals.u(start)[0], self.signals.w(start)[0]
         t = start + np.arange(2 * count * plan.substeps + 1) * (0.5 * self._time.step / plan.substeps)
         return self.signals.u(t), self.signals.w(t)
@@ -285,41 +286,52 @@ def _between(rows: Array, every: int, count: int) -> Array:
     return np.stack([np.interp(at, known, column) for column in rows.T], axis=1)
 
 
-def _integrate_reference(
-    model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, looser: float
-) -> tuple[Array, str]:
-    """Integrate with CVODES (backward differentiation) to states (steps + 1, nx), a ``step`` [s] apart.
+_NODES = np.linspace(0.0, 1.0, 6)
+"""Places in a part between two knots at which inputs are taken [1]: as many as the quintics between samples need."""
 
-    Inputs and forces (2 * steps + 1, size) are those at half steps, quadratic in between; ``looser`` is a factor on the
-    tolerances. Where a state is not finite, those before it and why; Interrupted has them as ``result``.
+
+def _integrate_reference(
+    model: FingerModel | System, x0: Array, t: Array, signals: Signals, looser: float
+) -> tuple[Array, str]:
+    """Integrate with CVODES (backward differentiation) to states (T, nx) at instants t (T,) [s], the first being x0.
+
+    It starts anew at every instant, and at every knot of inputs and loads between, where they may have kinks;
+    ``looser`` is a factor on its tolerances. Where a state is not finite, those before it and why; Interrupted has
+    them as ``result``.
     """
-    x, t = ca.MX.sym("x", model.nx), ca.MX.sym("t")
-    samples = ca.MX.sym("samples", 3 * (model.nu + model.nw))
-    blocks = ca.vertsplit(samples, [0, *np.cumsum([model.nu] * 3 + [model.nw] * 3).tolist()])
-    at = t / step
-    # Lagrange polynomials of start, middle and end of the step.
-    weights = ((1 - at) * (1 - 2 * at), 4 * at * (1 - at), at * (2 * at - 1))
-    now_u = sum((k * b for k, b in zip(weights, blocks[:3], strict=True)), ca.MX.zeros(model.nu))
-    now_w = sum((k * b for k, b in zip(weights, blocks[3:], strict=True)), ca.MX.zeros(model.nw))
-    rate = model.forward_dynamics(x, now_u, now_w, ca.DM(model.p_nominal))
-    problem: Any = {"x": x, "t": t, "p": samples, "ode": rate}
-    options: Any = {"max_num_steps": 200_000, "newton_scheme": "direct"}
-    options |= {"abstol": looser * _ABSOLUTE, "reltol": looser * _RELATIVE}
-    # One output step per call: CVODES starts anew there, where the piecewise quadratic inputs may have kinks.
-    integrator = ca.integrator("reference", "cvodes", problem, 0.0, step, options)
-    steps = (len(u) - 1) // 2
-    states = np.empty((steps + 1, model.nx))
+    integrator = _reference_part(model, looser)
+    states = np.empty((len(t), model.nx))
     states[0] = x0
     with interrupt.held(quietly=True) as pressed:
-        for k in range(steps):
-            rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
-            reason = "the state is not finite"
-            try:
-                states[k + 1] = np.array(integrator(x0=states[k], p=rows)["xf"]).ravel()
-            except RuntimeError as error:
-                states[k + 1], reason = np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
+        for k, (begin, end) in enumerate(pairwise(t.tolist())):
+            x, reason = states[k], "the state is not finite"
+            for a, b in pairwise([begin, *signals.knots(begin, end), end]):
+                at = a + (b - a) * _NODES
+                rows = np.concatenate([[b - a], signals.u(at).ravel(), signals.w(at).ravel()])
+                try:
+                    x = np.array(integrator(x0=x, p=rows)["xf"]).ravel()
+                except RuntimeError as error:
+                    x, reason = x * np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
+                    break
+            states[k + 1] = x
             if pressed():  # CasADi's integrators would report it as a failure of the motion
                 raise Interrupted("interrupted", result=states[: k + 1])
-            if not np.all(np.isfinite(states[k + 1])):
+            if not np.all(np.isfinite(x)):
                 return states[: k + 1], reason
     return states, ""
+
+
+def _reference_part(model: FingerModel | System, looser: float) -> ca.Function:
+    """CVODES over a part without knots, by its length [s] and the inputs and forces at its nodes as parameters."""
+    x, part, count = ca.MX.sym("x", model.nx), ca.MX.sym("t"), len(_NODES)
+    given = ca.MX.sym("given", 1 + count * (model.nu + model.nw))
+    length, *blocks = ca.vertsplit(given, [0, *np.cumsum([1, *[model.nu] * count, *[model.nw] * count]).tolist()])
+    # Lagrange polynomials, which are the pieces of samples themselves.
+    weights = [math.prod((part - other) / (at - other) for other in _NODES if other != at) for at in _NODES]
+    u = sum((k * b for k, b in zip(weights, blocks[:count], strict=True)), ca.MX.zeros(model.nu))
+    w = sum((k * b for k, b in zip(weights, blocks[count:], strict=True)), ca.MX.zeros(model.nw))
+    rate = length * model.forward_dynamics(x, u, w, ca.DM(model.p_nominal))
+    options: Any = {"max_num_steps": 200_000, "newton_scheme": "direct"}
+    options |= {"abstol": looser * _ABSOLUTE, "reltol": looser * _RELATIVE}
+    problem: Any = {"x": x, "t": part, "p": given, "ode": rate}
+    return ca.integrator("reference", "cvodes", problem, 0.0, 1.0, options)

@@ -51,6 +51,10 @@ class Trajectory(MotionResult):
         Estimate of the greatest error of position that the elements leave, per length of the finger [1]: of places
         along it, and of the points of an object that moves. It is taken from the same motion with every element halved
         (``time.space_error``, ``fidelity.tolerance``); infinite where that one fails, nan where nothing was compared.
+    static_error : float
+        Where ``space_error`` is not asked for: estimate of the greatest error of position that the elements leave where
+        the finger is at rest under its first, or its last inputs and loads, per length [1]; infinite where no
+        equilibrium of halved elements is found, nan with an object, or more than four elements.
     """
 
     kind: ClassVar[str] = "simulate"
@@ -106,6 +110,7 @@ class Trajectory(MotionResult):
     statistics: Mapping[str, Any] = field(default_factory=dict)
     time_error: float = math.nan
     space_error: float = math.nan
+    static_error: float = math.nan
 
     @property
     def moving(self) -> FingerModel | System:
@@ -240,15 +245,22 @@ class Trajectory(MotionResult):
             "time": f"{self.t[-1]:g} s in {len(self.t) - 1} steps",
             "tip at the end": f"({x:.4f}, {y:.4f}) m",
             "time error": error_text(self.time_error, self.length),
-            "space error": error_text(self.space_error, self.length),
+            "space error": self._space_error_text,
             "energy": f"{energy[0]:.6g} J at the start, {energy[1]:.6g} J at the end",
         }
+
+    @property
+    def _space_error_text(self) -> str:
+        text = error_text(self.space_error, self.length)
+        at_rest = error_text(self.static_error, self.length)
+        return text if math.isnan(self.static_error) else f"{text} in motion, at rest {at_rest}"
 
     def details(self) -> dict[str, Any]:
         """Errors of the steps in time and of the elements, and what the columns are."""
         return {
             "time_error": self.time_error,
             "space_error": self.space_error,
+            "static_error": self.static_error,
             "slack": [
                 {"tendon": each.tendon, "begins": each.begins, "ends": each.ends if each.ends < math.inf else None}
                 for each in self.slack

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+import continuum_grasp as cg
 from continuum_grasp import equilibrium, modes
 from continuum_grasp.accuracy.space import motion_within, refined, translated
 from continuum_grasp.core import Core
@@ -49,6 +50,33 @@ def test_the_error_at_rest_and_of_frequencies_covers_that_against_the_exact_rod(
     true = np.abs(vibrations.frequencies_hz[:2] / exact - 1.0)
     assert np.all(true <= vibrations.space_error[:2])
     assert np.all(vibrations.space_error[:2] <= 3.0 * true + 1e-3)
+
+
+@pytest.mark.parametrize("make", [cone, soft, lambda **keys: soft(40.0, **keys)], ids=["cone", "soft", "rope"])
+def test_a_motion_states_the_error_of_its_shapes_at_rest(make):
+    """Of the first and the last, against the exact rod; without a warning where it is less than 1 %."""
+    pulled = {"times": [0.0, 0.04], "values": [[0.0, 0.0], [0.1, 0.0]]}
+    scene = make(loads=[{"kind": "force", "at": 0.2, "force": pulled}], time={"duration": 0.05, "step": 0.005})
+    scene = scene.replaced(fidelity={"bending_range": 3.0}, finger=scene.finger.replaced(damping={"material": 1e-4}))
+    found, s, off = cg.simulate(scene), np.linspace(0.0, 0.2, PLACES), []
+    for force in ((0.0, 0.0), (0.1, 0.0)):
+        case = scene.replaced(loads=[{"kind": "force", "at": 0.2, "force": force}])
+        off.append(np.linalg.norm(equilibrium(case).backbone(PLACES) - solve_elastica(case).position(s), axis=1) / 0.2)
+    assert np.max(off) <= found.static_error <= 2.5 * np.max(off)
+    assert "in motion, at rest about" in found.pairs()["space error"]
+    assert found.details()["static_error"] == found.static_error
+    said = [text for text in found.warnings if "the error that the elements leave is about" in text]
+    assert [text.split(" inputs")[0] for text in said] == [
+        f"at rest under its {name}" for name, error in zip(("first", "last"), off, strict=True) if error.max() > 0.01
+    ]
+
+
+def test_what_is_not_known_at_rest_is_not_stated():
+    time = {"duration": 0.01, "step": 0.005}
+    assert np.isnan(cg.simulate(soft(fidelity={"elements": 5}, time=time)).static_error)
+    measured = cg.simulate(soft(time={**time, "space_error": True}))
+    assert np.isnan(measured.static_error)
+    assert "at rest" not in measured.pairs()["space error"]
 
 
 @pytest.mark.deep

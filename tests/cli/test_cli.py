@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import subprocess
 import sys
@@ -178,9 +179,10 @@ class FakeTrajectory(SimpleNamespace):
         zero = np.zeros(3)
         super().__init__(t=np.arange(3.0), tip=np.ones((3, 2)), kinetic=zero, potential=zero + 1.5)
         self.status, self.warnings, self.statistics = "done", ["too bent"], {"substeps": 4}
-        self.time_error, self.space_error, self.length = 2e-5, 3e-3, 0.5
+        self.time_error, self.space_error, self.static_error, self.length = 2e-5, 3e-3, math.nan, 0.5
 
     kind, texts, pairs = Trajectory.kind, Trajectory.texts, Trajectory.pairs
+    _space_error_text = Trajectory._space_error_text
 
     def save(self, folder):
         Path(folder).mkdir(parents=True)

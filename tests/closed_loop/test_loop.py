@@ -18,6 +18,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.setpoints import missed_setpoints
 from continuum_grasp.control.prediction import Prediction
@@ -30,6 +31,7 @@ from continuum_grasp.scene import (
     Finger,
     ForceLoad,
     Reference,
+    Scene,
     VectorSamples,
 )
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
@@ -170,6 +172,34 @@ def test_a_drive_of_first_order_needs_a_lag_and_a_continuous_moment(changes):
         changes = {**changes, "controller": {**CONTROLLER, "input": {"moment_max": 0.3}}}
     with pytest.raises(InputError):
         Plant(make(**changes))
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.1])
+def test_a_drive_of_first_order_is_one_in_model_controller_and_plant(friction):
+    """63 % of a step after its time constant, whatever moves; sensors see it, and the plant's order is the finger's."""
+    tendons = FINGER.tendons.replaced(time_constant=0.02, drive_order=1, friction=friction)
+    scene = make(finger=FINGER.replaced(tendons=tendons), estimator=ARCS_ESTIMATOR, plant={"fidelity": ARCS})
+    prediction, tensions = Prediction(scene), {"tension_1 [N]", "tension_2 [N]"}
+    assert not [name for name in prediction.x_names if "moment_rate" in name or "tension_1_rate" in name]
+    assert tensions < set(estimation_of(scene, prediction).measurement_names)
+    pull = {"times": [0.0, 1e-9], "values": [1.0, 31.0], "interpolation": "linear"}
+    moving = Scene(
+        finger=scene.finger,
+        gravity=(0.0, 0.0),
+        fidelity=ARCS,
+        actuation={"tensions": [pull, 1.0]},
+        time={"duration": 0.05, "step": 0.01, "method": "reference"},
+    )
+    moved = cg.simulate(moving)
+    states = dict(zip(moved.x_names, moved.x.T, strict=True))
+    pulled = states["tension_1 [N]"] - 1.0 if friction else states["tip_moment [N m]"] / 0.005
+    assert pulled == pytest.approx(first_order(moved.t, 30.0, 0.02), abs=1e-4)
+    tried = Plant(scene)
+    drive = tried.model.function("drive", y=tried.model.drive)
+    for k in range(1, 4):
+        tried.advance((31.0, 1.0))
+        exerted = np.array(drive(tried.x, (31.0, 1.0), tried.model.forces(0.0)[0])).ravel()
+        assert exerted[0] == pytest.approx(1.0 + first_order(0.01 * k, 30.0, 0.02), rel=1e-5)
 
 
 def test_measurements_arrive_late():

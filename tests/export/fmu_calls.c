@@ -81,7 +81,7 @@ int main(void)
         break;
       }
       default:
-        if (fmi2DoStep(c, drawn(20) ? time[which] : values[0], drawn(10) ? 0.001 * (1 + drawn(3)) : values[1], 1) == fmi2OK) ++steps;
+        if (fmi2DoStep(c, drawn(20) ? time[which] : values[0], drawn(10) ? 0.001 * (1 + drawn(3)) : fmod(values[1], 0.01), 1) == fmi2OK) ++steps;
         fmi2GetRealStatus(c, fmi2LastSuccessfulTime, &time[which]);
     }
   }

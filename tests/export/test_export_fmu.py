@@ -86,6 +86,11 @@ def opened(units):
         one.fmu.freeInstance()
 
 
+def described(unit):
+    """What a unit says that a master may do."""
+    return fmpy.read_model_description(str(unit.file)).coSimulation
+
+
 # The archive.
 
 
@@ -180,6 +185,10 @@ def test_a_thousand_steps_are_those_of_the_c_package_to_the_bit(fmi, stride, ope
         tip = library.tip(x, finger.Input(*u))
         assert one.get("tip.").tolist() == [tip.x, tip.y, tip.angle]
     assert np.abs(one.get("tip.")).max() > 0.05
+    one.step(1000 * h, 2.5 * h)  # no whole multiple: equal parts
+    for _ in range(3):
+        x = library.step(x, finger.Input(*u), finger.Forces(*w), 2.5 * h / 3.0)
+    assert one.get("state.").tolist() == values(x)
 
 
 @pytest.mark.parametrize("fmi", VERSIONS)
@@ -317,33 +326,89 @@ def test_what_is_wrong_is_refused_in_words_and_changes_nothing(fmi, opened):
     one.step(0.0, 0.002)
     before = one.get("state.").tolist()
 
-    def refused(call, words, status):
+    def refused(call, words):
         one.said.clear()
         with pytest.raises(FMICallException) as error:
             call()
-        assert error.value.status == status
+        assert error.value.status == 3  # an error: masters repeat what is discarded
         assert any(words in text for text in one.said), one.said
         assert one.get("state.").tolist() == before
 
-    refused(lambda: one.step(0.002, 0.0015), "0.0015 s is no whole multiple of the internal step of 0.001 s", 2)
-    refused(lambda: one.step(0.002, -0.001), "expected a communication step size above zero", 2)
-    refused(lambda: one.step(0.002, float("nan")), "expected a communication step size above zero", 2)
-    refused(lambda: one.step(0.5, 0.001), "from 0.5 s, but this FMU is at 0.002 s", 3)
+    refused(lambda: one.step(0.002, -0.001), "expected a communication step size above zero")
+    refused(lambda: one.step(0.002, float("nan")), "expected a communication step size above zero")
+    refused(lambda: one.step(0.5, 0.001), "from 0.5 s, but this FMU is at 0.002 s")
     one.set("input.", [70.0, 2.0])
-    refused(lambda: one.step(0.002, 0.001), "step: an input or a parameter is out of its range", 2)
+    refused(lambda: one.step(0.002, 0.001), "step: an input or a parameter is out of its range")
     assert "input.tension_1 is 70, expected 0 to 60 [N]" in one.said
     one.set("input.", [float("nan"), 2.0])
-    refused(lambda: one.step(0.002, 0.001), "step: an input or a parameter is NaN or infinite", 2)
+    refused(lambda: one.step(0.002, 0.001), "step: an input or a parameter is NaN or infinite")
     one.set("input.", [5.0, 2.0])
     one.set("parameters.", [1e-9])
-    refused(lambda: one.step(0.002, 0.001), "out of its range", 2)
+    refused(lambda: one.step(0.002, 0.001), "out of its range")
     one.set("parameters.", [plant_scene().finger.rod.stiffness])
-    refused(lambda: one.set("tip.", [0.0, 0.0, 0.0]), "set: tip.x is computed", 3)
-    refused(lambda: one.set("state.", before), "is given before the simulation alone", 3)
+    refused(lambda: one.set("tip.", [0.0, 0.0, 0.0]), "set: tip.x is computed")
+    refused(lambda: one.set("state.", before), "is given before the simulation alone")
     one.number["none"] = 12345
-    refused(lambda: one.get("none"), "no real variable has the value reference 12345", 3)
+    refused(lambda: one.get("none"), "no real variable has the value reference 12345")
     one.step(0.002, 0.001)
     assert one.count("code") == 0
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_finger_takes_communication_steps_of_any_length(fmi, units):
+    """By fmpy, whose steps end at its own points and at those of its inputs."""
+    unit, times = units["finger", fmi], [0.0, 0.0333, 0.1]
+    tensions = {"input.tension_1": [9.0, 9.0, 2.0], "input.tension_2": [2.0, 2.0, 2.0]}
+    given = np.rec.fromarrays([times, *tensions.values()], names=["time", *tensions])
+    assert described(unit).canHandleVariableCommunicationStepSize
+    results = [
+        fmpy.simulate_fmu(str(unit.file), input=given, output=["tip.x"], stop_time=0.1001, output_interval=h)
+        for h in (0.001, 0.0007, 0.00423)
+    ]
+    wanted = np.interp(0.0846, results[0]["time"], results[0]["tip.x"])
+    for found in results:
+        assert found["time"][-1] == pytest.approx(0.1001)
+        # fmpy holds inputs over its steps, so that results differ by the order of a step.
+        assert np.interp(0.0846, found["time"], found["tip.x"]) == pytest.approx(wanted, abs=2e-3)
+    assert np.ptp(results[0]["tip.x"]) > 0.02
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+def test_a_step_that_fails_within_changes_nothing(fmi, opened):
+    """A finger near the end of its range leaves it by the first internal step, and the second is refused."""
+    one = opened("finger", fmi, begin=False)
+    x = one.get("state.")
+    x[:4] = [2.0, 2.0, 500.0, 500.0]
+    one.set("state.", x)
+    one.begin()
+    before = one.get("state.").tolist()
+    with pytest.raises(FMICallException):
+        one.step(0.0, 0.02)
+    assert any(text.startswith("DoStep: no step from 0 s to 0.02 s, nothing has changed") for text in one.said)
+    assert one.get("state.").tolist() == before
+    assert one.count("code") < 0
+    one.step(0.0, 0.001)
+    assert one.get("state.").tolist() != before
+
+
+@pytest.mark.parametrize("fmi", VERSIONS)
+@pytest.mark.parametrize("what", ["plant", "controller"])
+def test_loops_take_whole_multiples_alone(fmi, what, units, opened):
+    unit = units[what, fmi]
+    assert not described(unit).canHandleVariableCommunicationStepSize
+    with pytest.raises(FMICallException) as error:
+        fmpy.simulate_fmu(str(unit.file), stop_time=0.1, output_interval=1.5 * unit.step, logger=lambda *_: None)
+    assert error.value.status == 3
+    one = opened(what, fmi)
+    with pytest.raises(FMICallException):
+        one.step(0.0, 1.5 * unit.step)
+    step, length = f"{unit.step:.9g}", f"{1.5 * unit.step:.9g}"
+    assert (
+        f"DoStep: expected a communication step size that is a whole multiple of {step} s, got {length} s" in one.said
+    )
+    one.step(0.0, 2 * unit.step)
+    found = fmpy.simulate_fmu(str(unit.file), stop_time=0.0999, logger=lambda *_: None)  # fmpy's own steps
+    assert found["time"][-1] == pytest.approx(unit.step * round(0.0999 // unit.step))
 
 
 def test_scenes_and_options_that_do_not_fit(tmp_path):

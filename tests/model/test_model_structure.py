@@ -350,6 +350,13 @@ WRONG = {
         "family: expected one of arc, clothoid, matched_clothoid, got 'spline'",
     ),
     "matched with friction": (WITH_FRICTION, {"family": "matched_clothoid"}, "cannot carry tendon friction"),
+    "matched with a lag of first order": (
+        EVERYTHING.model_copy(
+            update={"tendons": Tendons(offset=0.01, max_tension=9.0, time_constant=0.1, drive_order=1)}
+        ),
+        {"family": "matched_clothoid"},
+        "cannot carry tensions that follow by a first-order lag .*: use clothoid or arc",
+    ),
     "rates for arcs": (FULL, {"family": "arc", "input_rates": True}, "needs family matched_clothoid"),
     "rates and lag": (LAGGED, {"family": "matched_clothoid", "input_rates": True}, "exclude each other"),
     "load beyond": (

@@ -103,6 +103,16 @@ REFUSED = {
         lambda: finger({"offset": 0.01, "time_constant": 0.1}, {"offset": -0.005, "time_constant": 0.2}),
         "Finger: tendons[0].time_constant: must be that of tendons that run alike",
     ),
+    "of different orders": (
+        lambda: finger(
+            {"offset": 0.01, "time_constant": 0.1, "drive_order": 1}, {"offset": -0.01, "to": 0.1, "time_constant": 0.1}
+        ),
+        "Finger: tendons[0].drive_order: must be that of all tendons",
+    ),
+    "an order without a lag": (
+        lambda: finger({"offset": 0.01, "drive_order": 1}),
+        "tendons[0].drive_order: has no effect without a lag",
+    ),
     "outside of a cone": (
         lambda: finger({"offset": 0.004}, rod=CONE),
         "Finger: tendons[0].offset: 0.004 m at 0.25 m along the finger is more than half its",

@@ -7,9 +7,11 @@ import os
 import signal
 import sys
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
@@ -551,3 +553,45 @@ def test_shipped_scenes_run_without_warnings(config):
     if "release" in config.stem or config.stem in ("hanging", "standing"):
         assert found.kinetic[-1] + found.potential[-1] < found.potential[0]
         assert found.kinetic.max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("kind", "wide"), few([("linear", 2e-5), ("smooth", 2e-5), ("linear", 5e-3), ("smooth", 5e-3), ("linear", 1e-8)], 3)
+)
+def test_the_reference_starts_anew_at_every_knot_of_inputs_and_loads(kind, wide):
+    """Ramps between two output steps, against another integrator from knot to knot."""
+    knots = [0.0, 0.0103, 0.0103 + wide, 0.0221, 0.0221 + wide, 0.05]
+    pull, push = [0.0, 0.0, 9.0, 9.0, 4.0, 4.0], [0.0, 0.0, 0.0, 0.1, -0.1, 0.0]
+    pushed = {"times": knots, "values": [[value, 0.0] for value in push], "interpolation": kind}
+    hand = {
+        "rod": {"length": 0.18, "linear_density": 0.034, "bending_stiffness": 6.11e-3, "rotary_inertia": 2.6e-7},
+        "damping": {"material": 3e-5},
+        "masses": [{"at": 0.18, "mass": 0.002}],
+        "tendons": {"offset": 0.005, "max_tension": 60.0},
+    }
+    given = Scene(
+        finger=hand,
+        gravity=FREE,
+        fidelity={"family": "clothoid", "elements": 2},
+        actuation={"tensions": [{"times": knots, "values": pull, "interpolation": kind}, 0.0]},
+        loads=[{"kind": "force", "at": 0.18, "force": pushed}],
+        time={"duration": 0.05, "step": 0.01, "method": "reference"},
+    )
+    found, model = simulate(given), FingerModel(given)
+
+    def at(values, t):
+        k = int(np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2))
+        z = (t - knots[k]) / (knots[k + 1] - knots[k])
+        return values[k] + (values[k + 1] - values[k]) * (z if kind == "linear" else float(smoothstep(z, 1.0)[0]))
+
+    def rate(t, x):
+        return np.array(model.forward_dynamics(x, [at(pull, t), 0.0], [at(push, t), 0.0], model.p_nominal)).ravel()
+
+    x, states = found.x[0], [found.x[0]]
+    for a, b in pairwise(sorted({*knots, *found.t.tolist()})):
+        x = solve_ivp(rate, (a, b), x, method="DOP853", rtol=1e-10, atol=1e-11).y[:, -1]
+        states += [x] * (b in found.t)
+    off = np.abs(np.array(states) - found.x).max(axis=0) / np.abs(found.x).max(axis=0)
+    assert off.max() < 1e-7
+    assert found.warnings == ()
+    assert np.ptp(found.tip[:, 0]) > 0.005

@@ -233,7 +233,8 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
   report->rung = state->rung;
   report->reason = state->tripped;
   report->contradicts = mismatch > (real)SUPERVISOR_NOTICE;
-  const int behind = report->contradicts ? -1 : supervisor_behind(state, o);
+  const int off = supervisor_behind(state, o), behind = report->contradicts ? -1 : off;
+  report->ahead = off < 0 ? 0 : state->along[off] > 0 ? 1 : -1;
   report->health = state->tripped ? SUPERVISOR_TRIPPED : report->entry >= 0 ? SUPERVISOR_FROZEN
                  : state->rung ? SUPERVISOR_DETUNED : report->contradicts || behind >= 0 ? SUPERVISOR_MISMATCH
                  : SUPERVISOR_OK;

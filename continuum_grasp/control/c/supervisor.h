@@ -101,6 +101,7 @@ typedef struct {
   int reason;                 /* of a trip, or 0 */
   int rung;
   int contradicts;            /* whether that device contradicts the model now, whatever the health */
+  int ahead;                  /* 1: a drive runs ahead of the model's, -1: it falls behind, 0: nothing shows either */
   real mismatch, activity;
 } supervisor_report;
 

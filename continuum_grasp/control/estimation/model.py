@@ -251,7 +251,8 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
         if sensor != "tension" or structure.winches:
             continue
         unit = model.u_names[0].split("[")[1][:-1]
-        for k, moment in enumerate(drive for drive in model.driven if drive.rate):
+        of_tendons = [drive for drive in model.driven if not model.x_names[drive.state].startswith("pressure_")]
+        for k, moment in enumerate(of_tendons):
             # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
             first = next(arm for arm in moment.arms if arm)
             runtime = "tendon_offset [m]" in model.p_names

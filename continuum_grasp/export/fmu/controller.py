@@ -62,6 +62,7 @@ def controller_unit(
         title=names_of(scene)[0],
         what="its predictive controller" if alone else "the controller of its mission",
         step=loop["period_s"],
+        any_step=False,
         stop=(scene.duration or 1.0) if isinstance(scene, ControlScene) else loop["mission"]["planned_end_s"],
         groups=groups,
         counts=(

@@ -25,6 +25,7 @@ def model_description(unit: Unit, fmi: str, token: str) -> str:
         "version": __version__,
         "unit": unit,
         "linear": str(unit.linear).lower(),
+        "any_step": str(unit.any_step).lower(),
         "step": _number(unit.step),
         "stop": _number(unit.stop),
         "sources": sorted([*(name for name in unit.sources if name.endswith(".c")), "fmi2.c"]),

@@ -83,6 +83,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
         title=names_of(scene)[0],
         what="the plant of its closed loop",
         step=step,
+        any_step=False,
         stop=scene.duration or 1.0,
         groups={
             "FMU_INPUTS": labeled("command", "input", model.u_names, model.rest_input),
@@ -204,6 +205,7 @@ def finger_unit(
         title=source.title,
         what="a planar continuum finger" + " with the object that it touches" * (subject.touching is not None),
         step=internal,
+        any_step=True,
         stop=scene.time.duration if scene.time is not None else 1.0,
         groups=groups,
         counts=(count("code", "of the last step: 0 done, above a warning, below what was refused"),),

@@ -62,7 +62,9 @@ class Unit:
     what: str
     """Part of the scene that this is, in words."""
     step: float
-    """Internal step [s]."""
+    """Internal step [s]; the longest one where communication steps of any length are taken."""
+    any_step: bool
+    """Whether communication steps may have any length, or are whole multiples of the internal step."""
     stop: float
     """End of the scene [s]."""
     groups: Mapping[str, tuple[Variable, ...]]

@@ -72,7 +72,8 @@ class FunctionalMockupUnit:
         Version of the standard.
     what : {"plant", "controller"}
     step : float
-        Internal step [s], of which communication steps are whole multiples.
+        Internal step [s]: communication steps are whole multiples of it, or of a finger any length, in steps as long
+        at most.
     inputs, outputs, parameters : tuple of str
         Names of its variables.
     binary : str or None
@@ -336,4 +337,5 @@ def _page(unit: Unit) -> str:
         taken = " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else ""
         rows.append(map(html.escape, (v.name, v.kind, v.unit, taken, v.text)))
     words = {"title": html.escape(unit.title), "what": html.escape(unit.what), "step": f"{unit.step:g}"}
+    words["steps"] = "of any length" if unit.any_step else "are whole multiples of it"
     return fill("fmu/page.html", {**words, "version": __version__, "rows": rows})

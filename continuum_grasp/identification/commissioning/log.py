@@ -196,7 +196,7 @@ def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]
     if not names:
         return {}
     lag = dict(zip((unknown.name for unknown in bench.unknowns), start, strict=True))
-    late = lag[DELAY] + 2.0 * lag.get(LAG, 0.0)
+    late = lag[DELAY] + bench.scene.finger.drive_order * lag.get(LAG, 0.0)
     last = np.clip(np.searchsorted(log.t, log.at - late, side="right") - 1, 0, None)
     commands, seen = log.u[last], log.readings[:, [log.names.index(name) for name in names]]
     together = np.corrcoef(np.hstack([seen, commands]).T)[: len(names), len(names) :]

@@ -8,7 +8,7 @@
 
 #include "<<p>>.h"
 
-#define FMU_STEP <<step>> /* s; communication steps are whole multiples of it */
+#define FMU_STEP <<step>> /* s; <<if unit.any_step>>longest internal step<<else>>communication steps are whole multiples of it<<end>> */
 #define FMU_TOKEN "<<token>>"
 
 /* Where the groups of real variables begin, which are value references too. */
@@ -39,8 +39,7 @@ typedef enum { FMU_INSTANTIATED = 1, FMU_INITIALIZING = 2, FMU_STEPPING = 4, FMU
 
 /* Everything that a call may change, without pointers: what is copied where the state of the FMU is asked for. */
 typedef struct {
-  double begin; /* s */
-  double steps; /* internal ones since then; a count, so that time does not drift */
+  double time; /* s, as the master counts it, so that it does not drift */
   double values[FMU_REALS];
   int counts[FMU_COUNTS];
   int mode, shown; /* whether results are those of inputs and state */
@@ -48,7 +47,7 @@ typedef struct {
 } fmu_data;
 
 typedef struct {
-  fmu_data data;
+  fmu_data data, before; /* before: as of the last communication point */
   fmu_scratch scratch;
   int logging;
   void *environment;
@@ -97,8 +96,6 @@ static fmu_level fmu_allowed(const fmu_instance *f, int modes, const char *call)
 
 <<glue>>/* ---- what both versions of the standard ask for ---- */
 
-static double fmu_time(const fmu_instance *f) { return f->data.begin + f->data.steps * FMU_STEP; }
-
 static void fmu_restart(fmu_instance *f)
 {
   int k;
@@ -144,7 +141,7 @@ static fmu_level fmu_get(fmu_instance *f, const unsigned *which, size_t n, doubl
   if (n && (!which || !values)) return fmu_say(f, FMU_ERROR, "get: a pointer is null");
   for (k = 0; k < n; ++k) {
     if (which[k] == FMU_REALS + FMU_COUNTS) {
-      values[k] = fmu_time(f);
+      values[k] = f->data.time;
       continue;
     }
     if (which[k] >= FMU_REALS) return fmu_say(f, FMU_ERROR, "get: no real variable has the value reference %u", which[k]);
@@ -191,25 +188,34 @@ static fmu_level fmu_get_counts(fmu_instance *f, const unsigned *which, size_t n
   return FMU_OK;
 }
 
-/* Internal steps from a communication point on; they are whole ones, or it is refused. */
+/* Internal steps from a communication point to the next<<if unit.any_step>>, all equally long<<end>>. A step that cannot be done is an error, and
+   changes nothing but the code: some masters repeat a discarded step forever. */
 static fmu_level fmu_walk(fmu_instance *f, double from, double length)
 {
   const double slack = 1e-6 * FMU_STEP, count = length / FMU_STEP;
-  double n, k;
+  double n, h = FMU_STEP, k;
   fmu_level level = fmu_allowed(f, FMU_STEPPING, "DoStep");
   if (level != FMU_OK) return level;
-  if (!(fabs(from - fmu_time(f)) <= slack + 1e-12 * fabs(from)))
-    return fmu_say(f, FMU_ERROR, "DoStep: from %.12g s, but this FMU is at %.12g s", from, fmu_time(f));
+  if (!(fabs(from - f->data.time) <= slack + 1e-12 * fabs(from)))
+    return fmu_say(f, FMU_ERROR, "DoStep: from %.12g s, but this FMU is at %.12g s", from, f->data.time);
   if (!(count > 0 && count < 1e9))
-    return fmu_say(f, FMU_DISCARD, "DoStep: expected a communication step size above zero, got %.9g s", length);
+    return fmu_say(f, FMU_ERROR, "DoStep: expected a communication step size above zero, got %.9g s", length);
   n = (double)(long)(count + 0.5);
-  if (n < 1 || fabs(length - n * FMU_STEP) > slack + 1e-12 * fabs(from + length))
-    return fmu_say(f, FMU_DISCARD, "DoStep: the communication step size %.9g s is no whole multiple of the internal step of %.9g s",
-                   length, FMU_STEP);
-  for (k = 0; k < n; ++k) {
-    if ((level = fmu_advance(f)) > FMU_WARNING) return level;
-    f->data.steps += 1;
+  if (n < 1 || fabs(length - n * FMU_STEP) > slack + 1e-12 * fabs(from + length)) {<<if unit.any_step>>
+    n = ceil(count);
+    h = length / n;<<else>>
+    return fmu_say(f, FMU_ERROR, "DoStep: expected a communication step size that is a whole multiple of %.9g s, got %.9g s",
+                   FMU_STEP, length);<<end>>
   }
+  f->before = f->data;
+  for (k = 0; k < n; ++k)
+    if ((level = fmu_advance(f, h)) > FMU_WARNING) {
+      const int code = f->data.counts[FMU_CODE];
+      f->data = f->before;
+      f->data.counts[FMU_CODE] = code;
+      return fmu_say(f, FMU_ERROR, "DoStep: no step from %.12g s to %.12g s, nothing has changed", from, from + length);
+    }
+  f->data.time = from + length;
   return FMU_OK;
 }
 

@@ -40,9 +40,10 @@ static fmu_level fmu_computed(fmu_instance *f)
 /* After a step the results stay, until an input is set. */
 static fmu_level fmu_show(fmu_instance *f) { return fmu_computed(f); }
 
-static fmu_level fmu_advance(fmu_instance *f)
+static fmu_level fmu_advance(fmu_instance *f, double h)
 {
   fmu_level level;
+  (void)h; /* the period, always */
   if (!f->data.shown) f->data.model.computed = 0;
   f->data.shown = f->data.model.computed;
   if ((level = fmu_computed(f)) > FMU_WARNING) return level;

@@ -60,7 +60,7 @@ FMI2(fmi2Status, fmi2SetupExperiment)(fmi2Component c, fmi2Boolean has_tolerance
   (void)stop;
   if (level != FMU_OK) return (fmi2Status)level;
   if (!(fabs(start) <= 1e12)) return fmi2_refused(c, "SetupExperiment: the start time is no time");
-  f->data.begin = start;
+  f->data.time = start;
   return fmi2OK;
 }
 
@@ -83,7 +83,7 @@ FMI2(fmi2Status, fmi2GetRealStatus)(fmi2Component c, const fmi2StatusKind kind, 
 {
   if (!c || !value) return fmi2Error;
   if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
-  *value = fmu_time((fmu_instance *)c);
+  *value = ((fmu_instance *)c)->data.time;
   return fmi2OK;
 }
 

@@ -104,7 +104,7 @@ FMI3(fmi3Status, fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean
   (void)stop;
   if (level != FMU_OK) return (fmi3Status)level;
   if (!(fabs(start) <= 1e12)) return fmi3_refused(instance, "EnterInitializationMode: the start time is no time");
-  ((fmu_instance *)instance)->data.begin = start;
+  ((fmu_instance *)instance)->data.time = start;
   return fmi3OK;
 }
 
@@ -117,7 +117,7 @@ FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 from, fmi3Float6
   if (!event || !terminate || !early || !reached) return fmi3_refused(instance, "DoStep: a pointer is null");
   level = fmu_walk((fmu_instance *)instance, from, length);
   *event = *terminate = *early = false;
-  *reached = fmu_time((fmu_instance *)instance);
+  *reached = ((fmu_instance *)instance)->data.time;
   return (fmi3Status)level;
 }
 

@@ -79,10 +79,11 @@ static fmu_level fmu_show(fmu_instance *f)
   return FMU_OK;
 }
 
-static fmu_level fmu_advance(fmu_instance *f)
+static fmu_level fmu_advance(fmu_instance *f, double h)
 {
   double *values = f->data.values, next[<<model.nx>>];
   int code = fmu_checked(f);
+  (void)h; /* the internal step, always */
   if (code < 0) return fmu_judged(f, "step", code);
   fmu_call(f, <<p>>_plant_step, values + FMU_STATE, values + FMU_INPUTS, next);
   if (!fmu_finite(next, <<model.nx>>)) return fmu_judged(f, "step", <<P>>_ERR_RESULT);

@@ -38,7 +38,7 @@ static fmu_level fmu_show(fmu_instance *f)
   return FMU_OK;
 }
 
-static fmu_level fmu_advance(fmu_instance *f)
+static fmu_level fmu_advance(fmu_instance *f, double h)
 {
   <<p>>_model model;
   <<p>>_state state;
@@ -46,7 +46,7 @@ static fmu_level fmu_advance(fmu_instance *f)
   <<p>>_forces forces;<<end>>
   fmu_level level;
   fmu_taken(f, &model, &state, &input<<acting>>);
-  level = fmu_judged(f, "step", <<p>>_step(&model, &state, &input<<acting>>, FMU_STEP, &state));
+  level = fmu_judged(f, "step", <<p>>_step(&model, &state, &input<<acting>>, h, &state));
   if (level > FMU_WARNING) return level;
   memcpy(f->data.values + FMU_STATE, &state, sizeof state);
   f->data.shown = 0;
