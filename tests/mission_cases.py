@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from continuum_grasp.control.status import Anomaly, Health, Trip
+from continuum_grasp.control.status import Anomaly, Health, Sight, Status, Trip
 from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.scene.mission import Phases
@@ -93,7 +93,8 @@ def commanded(force, *, std=0.1, u=None, **seen):
         "trip": Trip.NONE,
         "anomaly": Anomaly(0),
         "health": Health.OK,
-        "contradicted": False,
+        "status": Status.SOLVED,
+        "sight": Sight.SEES,
         "suspect": None,
         "mismatch": 1.0,
     }

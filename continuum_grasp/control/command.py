@@ -10,7 +10,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
 from continuum_grasp.control.parts import ControlParts
-from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
+from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Sight, Status, Trip, health_text, texts
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import Summarized, name_of, quoted
 
@@ -263,9 +263,9 @@ class Command(Summarized):
         return self._number("mismatch")
 
     @property
-    def contradicted(self) -> bool:
-        """Whether that sensor contradicts the model now; ``health`` may be of an earlier contradiction, or another."""
-        return bool(self._number("contradicts"))
+    def sight(self) -> Sight:
+        """Worth of the estimate now; ``health`` may be of an earlier contradiction."""
+        return Sight(int(self._number("sight")))
 
     @property
     def activity(self) -> float:

@@ -36,7 +36,7 @@ _LATE, _APPLIED = 1, 2
 """Flags of ``cg_controller_step``."""
 _NUMBERS = (
     *("anomalies", "iterations", "violation", "residual", "cost"),
-    *("health", "sensor", "entry", "reason", "rung", "contradicts", "ahead", "mismatch", "activity"),
+    *("health", "sensor", "entry", "reason", "rung", "sight", "ahead", "mismatch", "activity"),
 )
 """Scalars of ``cg_controller_step`` in ``c/controller_python.c``, in its order."""
 

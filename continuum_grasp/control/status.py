@@ -61,6 +61,19 @@ class Trip(IntEnum):
     IMPLAUSIBLE = 6
 
 
+class Sight(IntEnum):
+    """Worth of an estimate."""
+
+    SEES = 0
+    CONTRADICTED = 1
+    """A sensor contradicts the model."""
+    PREDICTS = 2
+    """Nothing shows the shape of the finger in this call."""
+    BLIND = 3
+    """The controller is tripped, a reading is frozen, or for as long as a plan lasts nothing showed the shape, or no
+    plan was found."""
+
+
 class Anomaly(IntFlag):
     """Anomalies of a call, as bits."""
 
@@ -80,7 +93,7 @@ class Anomaly(IntFlag):
     RATE_LIMITED = 8192
     FROZEN = 16384
     BEYOND_LIMIT = 32768
-    PLAN_GAPS = 131072
+    PLAN_GAPS = 65536
 
 
 class Verdict(IntEnum):

@@ -147,7 +147,7 @@ def _of_loop(scene: ControlScene, real: Real) -> Source:
 
 
 _REPORTED = {
-    True: (("others_bear", "BEARS"), ("others_lack", "LACKS"), ("others_doubt", "DOUBTS")),
+    True: (("others_bear", "BEARS"), ("others_lack", "LACKS"), ("others_doubt", "DOUBTS"), ("others_blind", "BLIND")),
     False: (("lift", "LIFTS"), ("let_go", "LETS_GO")),
 }
 """Reports that the finger that decides takes from others, and they from it, with the words in ``c/mission.h``."""

@@ -16,6 +16,7 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plan import (
     BEARS,
+    BLIND,
     DOUBTS,
     LACKS,
     LETS_GO,
@@ -26,7 +27,7 @@ from continuum_grasp.mission.plan import (
     WAITS,
     Plan,
     certified_forces,
-    sight,
+    doubt,
 )
 from continuum_grasp.mission.plant import Timetable, reserve
 
@@ -159,7 +160,7 @@ class LiftCheck:
 
     Where a contact bears too little by the estimate, or sensors contradict a finger's model, the fingers squeeze on,
     following their held forces, for as long as the squeeze took at most; then they let go, or lift in doubt by forces
-    that are enough. What one finger notices while the object is held, all answer.
+    that are enough. Where a finger is blind, all let go at once. What one finger notices while the object is held, all answer.
 
     What follows the decision is moved in the ``timetable``; ``refused`` says why the object was not lifted, ``doubted``
     what contradicted a lift, ``slipped`` what was noticed of slip while it was held.
@@ -196,7 +197,7 @@ class LiftCheck:
     def _others(self) -> int:
         """Report of the others to the first finger, which decides for all: what they estimated a period before."""
         others = [plan.bears for plan in self._plans[1:]]
-        return next((word for word in (UNKNOWN, LACKS, DOUBTS) if word in others), BEARS)
+        return next((word for word in (BLIND, UNKNOWN, LACKS, DOUBTS) if word in others), BEARS)
 
     def _waited(self, finger: int, t: float, command: Any) -> None:
         """Note what was decided, and for which forces."""
@@ -206,7 +207,8 @@ class LiftCheck:
         decision = self._plans[0].decision
         self._over = decision != WAITS and finger == 0
         if self._over and decision == LETS_GO:
-            self.refused = NotLifted(t, self._lacking(), self._cause(), known=not self._doubts())
+            lacking = () if BLIND in [plan.bears for plan in self._plans] else self._lacking()
+            self.refused = NotLifted(t, lacking, self._cause(), known=not self._doubts())
         elif self._over and DOUBTS in [plan.bears for plan in self._plans]:
             self.doubted = Doubted(t, self._doubts())
         self.timetable.resume(t if self._over else self.timetable.latest, "release" if decision == LETS_GO else "lift")
@@ -220,16 +222,17 @@ class LiftCheck:
 
     def _doubts(self) -> tuple[str, ...]:
         fingers = [(self._of[k].name, self._seen[k]) for k in sorted(self._seen)]
-        reasons = ((name, sight(command)[1], command.mismatch) for name, command in fingers)
+        reasons = ((name, doubt(command), command.mismatch) for name, command in fingers)
         return tuple(f"{why} of {name} (mismatch {mismatch:.3g})" for name, why, mismatch in reasons if why)
 
     def _cause(self) -> str:
         """Cause that keeps the fingers from squeezing harder."""
+        worst = max(sorted(self._seen), key=lambda finger: self._seen[finger].sight)
+        if why := doubt(self._seen[worst]):
+            return f"{why}, and what {self._of[worst].name} bears is not known"
         reached = []
         for k, assignment in enumerate(self._of):
             command, names = self._seen[k], assignment.control.contact_names
-            if why := sight(command)[1]:
-                return f"{why}, and what {assignment.name} bears is not known"
             if "tensions" in assignment.control.finger.input_keys:
                 limits = np.array([tendon.max_tension for tendon in assignment.control.finger.tendon_list])
                 # 0.999: share of the greatest tension from which on a drive is at its limit: commands reach it to

@@ -15,7 +15,7 @@ from continuum_grasp.control.compiled import Compiled, mission_source
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import Settings
-from continuum_grasp.control.status import Anomaly, Health
+from continuum_grasp.control.status import Anomaly, Health, Sight, Status
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plant import Timetable, firmer, reserve
@@ -27,10 +27,8 @@ _NOMINAL, _SQUEEZES, _HOLDS = range(3)
 """Limits of the command in a phase, as in ``c/mission.h``."""
 WAITS, LIFTS, LETS_GO = range(3)
 """Decisions before the lift, as in ``c/mission.h``."""
-UNKNOWN, BEARS, LACKS, DOUBTS = range(4)
-"""Forces at the contacts of a finger, by the estimate."""
-_SEES, _CONTRADICTED, _BLIND = range(3)
-"""Worth of that estimate."""
+UNKNOWN, BEARS, LACKS, DOUBTS, BLIND = range(5)
+"""Forces at the contacts of a finger, by the estimate; of one that was blind before the lift, whatever they are."""
 USUAL, FIRM, SETS_DOWN = range(3)
 """Grip of what is held."""
 NOTICED = ("", "sinks", "parts", "reported")
@@ -54,17 +52,21 @@ def certified_forces(assignments: Sequence[Assignment], of: Assignment) -> Array
     return np.array([np.nan if contact is None else contact.normal_force for contact in contacts])
 
 
-def sight(command: Any) -> tuple[int, str]:
-    """Worth of the forces that a controller estimates, as in ``c/mission.h``, and why they are in doubt, in words."""
+def doubt(command: Any) -> str:
+    """Why the forces that a controller estimates are in doubt; empty where they are not."""
+    if command.sight is Sight.SEES:
+        return ""
+    if command.sight is Sight.CONTRADICTED:
+        return f"{command.suspect} contradicts the model"
     if Anomaly.BLIND in command.anomaly:
-        return _BLIND, "nothing was measured"
+        return "nothing was measured"
     if command.trip:
-        return _BLIND, f"the controller is tripped ({command.trip.name.lower()})"
+        return f"the controller is tripped ({command.trip.name.lower()})"
     if command.health is Health.FROZEN:
-        return _BLIND, "a reading is frozen"
-    if command.contradicted:
-        return _CONTRADICTED, f"{command.suspect} contradicts the model"
-    return _SEES, ""
+        return "a reading is frozen"
+    if command.status is Status.SAFE_RAMP:
+        return "no plan was found for as long as one lasts"
+    return "no sensor shows the shape"
 
 
 def mission_settings(
@@ -166,7 +168,8 @@ class Plan:
     """Phases of one finger's mission for a closed loop.
 
     ``reported`` gives what a finger needs to know of others before the lift: the first one, whether they bear enough,
-    the others, its decision; ``waits`` is called with instant and command at each period in which that is asked.
+    the others, its decision; ``waits`` is called with instant and command at each period in which that is asked, and
+    when the finger lets go before.
     ``grips`` is called each period while slip is watched, and gives the firmest grip of all fingers.
     """
 
@@ -186,7 +189,7 @@ class Plan:
         self.names, self.current = [span.name for span in table.phases()], 0
         self.events: list[tuple[float, str]] = []
         self.duration = float(np.sum(settings["length"]))
-        self._confirm, self._release = self.names.index("confirm"), self.names.index("release")
+        self._confirm = self.names.index("confirm")
         self._reported, self._waits, self._grips, self._nr = reported, waits, grips, sizes["NR"]
         inputs = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "sight": 1, "height": 1}
         parts = dict.fromkeys(("phase", "changed", "decision", "bears", "grip", "noticed", "asks", "lost"), 1)
@@ -206,16 +209,16 @@ class Plan:
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
         """Begin what is due at an instant [s], by the last command; False after the last phase."""
-        goes_on = self._step(t, controller, plant.command, _DUE, height=self._height(plant))
+        decided, seen = self.decision, (self._reported(), int(command.sight))
+        goes_on = self._step(t, controller, plant.command, _DUE, 0.0, *seen, self._height(plant))
+        waits = self.current == self._confirm
         if self._asks:  # for forces, which take longest
-            waited = self.current == self._confirm
-            felt, worth = command.contact_forces.force, sight(command)[0]
-            goes_on = self._step(t, controller, plant.command, _BY_FORCES, felt, self._reported(), worth)
-            if waited:
-                self._waits(t, command)
-            elif (firmest := self._grips(t)) > self.grip:
+            goes_on = self._step(t, controller, plant.command, _BY_FORCES, command.contact_forces.force, *seen)
+            if not waits and (firmest := self._grips(t)) > self.grip:
                 what = _RELEASE if firmest == SETS_DOWN else _SQUEEZE
                 self._step(t, controller, plant.command, what)
+        if waits or self.decision != decided:
+            self._waits(t, command)
         return goes_on
 
     def _height(self, plant: Any) -> float:
@@ -233,7 +236,7 @@ class Plan:
         what: int,
         forces: ArrayLike = 0.0,
         reported: int = 0,
-        worth: int = _SEES,
+        worth: int = Sight.SEES,
         height: float = math.nan,
     ) -> bool:
         now, u, felt, word, seen, at = self._c.given
@@ -243,10 +246,9 @@ class Plan:
         output = c.output.copy()
         phase, changed, decision, bears, grip, noticed, asks = (int(number) for number in output[:7])
         passed = range(self.current + 1, phase + 1) if what < 0 else [phase]
-        if what <= _RELEASE:
+        if what <= _RELEASE or decision == LETS_GO != self.decision:
             passed = passed[-1:]
-        cut = range(self._confirm + 1, self._release) if decision == LETS_GO else ()
-        self.events += [(t, self.names[k]) for k in passed if k not in cut]
+        self.events += [(t, self.names[k]) for k in passed]
         self.current = phase
         self.decision, self.bears, self.grip, self.noticed, self._asks = decision, bears, grip, noticed, bool(asks)
         self.lost = float(output[7])

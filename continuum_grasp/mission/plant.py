@@ -258,10 +258,10 @@ class Timetable:
 
     def resume(self, t: float, name: str) -> None:
         """Go on at an instant [s] with a phase, after what came before the lift; those between are left out."""
-        # Times are sums of rounded periods.
-        at_once = name == "lift" and t - self._waits < 1e-9
-        waited = [(self._waits, self._waits, 0.0), (t, self._plan(name).start, 1.0)]
-        self._pieces = [self._pieces[0], *([] if at_once else waited)]
+        waited = t - self._waits > 1e-9  # times are sums of rounded periods
+        wait = [(self._waits, self._waits, 0.0)] * waited
+        later = [(t, self._plan(name).start, 1.0)] * (waited or name != "lift")
+        self._pieces = [self._pieces[0], *wait, *later]
 
     def set_down(self, t: float) -> None:
         """Lower what is held from an instant on [s]; what pulls at it then pulls on to its end."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import groupby
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ import pytest
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.status import _TRIPS, Anomaly, Health, Trip, Verdict
+from continuum_grasp.control.status import _TRIPS, Anomaly, Health, Sight, Trip, Verdict
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
@@ -368,3 +369,60 @@ def test_verdicts_are_those_of_the_device():
     one = control.step(y + OFF).estimate.x
     control.restore(state)
     assert np.array_equal(one, control.step(y + OFF + np.array([0.0, 5e-4, 0.0, 0.0])).estimate.x)
+
+
+_TIP, _TENSIONS, _ALL = slice(0, 2), slice(2, 4), slice(None)
+
+
+def at_rest(control, count):
+    """Readings of the straight finger, and commands that leave it as it is."""
+    rng = np.random.default_rng(0)
+    control.reset()
+    for k in range(count):
+        yield k, np.array([0.0, 0.18, 1.0, 1.0]) + rng.normal(size=4) * [5e-4, 5e-4, 0.05, 0.05]
+
+
+def sight(control, readings, **given):
+    return control.step(readings, reference={"tip": [0.0, 0.18]}, **given).sight
+
+
+@pytest.mark.parametrize(
+    ("entries", "value", "calls", "expected"),
+    [
+        (_ALL, math.nan, 20, "P20 S"),
+        (_ALL, math.nan, 40, "P30 B10 S"),
+        (_ALL, math.inf, 40, "P30 B10 S"),
+        (_TIP, math.nan, 40, "P30 B10 S"),
+        (slice(1, 2), math.nan, 40, "P30 B10 S"),
+        (_TENSIONS, math.nan, 40, "S"),
+        # Tripped after a second, until it is rearmed.
+        (_ALL, math.nan, 120, "P30 B"),
+    ],
+)
+def test_an_estimate_is_blind_when_nothing_shows_the_shape_for_as_long_as_a_plan_lasts(entries, value, calls, expected):
+    control, seen = controller(), []
+    for k, y in at_rest(control, 150):
+        y[entries] = value if 20 <= k < 20 + calls else y[entries]
+        seen.append(sight(control, y))
+    runs = [(name, len([*group])) for name, group in groupby(each.name[0] for each in seen[20:])]
+    assert " ".join([*(f"{name}{count}" for name, count in runs[:-1]), runs[-1][0]]) == expected
+    assert control.rearm() == (calls > 100)
+    assert sight(control, np.array([0.0, 0.18, 1.0, 1.0])) is Sight.SEES
+
+
+@pytest.mark.parametrize("first", [0, 10])
+def test_an_estimate_of_no_use_to_a_plan_is_blind_too(first):
+    """As where commands are late all the time: from the end of the last plan on, or of one that never was."""
+    control = controller()
+    seen = [sight(control, y, late=first <= k < first + 35) for k, y in at_rest(control, first + 45)]
+    assert [each is Sight.BLIND for each in seen] == [False] * (first + 29) + [True] * 6 + [False] * 10
+
+
+def test_a_reading_that_is_frozen_makes_blind_at_once():
+    control, commands = controller(), []
+    for _, y in at_rest(control, 60):
+        y[2] = 1.0
+        commands.append(control.step(y, reference={"tip": [0.02, 0.17]}))
+    blind = [command.sight is Sight.BLIND for command in commands]
+    assert blind == [command.health is Health.FROZEN for command in commands]
+    assert blind[-1]

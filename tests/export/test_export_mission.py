@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.status import Anomaly, Health
+from continuum_grasp.control.status import Sight
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, export_fmu
 from continuum_grasp.grasp import optimize_grasp
@@ -75,8 +75,7 @@ def test_a_mission_of_python_is_replayed(carried, package, tmp_path):
         stages.stage,
     )
     names, off = plan.names, []
-    well = {"trip": 0, "anomaly": Anomaly(0), "health": Health.OK, "contradicted": False}
-    command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.zeros(0)), **well)
+    command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.zeros(0)), sight=Sight.SEES)
     for k, y in enumerate(done.y):
         plant = SimpleNamespace(command=done.u[k - 1] if k else of.rest)
         plan.advance(k * period, controller, plant, command) if k else plan.enter(0.0, controller, plant)

@@ -8,15 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.control.status import Anomaly, Health, Trip
+from continuum_grasp.control.status import Anomaly, Health, Sight, Status, Trip
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import check_mission, on_pads
 from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.plan import Plan
+from continuum_grasp.mission.lift import LiftCheck
+from continuum_grasp.mission.plan import BLIND, LETS_GO, Plan
 from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.mission.run import run_mission, run_trials
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import Slip
 from tests.mission_cases import CERTIFIED, MUG, STAGES, STEP, carried_out, commanded, fingers
 
 
@@ -57,9 +59,7 @@ def test_one_that_bears_too_little_is_waited_for_then_all_let_go(low):
 @pytest.mark.parametrize(
     ("seen", "why"),
     [
-        ({"anomaly": Anomaly.BLIND}, "nothing was measured"),
-        ({"trip": Trip.UNSEEN}, "the controller is tripped (unseen)"),
-        ({"health": Health.FROZEN}, "a reading is frozen"),
+        ({"sight": Sight.PREDICTS}, "no sensor shows the shape"),
         ({"health": Health.DETUNED}, ""),
         ({"anomaly": Anomaly.OUTLIER}, ""),
     ],
@@ -69,6 +69,85 @@ def test_forces_that_no_measurement_shows_lift_nothing(seen, why):
     assert ("lift" in [name for _, name in passed]) is (not why)
     assert (refused is None) is (not why)
     assert refused is None or (why in refused.text and "Look at the sensors" in refused.text)
+
+
+@pytest.mark.parametrize("names", [("finger",), ("lower", "upper"), ("a", "b", "c")])
+@pytest.mark.parametrize("blind", [0, -1])
+@pytest.mark.parametrize("since", [1, 30, 120, 160, 190])
+def test_fingers_let_go_at_once_where_one_is_blind_before_the_lift(since, blind, names):
+    """In whichever phase; the others learn of it from the first one, which learns of it a period later."""
+    check, limits, begun = LiftCheck(fingers(*names)), [], {}
+    plans = [check.schedule(k, STAGES) for k in range(len(names))]
+    plant, usual = SimpleNamespace(command=np.zeros(2), height=math.nan), commanded(0.0, u=np.zeros(2))
+    controller = SimpleNamespace(change=lambda u_min, **_: limits.append(u_min[0]))
+    for plan in plans:
+        plan.enter(0.0, controller, plant)
+    for k in range(1, 400):
+        lost = commanded(CERTIFIED, u=np.zeros(2), sight=Sight.BLIND, anomaly=Anomaly.BLIND)
+        commands = [usual] * len(names)
+        commands[blind] = lost if k >= since else usual
+        for name, plan, command in zip(names, plans, commands, strict=True):
+            plan.advance(k * STEP, controller, plant, command)
+            if plan.phase == "release":
+                begun.setdefault(name, k)
+    later = blind == -1 and len(names) > 1
+    assert begun[names[blind]] == since
+    assert max(begun.values()) == begun[names[0]] == since + later
+    assert {plan.phase for plan in plans} == {"end"}
+    assert all("lift" not in dict(map(reversed, plan.events)) for plan in plans)
+    assert (60.0 in limits) == (since + later > 160)  # those of `confirm`
+    assert limits[-1] == 0.0
+    assert (plans[0].decision, plans[blind].bears) == (LETS_GO, BLIND)
+    assert f"nothing was measured, and what {names[blind]} bears is not known" in check.refused.text
+    assert [span.name for span in check.timetable.spans][-2:] == ["release", "end"]
+    assert check.timetable.span("release").start == pytest.approx(STEP * begun[names[0]])
+    heights = check.timetable.outside()["table_height [m]"](np.linspace(0.0, 4.0, 401))
+    assert not heights.any()
+
+
+@pytest.mark.parametrize(
+    ("seen", "why"),
+    [
+        ({"anomaly": Anomaly.BLIND}, "nothing was measured"),
+        ({"trip": Trip.UNSEEN}, "the controller is tripped (unseen)"),
+        ({"health": Health.FROZEN}, "a reading is frozen"),
+        ({"status": Status.SAFE_RAMP}, "no plan was found for as long as one lasts"),
+        ({}, "no sensor shows the shape"),
+    ],
+)
+def test_a_refusal_says_why_a_finger_is_blind(seen, why):
+    run = carried_out(fingers("finger"), lambda t: [CERTIFIED], seen=lambda t: {"sight": Sight.BLIND, **seen})
+    assert run.check.refused.text.startswith(f"not lifted at 0.01 s: {why}, and what finger bears is not known. Look")
+
+
+@pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
+@pytest.mark.parametrize("since", [1.8, 2.4, 3.0])
+def test_what_is_lifted_is_held_by_blind_fingers_and_set_down_in_time(since, names):
+    """As if they saw: the limits of the command hold it, until it is lowered and let go."""
+    blind = {"sight": Sight.BLIND, "anomaly": Anomaly.BLIND}
+    runs = [
+        carried_out(
+            fingers(*names, slip=Slip()),
+            lambda t, after=after: [CERTIFIED if t < since else after] * len(names),
+            seen=lambda t, after=after: blind if t >= since and not after else {},
+        )
+        for after in (CERTIFIED, 0.0)
+    ]
+    assert runs[0].passed == runs[1].passed
+    assert runs[1].limits["lift"][:2] == (51.0, 0.0)
+    assert (runs[1].check.refused, runs[1].check.slipped) == (None, None)
+
+
+@pytest.mark.parametrize(("seen", "lift"), [([0, 1, 1, 0, 0, 0, 1], 6), ([0, 0, 0, 0, 1, 1, 0, 0, 1], 8)])
+def test_forces_are_counted_in_calls_that_measure(seen, lift):
+    """Three of them in a row, with predictions in between."""
+    begin = 1.65
+    run = carried_out(
+        fingers("finger"),
+        lambda t: [CERTIFIED * (t > begin - STEP / 2)],
+        seen=lambda t: {} if [*seen, *[1] * 999][max(round((t - begin) / STEP), 0)] else {"sight": Sight.PREDICTS},
+    )
+    assert run.table.span("lift").start == pytest.approx(begin + lift * STEP)
 
 
 @pytest.mark.parametrize(("calls", "lifts"), [(2, False), (3, True)])
@@ -87,7 +166,7 @@ def test_without_a_share_it_is_lifted_whatever_the_estimate():
     assert (run.check.refused, run.table.span("lift").start) == (None, pytest.approx(1.6))
 
 
-CONTRADICTED = {"health": Health.DETUNED, "contradicted": True, "suspect": "bending", "mismatch": 4.25}
+CONTRADICTED = {"health": Health.DETUNED, "sight": Sight.CONTRADICTED, "suspect": "bending", "mismatch": 4.25}
 
 
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])

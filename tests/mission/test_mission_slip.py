@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.status import Trip
+from continuum_grasp.control.status import Sight
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.plant import Timetable, Variation, reserve
@@ -171,7 +171,7 @@ def test_a_contact_that_parts_is_noticed_by_its_estimate(low, calls, noticed, do
 
 
 @pytest.mark.parametrize(
-    ("seen", "noticed"), [({"contradicted": True, "suspect": "tip"}, True), ({"trip": Trip.UNSEEN}, False)]
+    ("seen", "noticed"), [({"sight": Sight.CONTRADICTED, "suspect": "tip"}, True), ({"sight": Sight.BLIND}, False)]
 )
 def test_sensors_that_contradict_the_model_still_show_that_a_contact_parts(seen, noticed):
     """What parts may well contradict the model; forces of a tripped controller show nothing."""

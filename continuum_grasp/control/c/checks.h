@@ -18,6 +18,14 @@ enum {                        /* verdict on a measurement */
   CG_FROZEN = 6               /* repeats the same number: counts as missing until it moves */
 };
 
+enum {                        /* worth of an estimate */
+  CG_SEES = 0,
+  CG_CONTRADICTED = 1,        /* a sensor contradicts the model */
+  CG_PREDICTS = 2,            /* nothing shows the shape of the finger in this call */
+  CG_BLIND = 3                /* tripped, a reading is frozen, or for as long as a plan lasts nothing showed the shape, or no
+                                 plan was found */
+};
+
 #ifdef CG_SINGLE
 typedef uint32_t cg_bits;
 #define CG_EXPONENT ((cg_bits)0x7f800000)

@@ -285,6 +285,15 @@ static int controller_supervise(controller_state *state, const controller_settin
   return out->supervisor.health != SUPERVISOR_TRIPPED;
 }
 
+/* Worth of the estimate after a call. */
+static int controller_sight(const controller_state *state, const controller_settings *o, const supervisor_report *report)
+{
+  const int patience = controller_plan_calls(o), unseen = state->supervisor.unseen, blind = state->blind;
+  const int unplanned = state->age > (real)RTI_N - (real)1e-3;
+  if (report->reason || report->entry >= 0 || unseen > patience || blind > patience || unplanned) return CG_BLIND;
+  return unseen || blind ? CG_PREDICTS : report->contradicts ? CG_CONTRADICTED : CG_SEES;
+}
+
 int controller_rearm(controller_state *state, const controller_settings *settings)
 {
   return supervisor_rearm(&state->supervisor, &settings->supervisor);
@@ -352,6 +361,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
     planned = controller_plan(state, work, settings, input, output);
     if (!planned) output->anomalies |= CONTROLLER_NOT_SOLVED;
   }
+  output->sight = controller_sight(state, settings, &output->supervisor);
   if (!planned) output->status = state->planned ? CONTROLLER_PREVIOUS_PLAN : CONTROLLER_SAFE_RAMP;
   if (output->status == CONTROLLER_SAFE_RAMP) {
     real rate[RTI_NU];

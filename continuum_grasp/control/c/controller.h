@@ -48,7 +48,7 @@
  * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than its rate allows in a stage
  * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
  * 32768 CONTROLLER_BEYOND_LIMIT        a limit is past the last command, which approaches it at its rate
- * 131072 CONTROLLER_PLAN_GAPS  the plan was no motion of the model: replaced, or integrated anew
+ * 65536 CONTROLLER_PLAN_GAPS   the plan was no motion of the model: replaced, or integrated anew
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
@@ -91,7 +91,7 @@ enum {
   CONTROLLER_RATE_LIMITED = 8192,
   CONTROLLER_FROZEN = 16384,
   CONTROLLER_BEYOND_LIMIT = 32768,
-  CONTROLLER_PLAN_GAPS = 131072
+  CONTROLLER_PLAN_GAPS = 65536
 };
 
 typedef struct {
@@ -158,6 +158,7 @@ typedef struct {
   real u[RTI_NU];
   int status;
   uint32_t anomalies;
+  int sight;                  /* worth of the estimate, as in checks.h */
   int verdict[CONTROLLER_NM]; /* on each measurement, as in checks.h */
   real x[RTI_NX], p[RTI_SIZE(RTI_NP)];  /* state and parameters from which the plan starts */
   rti_report rti;

@@ -42,7 +42,7 @@ void cg_guess(cg_object *o, const double *in)
 int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 
 /* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is an argument;
- * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung, contradicts, ahead), mismatch, activity,
+ * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung, sight, ahead), mismatch, activity,
  * ticks, u, x, p, verdicts, excess of rows, of the time of the measurement z and its covariance U diag(D) U',
  * innovations, their variances, contact, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
@@ -61,7 +61,7 @@ int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
   *out++ = (double)found->rti.kkt;
   *out++ = (double)found->rti.cost;
   const supervisor_report *seen = &found->supervisor;
-  const int health[] = {seen->health, seen->sensor, seen->entry, seen->reason, seen->rung, seen->contradicts, seen->ahead};
+  const int health[] = {seen->health, seen->sensor, seen->entry, seen->reason, seen->rung, found->sight, seen->ahead};
   out = cg_write_ints(out, health, 7);
   *out++ = (double)seen->mismatch;
   *out++ = (double)seen->activity;

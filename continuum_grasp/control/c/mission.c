@@ -73,16 +73,25 @@ static int mission_feels(const mission_state *state, const mission_settings *o)
 /* Count the calls in a row in which all contacts bear enough: an estimate that jumps is no force. */
 static void mission_feel(mission_state *state, const mission_settings *o, const real *forces)
 {
-  int enough = state->sight != MISSION_BLIND;
+  if (state->sight == CG_PREDICTS) return;      /* a prediction is none either */
+  int enough = state->sight != CG_BLIND;
   for (int c = 0; c < MISSION_NC; ++c) enough &= forces[c] >= o->needed[c];     /* not those that are no numbers */
   state->borne = enough ? state->borne + 1 : 0;
+}
+
+/* Whether the finger lets go before the lift, blind, or because another one does. */
+static int mission_gives_up(mission_state *state, const mission_settings *o, int reported)
+{
+  if (state->phase > o->confirm) return 0;
+  if (state->sight == CG_BLIND) state->bears = MISSION_BLIND;
+  return state->bears == MISSION_BLIND || reported == (o->leads ? MISSION_BLIND : MISSION_LETS_GO);
 }
 
 /* Decide before the lift, or take what was decided; whether there is a decision. */
 static int mission_decide(mission_state *state, const mission_settings *o, real since, int reported)
 {
   const int enough = state->borne >= o->parts;
-  state->bears = !enough ? MISSION_LACKS : state->sight == MISSION_SEES ? MISSION_BEARS : MISSION_DOUBTS;
+  state->bears = !enough ? MISSION_LACKS : state->sight == CG_SEES ? MISSION_BEARS : MISSION_DOUBTS;
   if (!o->leads) state->decision = reported;
   else if (state->bears == MISSION_BEARS && reported == MISSION_BEARS) state->decision = MISSION_LIFTS;
   else if (since > o->patience - (real)1e-3 * o->period && reported != MISSION_UNKNOWN)
@@ -127,7 +136,7 @@ static void mission_watch(mission_state *state, const mission_settings *o, real 
 {
   const int sinks = state->doubt >= 1;
   int open = 0;
-  for (int c = 0; c < MISSION_NC; ++c) open |= state->sight != MISSION_BLIND && forces[c] < o->lost[c];
+  for (int c = 0; c < MISSION_NC; ++c) open |= state->sight != CG_BLIND && forces[c] < o->lost[c];
   state->open = open ? state->open + 1 : 0;
   if ((state->grip != MISSION_USUAL || !o->answers) && (sinks || state->open >= o->stays)) {
     if (state->grip == MISSION_USUAL) state->noticed = sinks ? MISSION_SINKS : MISSION_PARTS;
@@ -135,6 +144,12 @@ static void mission_watch(mission_state *state, const mission_settings *o, real 
     mission_release(state, o, t, u, 0);
   } else if (o->answers && (sinks || state->open >= o->parts))
     mission_squeeze(state, o, sinks ? MISSION_SINKS : MISSION_PARTS);
+}
+
+static void mission_let_go(mission_state *state, const mission_settings *o, real t, const real *u)
+{
+  state->decision = MISSION_LETS_GO;
+  mission_release(state, o, t, u, 1);
 }
 
 int mission_asks(const mission_state *state, const mission_settings *o)
@@ -146,17 +161,21 @@ int mission_advance(mission_state *state, const mission_settings *o, real t, con
                     int reported)
 {
   state->changed = 0;
+  if (mission_gives_up(state, o, reported)) mission_let_go(state, o, t, u);
   if (forces && mission_feels(state, o)) mission_feel(state, o, forces);
   if (forces && o->watches && mission_holds(state, o)) mission_watch(state, o, t, forces, u);
   for (;;) {
     const real since = t - state->start;
-    int next = state->phase + 1;
+    const int next = state->phase + 1;
     /* 1e-3 periods: instants are sums of rounded ones */
     int over = since > o->length[state->phase] - (real)1e-3 * o->period;
     if (state->phase == o->confirm) {
       if (over) state->decision = MISSION_LETS_GO;      /* who decides was not heard of */
       else over = forces && mission_decide(state, o, since, reported);
-      if (state->decision == MISSION_LETS_GO) next = o->release;
+      if (state->decision == MISSION_LETS_GO) {
+        mission_let_go(state, o, t, u);
+        return 1;
+      }
     }
     if (!over || (o->holds_on && next == o->lower)) return 1;
     if (next == MISSION_PHASES) return 0;

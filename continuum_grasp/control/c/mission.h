@@ -4,13 +4,13 @@
  *   1. mission_advance begins the next phase where the present one is over. Before the lift the normal forces that are
  *      estimated are compared with those that are needed: while a contact bears too little, the fingers squeeze on, for
  *      `patience` at most, and then let go. While sensors contradict the model (`sight`, which the caller says), they
- *      squeeze on too, and lift in doubt after that.
+ *      squeeze on too, and lift in doubt after that. Blind fingers let go at once.
  *      While the object is held and the mission `watches`, an object that sinks in the hand (mission_see) or a contact
  *      that bears hardly anything makes them squeeze harder by `firm`; where that goes on, it is set down.
  *   2. mission_setpoints gives the setpoints over the horizon, and the state the weights and limits of the phase.
  *
  * Of several fingers each has a mission; the first one leads. To it is reported whether all others bear enough
- * (MISSION_BEARS, MISSION_DOUBTS), to the others what it decided; what is reported may be a period old.
+ * (MISSION_BEARS, MISSION_DOUBTS) or one is blind, to the others what it decided; what is reported may be a period old.
  *
  * Setpoints are smooth functions of the instant of a plan in which nothing is waited for: those at first, and moves,
  * each by a row, from its begin over its length. What ends by a decision is foreseen to go on; that one is asked to
@@ -25,9 +25,9 @@
 #define MISSION_SIZE(n) ((n) > 0 ? (n) : 1)
 
 enum { MISSION_WAITS = 0, MISSION_LIFTS = 1, MISSION_LETS_GO = 2 };     /* decision before the lift */
-enum { MISSION_UNKNOWN = 0, MISSION_BEARS = 1, MISSION_LACKS = 2, MISSION_DOUBTS = 3 };        /* forces at the contacts, when
-                                                                           they count; 3: enough, by an estimate in doubt */
-enum { MISSION_SEES = 0, MISSION_CONTRADICTED = 1, MISSION_BLIND = 2 };  /* worth of the estimate */
+enum { MISSION_UNKNOWN = 0, MISSION_BEARS = 1, MISSION_LACKS = 2, MISSION_DOUBTS = 3, MISSION_BLIND = 4 };
+/* Forces at the contacts, when they count; 3: enough, by an estimate in doubt; 4: whatever they are, the finger was blind
+ * before the lift. */
 enum { MISSION_USUAL = 0, MISSION_FIRM = 1, MISSION_SETS_DOWN = 2 };    /* grip of what is held */
 enum { MISSION_SINKS = 1, MISSION_PARTS = 2, MISSION_REPORTED = 3 };    /* what makes it firm */
 enum { MISSION_NOMINAL = 0, MISSION_SQUEEZES = 1, MISSION_HOLDS = 2 };  /* limits of the command */
@@ -69,8 +69,7 @@ typedef struct {
   int phase, changed;           /* changed: whether weights or limits did in the last call */
   int decision, bears;
   int borne;                    /* for how many calls all contacts have borne what is needed */
-  int sight;                    /* blind: nothing is seen, a reading is frozen or the controller is tripped, so that estimated
-                                   forces count for none; contradicted: a sensor contradicts the model, which is waited for */
+  int sight;                    /* worth of the estimate, as in checks.h */
   int follows;                  /* row of weights */
   real start;                   /* of the phase [s] */
   real u_min[MISSION_NU], u_max[MISSION_NU];

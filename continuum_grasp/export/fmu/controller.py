@@ -24,6 +24,7 @@ _EVENTS = {
     "others_bear": "above 0.5: all other fingers have forces 1",
     "others_lack": "above 0.5: one of the other fingers has forces 2",
     "others_doubt": "above 0.5: none of the other fingers has forces 2, and one has 3",
+    "others_blind": "above 0.5: one of the other fingers has forces 4",
     "lift": "above 0.5: the finger that decides has decision 1",
     "squeeze": "above 0.5: squeeze harder, since slip was noticed elsewhere",
     "let_go": "above 0.5: the finger that decides has decision 2",
@@ -122,7 +123,8 @@ def _of_mission(mission: Mapping[str, Any]) -> _Own:
     states = {
         "phase": f"number of the phase: {phases}",
         "decision": "before the lift: 0 none, 1 lift, 2 let go",
-        "forces": "at the contacts: 0 unknown, 1 enough to lift, 2 too little, 3 enough by what sensors contradict",
+        "forces": "at the contacts: 0 unknown, 1 enough to lift, 2 too little, 3 enough by what sensors contradict, "
+        "4 blind, so that it lets go",
     }
     states |= {"grip": "of what is held: 0 as planned, 1 squeezed, 2 set down"} if watches else {}
     return groups, states, {"events": [*enumerate(events)], "watches": watches}

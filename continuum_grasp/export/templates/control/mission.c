@@ -48,14 +48,6 @@ static void estimated_forces(const <<p>>_controller *controller, <<p>>_real *for
 <<end>>  <<p>>_call_estimator_forces(arg, res);
 }
 
-/* Worth of the forces that are estimated. */
-static int sight(const <<p>>_loop_output *last)
-{
-  if (last->supervisor.reason || last->supervisor.entry >= 0 || (last->anomalies & <<P>>_ANOMALY_BLIND))
-    return <<P>>_PHASES_BLIND;
-  return last->supervisor.contradicts ? <<P>>_PHASES_CONTRADICTED : <<P>>_PHASES_SEES;
-}
-
 /* Time of the next call. */
 static <<p>>_real mission_now(const <<p>>_mission *mission) { return (<<p>>_real)mission->memory.calls * phase_settings.period; }
 
@@ -71,11 +63,12 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
   memcpy(&next, &mission->memory.state, sizeof next);
   if (mission->memory.calls > 0) {
     const <<p>>_real *before = mission->controller.memory.state.u;
-    <<p>>_phases_advance(&next, &phase_settings, now, 0, before, 0);
+    const int reported = <<if loop.phases.reported>>mission->memory.reported<<else>><<P>>_PHASES_BEARS<<end>>;
+    next.sight = mission->controller.memory.last.sight;
+    <<p>>_phases_advance(&next, &phase_settings, now, 0, before, reported);
     if (<<p>>_phases_asks(&next, &phase_settings)) {
-      next.sight = sight(&mission->controller.memory.last);
       estimated_forces(&mission->controller, forces);
-      <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if loop.phases.reported>>mission->memory.reported<<else>><<P>>_PHASES_BEARS<<end>>);
+      <<p>>_phases_advance(&next, &phase_settings, now, forces, before, reported);
     }
   }
   for (k = 0; k < <<P>>_NODES; ++k) {

@@ -6,7 +6,8 @@ enum {
 };
 /* Decision before the lift; forces at the contacts, from `confirm` on. */
 enum { <<P>>_DECISION_NONE = 0, <<P>>_DECISION_LIFT = 1, <<P>>_DECISION_LET_GO = 2 };
-enum { <<P>>_FORCES_UNKNOWN = 0, <<P>>_FORCES_ENOUGH = 1, <<P>>_FORCES_LACK = 2, <<P>>_FORCES_DOUBTED = 3 };
+enum { <<P>>_FORCES_UNKNOWN = 0, <<P>>_FORCES_ENOUGH = 1, <<P>>_FORCES_LACK = 2, <<P>>_FORCES_DOUBTED = 3,
+       <<P>>_FORCES_BLIND = 4 };
 <<if loop.phases.watches>>/* Grip of what is held: as planned, squeezed since it slipped, set down since squeezing did not stop it. */
 enum { <<P>>_GRIP_USUAL = 0, <<P>>_GRIP_FIRM = 1, <<P>>_GRIP_SETS_DOWN = 2 };
 <<end>>
@@ -47,7 +48,7 @@ int <<p>>_mission_phase(const <<p>>_mission *mission);
 /* Decision before the lift: 0 none, 1 lift, 2 let go. */
 int <<p>>_mission_decision(const <<p>>_mission *mission);
 /* Forces at the contacts of this finger: 0 unknown, 1 enough to lift, 2 too little, 3 enough by an estimate that
-   sensors contradict, which lifts as late as possible. */
+   sensors contradict, which lifts as late as possible, 4 whatever they are: it was blind before the lift, and lets go. */
 int <<p>>_mission_forces(const <<p>>_mission *mission);
 <<if loop.phases.watches>>/* Before each call: height of the object in the hand [m], from where it does not matter; none where it was not measured. */
 int <<p>>_mission_height(<<p>>_mission *mission, <<p>>_real height);
@@ -61,8 +62,10 @@ int <<p>>_mission_others_bear(<<p>>_mission *mission);
 /* Before each call from the phase `confirm` on: that one of the other fingers has <<P>>_FORCES_LACK. */
 int <<p>>_mission_others_lack(<<p>>_mission *mission);
 /* The same: that none of them has that, and one <<P>>_FORCES_DOUBTED. */
-int <<p>>_mission_others_doubt(<<p>>_mission *mission);<<else>>, of which another one decides. Before the next call: that it lifts. */
+int <<p>>_mission_others_doubt(<<p>>_mission *mission);
+/* Before the next call, in any phase: that one of them has <<P>>_FORCES_BLIND. All let go. */
+int <<p>>_mission_others_blind(<<p>>_mission *mission);<<else>>, of which another one decides. Before the next call: that it lifts. */
 int <<p>>_mission_lift(<<p>>_mission *mission);
-/* Before the next call: that the finger that decides lets go. */
+/* Before the next call, in any phase: that the finger that decides lets go. */
 int <<p>>_mission_let_go(<<p>>_mission *mission);<<end>>
 <<end>>
