@@ -92,7 +92,8 @@ class Firefox:
 
     def open(self, file: Path, width: int) -> None:
         """Open a page in a window of this width, or of 500 px, which windows of Firefox have at least."""
-        self.browser.set_window_rect(width=width, height=HEIGHT)
+        frame = self.browser.execute_script("return outerHeight - innerHeight")
+        self.browser.set_window_rect(width=width, height=HEIGHT + frame)
         self.browser.navigate(file.as_uri())
 
     def ask(self, script: str) -> Any:
