@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import positive, real_array, whole
 from continuum_grasp.arrays import Array
@@ -68,6 +68,11 @@ class Reading:
     since: float | None = None
     of: int | None = None
     offset: ArrayLike = 0.0
+
+    def selected(self, rows: NDArray[np.bool_]) -> Reading:
+        """The same reading in some rows (R,) alone."""
+        offset = np.asarray(self.offset)[rows] if np.ndim(self.offset) else self.offset
+        return replace(self, values=np.asarray(self.values)[rows], offset=offset)
 
     @property
     def of_drive(self) -> bool:

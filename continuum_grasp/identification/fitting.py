@@ -21,7 +21,14 @@ from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts, doubts_of_elements
 from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.path_block import block_of, of_one_code
-from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, questionable, too_far
+from continuum_grasp.identification.plausibility import (
+    IMPLAUSIBLE,
+    doubts_of_data,
+    explain,
+    judge,
+    questionable,
+    too_far,
+)
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
 from continuum_grasp.identification.searches import LawTrial, choose_law, may_be_local, restarted
@@ -187,10 +194,14 @@ def compare(
     problem = task.problem
     start = np.array([unknown.start for unknown in problem.unknowns])
     beyond = too_far(problem, start, np.array([column.sigma or 0.0 for column in problem.described]))
+    predictions = problem.predict(start)[0]
+    predicted, warned, followed = problem.predicted(start, predictions), problem.warnings(start), problem.followed
+    slips = doubts_of_data(problem, predictions)
+    problem.followed = followed  # slips are tried elsewhere
     return Comparison(
-        **problem.predicted(start, problem.predict(start)[0]),
+        **predicted,
         scene=task.scene,
-        warnings=(*problem.warnings(start), *([f"{beyond}: check units and axes of the data"] if beyond else ())),
+        warnings=(*warned, *([f"{beyond}: check units and axes of the data"] if beyond else ()), *slips),
         statistics={"total_s": perf_counter() - started, **({"fidelity": task.note} if task.note else {})},
     )
 

@@ -21,7 +21,7 @@ from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, OF_MODES, Data, TipPath
 from continuum_grasp.identification.problem import Problem, Solution
-from continuum_grasp.identification.slips import Slip, slips_of, undone
+from continuum_grasp.identification.slips import Slip, late, slips_of, undone
 from continuum_grasp.identification.unknowns import ADDED, Unknown, read_unknowns
 from continuum_grasp.scene.simulate import Scene
 
@@ -124,6 +124,17 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
     return Verdict("", (), tuple(warnings))
 
 
+def doubts_of_data(problem: Problem, predictions: Array) -> tuple[str, ...]:
+    """Slips that explain what a scene as it is misses, where it misses more than is plausible."""
+    left = misfits(problem, predictions)
+    worst = max(left, key=lambda misfit: misfit.rms / misfit.limit, default=None)
+    if worst is None or not any(misfit.is_unexplained for misfit in left):
+        return ()
+    causes = explain(problem, left)
+    missed = f"{worst.kind} of {worst.set}: the model is off by {worst.rms:.3g} {worst.unit} r.m.s."
+    return (f"{missed}; likely cause: {' or '.join(causes)}",) if causes else ()
+
+
 def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
     """Misfits of what was fitted, by set and kind."""
     all_misfits = []
@@ -193,7 +204,7 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     everywhere = {block.name for block in problem.blocks}
     missed = {misfit.set for misfit in left if misfit.is_unexplained}
     measured = [(block.data, block.scene) for block in problem.blocks]
-    for slip, sets in product(slips_of(measured), (everywhere, missed)):
+    for slip, sets in product([*slips_of(measured), *_late(problem)], (everywhere, missed)):
         pairs = [undone(slip, *pair) if pair[0].name in sets else None for pair in measured]
         concerned = [block.name for block, pair in zip(problem.blocks, pairs, strict=True) if pair]
         words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(measured) else "")
@@ -228,20 +239,37 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     return tuple(text for total, text in explained if total <= max(_BETTER * least, _NOTHING))
 
 
+def _late(problem: Problem) -> list[Slip]:
+    """Slip of motions whose rows are late, as far as predictions at the start values show it."""
+    problem.begin()
+    motions = []
+    with suppress(ContinuumGraspError):
+        predictions = problem.predict(np.array([unknown.start for unknown in problem.unknowns]))[0]
+        for block, part, _ in problem.parts:
+            of = block.measured
+            if of.moves and not block.own:  # which begins at its first row, wherever that is in time
+                motions.append((of.at, of.values, predictions[part].reshape(of.values.shape)))
+    slip = late(motions)
+    return [] if slip is None else [slip]
+
+
 def _refitted(words: str, trial: Problem, before: float) -> list[tuple[float, str]]:
     """Misfit without a slip, and what to say of it; nothing where it does not explain the measurements."""
     trial.begin()
     try:
-        solution = trial.solve(lambda share: None)
+        values = np.array([unknown.start for unknown in trial.unknowns])
+        predictions = trial.predict(values)[0]
+        if trial.sought:
+            values, predictions, *_ = trial.solve(lambda share: None)
     except ContinuumGraspError:
         return []
-    left = misfits(trial, solution.predictions)
+    left = misfits(trial, predictions)
     # values of nearly zero are met by any stiff finger
     missed = [m for m in left if m.limit < math.inf and m.rms > min(m.limit, _UNEXPLAINED * m.scatter)]
     if missed or _total(left) * _BETTER >= before:
         return []
-    values = zip(trial.unknowns, solution.values, strict=True)
-    shifts = ", ".join(f"{u.name} {value:.3g} {u.unit}" for u, value in values if u.name in _BASE)
+    pairs = zip(trial.unknowns, values, strict=True)
+    shifts = ", ".join(f"{u.name} {value:.3g} {u.unit}" for u, value in pairs if u.name in _BASE)
     by = f" ({shifts} off)" if shifts else ""
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]

@@ -5,9 +5,8 @@ from __future__ import annotations
 import difflib
 import math
 import os
-import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -186,7 +185,7 @@ def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) ->
         }
         return [
             Poses(
-                [_of(reading, rows) for reading in have],
+                [reading.selected(rows) for reading in have],
                 {which: values[rows] for which, values in conditions.items()},
                 chosen[rows],
                 scene,
@@ -196,7 +195,9 @@ def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) ->
             )
             for k, (have, rows) in enumerate(points.patterns(data_set.measured))
         ]
-    t, heading = _column(table, data_set.t, "s"), as_column(data_set.t).column
+    time = as_column(data_set.t)
+    t, heading = _column(table, time, "s"), time.column
+    table.check_clock(t, heading, "s" if time.scale != 1.0 else time.unit)
     long = isinstance(data_set, TipTrajectory) and any(isinstance(of.at, Column) for of in data_set.measured)
     groups = table.groups(heading if long else None)
     first = np.array([rows[0] for rows in groups])
@@ -220,8 +221,8 @@ def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) ->
     if not (there & inside).any():
         raise InputError("at every instant a cell that is read is empty", file=table.file)
     inside &= there
-    earlier = [_of(reading, there & (t < t[inside][0])) for reading in readings]
-    selected = [_of(reading, inside) for reading in readings]
+    earlier = [reading.selected(there & (t < t[inside][0])) for reading in readings]
+    selected = [reading.selected(inside) for reading in readings]
     try:
         known = None if data_set.start_prior is None else (data_set.start_prior.bend, data_set.start_prior.rate)
         return [
@@ -264,11 +265,6 @@ def choices_of(data: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ..
     changed = changed_at(plain_scene(scene), data.set, f"{key}.set")
     (poses,) = _read(plain, Table.of(headings, cells), changed, data.name or key, key)
     return headings, cells, cast(Poses, poses)
-
-
-def _of(reading: Reading, rows: NDArray[np.bool_]) -> Reading:
-    offset = np.asarray(reading.offset)[rows] if np.ndim(reading.offset) else reading.offset
-    return replace(reading, values=np.asarray(reading.values)[rows], offset=offset)
 
 
 @dataclass(frozen=True)
@@ -437,21 +433,14 @@ def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) ->
 _ROWS = 5000
 """Most rows to choose from [1]: the equilibria of so many take a quarter of a minute."""
 _TIMES = ("t", "time")
-_SUFFIX = re.compile(r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
 
 
 def _by_headings(file: Path, scene: Scene) -> list[Data]:
     """Measurements of a table whose headings say what they are, with their units in brackets or behind an underscore;
     InputError if they do not.
     """
-    table, columns = read_table(file), dict[str, Column]()
-    for heading, unit in zip(table.headings, table.units, strict=True):
-        match = _SUFFIX.fullmatch(heading) if unit is None else None
-        spelled, name = ({"Nm": "N m"}.get(match[2], match[2]), match[1]) if match else (None, heading)
-        name = name.lower()  # as names of the model are
-        if name in columns:
-            raise table.error(f"two columns are called {name!r}", table.index(heading))
-        columns[name] = Column(column=heading, unit=spelled)
+    table = read_table(file)
+    columns = {name: Column(column=heading, unit=unit) for name, (heading, unit) in table.named().items()}
     if "mode" in columns:
         message = (
             "give each mode a column of its own, by data: in a configuration: {quantity: frequency, of: 2, column: ...}"

@@ -16,7 +16,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.identification.comparison import Predicted
 from continuum_grasp.identification.numbers import Measured, MeasuredColumn
-from continuum_grasp.identification.periods import LATER, SWAPPED, Periods, Retuned, disagreement, innovations
+from continuum_grasp.identification.periods import DISAGREE, LATER, SWAPPED, Periods, Retuned, disagreement, innovations
 from continuum_grasp.labels import split_unit, unit_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.scene.control import ControlScene
@@ -193,9 +193,7 @@ def replay(
         suspicions.append(Suspicion(what, float(np.nanmean(after)), float(np.nanmean(disagreements))))
         report((k + 1.0) / (len(trials) + LATER))
     suspicions.sort(key=lambda suspicion: suspicion.after)
-    # 12.0: mean squared normalized innovation up to which sensors and model agree: a move with half the stiffness stays
-    # below 9 (``control/c/supervisor.c``), one with drives of 2.5 times the lag below 11
-    frozen, status = periods.frozen(), "consistent" if np.nanmax(disagreements) <= 12.0 else "mismatch"
+    frozen, status = periods.frozen(), "consistent" if np.nanmax(disagreements) <= DISAGREE else "mismatch"
     # 0.5: part of the disagreement that is left where the sensor at fault is left out, at most
     explained = bool(suspicions) and suspicions[0].after < 0.5 * suspicions[0].before
     if frozen or (status == "mismatch" and explained):

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import UNIT_OF, Data, Reading, TipPath
 from continuum_grasp.identification.read import unit_of_entry
@@ -33,6 +34,8 @@ _AXES: Mapping[str, Columns] = {
     "bend counts in the world (it is an angle)": {"bend": ("angle", 1.0)},
 }
 """Columns of x and y, for all frames with axes along those of the world, and of angles that count from elsewhere."""
+_SHIFTS = 400
+"""Parts of a motion by so many of which its rows are tried to be late or early [1]."""
 _GROUPS = {
     "positions": {"x": 1, "y": 1},
     "times": {"t": 1, "frequency": -1, "decay_rate": -1},
@@ -51,6 +54,8 @@ class Slip(NamedTuple):
     """Correction of the angle of the base [rad]."""
     gravity: float = 1.0
     """Factor on gravity [1]."""
+    late: float = 0.0
+    """Time by which rows of motions are late [s]."""
 
 
 def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
@@ -81,6 +86,37 @@ def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
     for degrees in (90, -90, 180):
         yield Slip(f"finger.base.angle is {degrees} degrees too small", {}, turn=math.radians(degrees))
     yield Slip("gravity points the other way", {}, gravity=-1.0)
+
+
+def late(motions: Sequence[tuple[Array, Array, Array]]) -> Slip | None:
+    """The time by which the rows of motions are late, by instants (T,), measured and predicted numbers (T, c) of each.
+
+    It is that at which the predictions of all, moved by it, agree best over a quarter of the instants at least.
+    """
+    steps = [float(np.ptp(t)) / _SHIFTS for t, *_ in motions]
+    if not steps or min(steps) <= 0.0:
+        return None
+    reach = 3 * _SHIFTS // 4
+    shifts = min(steps) * np.arange(-reach, reach + 1)
+    left = np.array([_missed(motions, shift) for shift in shifts])
+    k = int(np.argmin(left))
+    if not 0 < k < len(shifts) - 1 or k == reach:
+        return None
+    before, here, after = left[k - 1 : k + 2]
+    shift = shifts[k] + 0.5 * min(steps) * (before - after) / max(before - 2.0 * here + after, 1e-300)
+    words = f"rows of motions are {abs(shift):.3g} s {'late' if shift > 0.0 else 'early'}"
+    return Slip(words, {"t": ("t", 1.0)}, late=float(shift))
+
+
+def _missed(motions: Sequence[tuple[Array, Array, Array]], shift: float) -> float:
+    """Mean square of what motions are off, each column per its range, if their rows are late by a ``shift`` [s]."""
+    total, count = 0.0, 0
+    for t, measured, predicted in motions:
+        inside = (t + shift >= t[0]) & (t + shift <= t[-1])
+        moved = np.column_stack([np.interp(t[inside] + shift, t, column) for column in measured.T])
+        total += float(np.sum(((moved - predicted[inside]) / np.maximum(np.ptp(measured, axis=0), 1e-12)) ** 2))
+        count += moved.size
+    return total / max(count, 1)
 
 
 def undone(slip: Slip, data: Data, scene: Scene) -> Pair | None:
@@ -137,7 +173,10 @@ def _undone_data(slip: Slip, data: Data) -> Data:
         return tuple(corrected)
 
     if isinstance(data, TipPath):
-        return replace(data, t=scaled("t", data.t), measured=read(data.measured), before=read(data.before))
+        t = np.asarray(scaled("t", data.t)) - slip.late
+        begun = t >= 0.0
+        measured = [reading.selected(begun) for reading in read(data.measured)]
+        return replace(data, t=t[begun], measured=measured, before=read(data.before))
     conditions = {
         slip.columns.get(name, (name, 1.0))[0]: scaled(name, values) for name, values in data.conditions.items()
     }

@@ -8,6 +8,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
 
@@ -31,6 +32,19 @@ _HEADING = re.compile(rf"^(.*?)\s*(?:[\[(]((?<=\[)[^\]]*(?=\])|(?<=\()(?:{_UNITS
 _COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
 _MISSING = ("", "-", "--", "n/a", "na", "nan", "none", "null")
 """Cells without a value, in small letters, as cameras, spreadsheets and Python write them."""
+_SUFFIX = re.compile(r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:")
+_OFF = 30.0
+"""Factor on the expected time between rows, up or down, from which the unit is asked for [1]: half way, in logarithm,
+between the right unit and one that is a thousand times as large."""
+_SLOW = 1.0
+"""Time between rows without a unit from which the unit is asked for [s]: fingers move faster, and milliseconds of a
+logger of 1 kHz are 1 apart."""
+_COMMENTS = ("#", "%", "//")
+"""Beginnings of lines that are comments, beside the semicolon, which separates cells in other files."""
+_DIRECTIVE = re.compile(r"sep=.?")
+"""First line by which Excel is told the character between cells."""
+_WORD = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 _OF_SI = {unit for si in QUANTITIES for unit in units_of(si)}
 """Units that a line below the headings may state."""
 _WEIGHTS = {"g": "gf", "kg": "kgf"}
@@ -109,8 +123,11 @@ class Table:
     def in_si(self, heading: str, si: str, unit: str | None = None, zero: float = 0.0, *, gaps: bool = False) -> Array:
         """A column (rows,) less ``zero`` of its own unit, in an SI unit.
 
-        ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN.
+        ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN. Dates with times
+        by ISO 8601 count from the first on.
         """
+        if si == "s" and (seconds := self._dates(heading)) is not None:
+            return seconds - zero
         at = self.index(heading)
         heading_unit, stated = self.units[at], unit
         if si == "N":
@@ -122,6 +139,40 @@ class Table:
         except InputError as error:
             raise self.error(f"column {self.headings[at]}: {error.message}", at) from None
         return factor * (self.numbers(heading, gaps=gaps) - zero)
+
+    def named(self) -> dict[str, tuple[str, str | None]]:
+        """Heading of each column, and a unit behind its name (x_mm, x / mm, x in mm), by the name in small letters."""
+        columns = dict[str, tuple[str, str | None]]()
+        for heading, unit in zip(self.headings, self.units, strict=True):
+            match = _SUFFIX.fullmatch(heading) if unit is None else None
+            name = (match[1] if match else heading).lower()
+            if name in columns:
+                raise self.error(f"two columns are called {name!r}", self.index(heading))
+            columns[name] = heading, {"Nm": "N m"}.get(match[2], match[2]) if match else None
+        return columns
+
+    def check_clock(self, t: Array, heading: str, unit: str | None = None, period: float | None = None) -> None:
+        """Refuse times (rows,) [s] that are too far apart, or too near, for the unit in which they are read.
+
+        ``unit`` is that of the configuration, ``period`` the time between rows that the scene expects [s]; None: it has
+        none.
+        """
+        at = self.index(heading)
+        read_in = unit or self.units[at] or "s"
+        apart = float(np.median(steps)) if (steps := np.diff(np.unique(t))).size else 0.0
+        stated = unit is not None or self.units[at] is not None or self._dates(heading) is not None
+        usual = stated or apart < _SLOW if period is None else 1.0 / _OFF < apart / period < _OFF
+        if usual or not apart:
+            return
+        others = {other: float(size) / factor_to_si(read_in, "s") for other, size in units_of("s").items()}
+        wanted = period or 0.01  # of cameras and loggers
+        likely = min(others, key=lambda other: abs(math.log(others[other] * apart / wanted)))
+        if likely != read_in:
+            name = self.headings[at]
+            message = f"column {name}: rows are {apart:g} s apart, read in {read_in}"
+            message += "" if period is None else f", and periods of the controller {period:g} s"
+            headed = f"{name} [{likely}]" + (f", or {name} [{read_in}]," if period is None else "")
+            raise self.error(f"{message}; is {name} in {likely}? Write {headed} as its heading", at)
 
     def check_order(self, values: Array, heading: str, rows: NDArray[np.intp], *, strict: bool = True) -> None:
         """Refuse instants (K,) [s] of some rows (K,) that step back, or repeat where that is not allowed."""
@@ -143,6 +194,23 @@ class Table:
     def empty(self, at: int, row: int) -> InputError:
         """An error at an empty cell."""
         return self.error(f"column {self.headings[at]}: the cell is empty; expected a number", at, row)
+
+    def _dates(self, heading: str) -> Array | None:
+        """A column of dates with times by ISO 8601 (rows,) from the first on [s]; None where they are numbers."""
+        at = self.index(heading)
+        if _DATE.match(self.rows[0][at]) is None:
+            return None
+        dates = list[datetime]()
+        for k, row in enumerate(self.rows):
+            try:
+                dates.append(datetime.fromisoformat(row[at]))
+            except ValueError:
+                message = f"expected a date with a time as in the first row, got {row[at]!r:.40}"
+                raise self.error(f"column {self.headings[at]}: {message}", at, k) from None
+        try:
+            return np.array([(date - dates[0]).total_seconds() for date in dates])
+        except TypeError:
+            raise self.error("some dates have a time zone and others have none", at) from None
 
     def _number(self, row: int, at: int, gaps: bool) -> float:
         text = self.rows[row][at].replace("\u2212", "-")  # the minus of typographers
@@ -166,11 +234,12 @@ class Table:
 
 @check_arguments
 def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
-    r"""Read a table: UTF-8, a line of headings; empty lines and lines that begin with # are skipped.
+    r"""Read a table: UTF-8, a line of headings; empty lines and comments, behind #, %, // or ;, are skipped.
 
-    Commas, semicolons or tabs separate columns; numbers have decimal points, or commas where these separate nothing.
-    Tables of DeepLabCut (headings in three lines) and Tracker (a line of tracks above the headings) are read as well,
-    and units in a line below the headings; lines that repeat the headings are skipped.
+    Commas, semicolons, tabs or blanks separate columns; numbers have decimal points, or commas where these separate
+    nothing. Headings may stand in a comment above the numbers, as numpy and MATLAB write them. Tables of DeepLabCut
+    (headings in three lines) and Tracker (a line of tracks above the headings) are read as well, and units in a line
+    below the headings; lines that repeat the headings are skipped.
 
     Parameters
     ----------
@@ -195,14 +264,14 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
     """
     name, text = str(path), text_of(path, MAX_BYTES)
-    numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+    separator, numbered = _written(text)
+    headed = _with_headings(text, separator, numbered)
+    if not names or _columns(headed[:1], separator) == set(names):  # else any comment may have as many words
+        numbered = headed
     if len(numbered) < (1 if names else 2):
         raise InputError("expected a line of headings and rows of numbers", file=name)
-    lines, (separator, cells) = [line for _, line in numbered], _separated([line for _, line in numbered])
-    if not any(row[-1] for row in cells) and len(cells[0]) > 1:  # a separator behind the last cell
-        cells = [row[:-1] for row in cells]
-    bare = names and _number_in(cells[0][0]) is not None
-    top, names = (0, _commented(text, numbered[0][0], separator, len(cells[0])) or names) if bare else _headings(cells)
+    cells = _trimmed([_cells(line, separator) for _, line in numbered])
+    top, names = (0, names) if names and _number_in(cells[0][0]) is not None else _headings(cells)
     header_line = numbered[max(top - 1, 0)][0]
     # headings again, where a file was begun anew
     retained = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
@@ -212,27 +281,42 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     parts = [_HEADING.fullmatch(cell) for cell in names]
     headings = tuple(part[1] if part else cell for part, cell in zip(parts, names, strict=True))
     units = tuple(part[2] if part else None for part in parts)
+    _check_headings(headings, names, name, header_line)
+    _check_widths(rows, row_lines, headings, separator, name)
+    every = [cell for row in rows for cell in row]
+    comma = not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
+    table = Table(name, headings, units, rows, row_lines, header_line, comma)
+    return table if cells[0][0] != "scorer" else _sure(table)
+
+
+def _check_headings(headings: Sequence[str], names: Sequence[str], file: str, line: int) -> None:
+    """Refuse headings that are empty, numbers, or there twice; ``names`` have their units with them."""
     for k, heading in enumerate(headings):
         if not heading:
-            raise InputError(f"column {k + 1} has no heading", file=name, line=header_line)
+            raise InputError(f"column {k + 1} has no heading", file=file, line=line)
         if heading in headings[:k]:
             place = 1 + sum(len(cell) + 1 for cell in names[:k])
             message = f"two columns are called {heading!r}: rename one, as nothing reads it then"
-            raise InputError(message, file=name, line=header_line, column=place)
+            raise InputError(message, file=file, line=line, column=place)
         if _number_in(heading) is not None:
-            raise InputError(f"expected headings, got the number {heading}", file=name, line=header_line)
-    for line, row in zip(row_lines, rows, strict=True):
-        if len(row) != len(headings):
-            hint = ""
-            if separator == "," and len(row) > len(headings):
-                hint = "; write decimal points, or semicolons between cells"
-            if len(headings) == 1:
-                hint = f"; begin lines above the headings with #, as {headings[0]!r:.40}"
-            raise InputError(f"expected {len(headings)} cells, got {len(row)}{hint}", file=name, line=line)
-    every = [cell for row in rows for cell in row]
-    comma = separator != "," and not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
-    table = Table(name, headings, units, rows, row_lines, header_line, comma)
-    return table if lines[0].partition(separator)[0].strip() != "scorer" else _sure(table)
+            raise InputError(f"expected headings, got the number {heading}", file=file, line=line)
+
+
+def _check_widths(
+    rows: Sequence[Sequence[str]], lines: Sequence[int], headings: Sequence[str], separator: str, file: str
+) -> None:
+    """Refuse rows that have not as many cells as there are headings."""
+    for line, row in zip(lines, rows, strict=True):
+        if len(row) == len(headings):
+            continue
+        hint = ""
+        if separator == "," and len(row) > len(headings):
+            hint = "; write decimal points, or semicolons between cells"
+        if len(headings) == 1:
+            hint = f"; begin lines above the headings with #, as {headings[0]!r:.40}"
+        elif line == lines[-1] and len(row) < len(headings):
+            hint = "; the last line is cut off: delete it"
+        raise InputError(f"expected {len(headings)} cells, got {len(row)}{hint}", file=file, line=line)
 
 
 def csv_text(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -242,17 +326,62 @@ def csv_text(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     return text.getvalue()
 
 
-def _separated(lines: Sequence[str]) -> tuple[str, list[tuple[str, ...]]]:
-    """Character between cells, and cells: of semicolon, tab and comma the first that separates the last line."""
-    separator = next((character for character in ";\t" if character in lines[-1]), ",")
-    return separator, [tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator))) for line in lines]
+def _written(text: str) -> tuple[str, list[tuple[int, str]]]:
+    """Character between cells, and lines of a table with their numbers, without those that are empty or comments.
+
+    A line that begins with a semicolon is a comment too, unless semicolons separate as many cells as in other lines.
+    """
+    numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
+    if numbered and _DIRECTIVE.fullmatch(numbered[0][1].strip()):
+        numbered = numbered[1:]
+    written = [(k, line) for k, line in numbered if not line.lstrip().startswith(_COMMENTS)]
+    if not written:
+        return ",", []
+    last = next((line for _, line in reversed(written) if line.lstrip()[0] != ";"), written[-1][1])
+    separator = _separator(last)
+    width = len(_cells(last, separator)) if separator == ";" else 0
+    return separator, [(k, line) for k, line in written if line.lstrip()[0] != ";" or line.count(";") + 1 == width]
 
 
-def _commented(text: str, first: int, separator: str, count: int) -> list[str]:
-    """Headings behind # in the line above the first of numbers, where it has one per column; none elsewhere."""
-    above = text.splitlines()[first - 2].strip() if first > 1 else ""
-    cells = [cell.strip() for cell in above.lstrip("#").split(separator)]
-    return cells if above.startswith("#") and len(cells) == count and all(cells) else []
+def _with_headings(text: str, separator: str, numbered: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Lines with that of the headings, which is in the last comment above them where they begin with numbers."""
+    if not numbered or any(_number_in(cell) is None for cell in _cells(numbered[0][1], separator) if cell):
+        return numbered
+    width, first = len(_cells(numbered[0][1], separator)), numbered[0][0]
+    for k, line in reversed(list(enumerate(text.splitlines()[: first - 1], 1))):
+        heading = line.strip().lstrip("#%/;").strip()
+        for between in (separator, _separator(heading)):
+            if len(cells := _cells(heading, between)) == width:
+                return [(k, separator.join(cells) if between != separator else heading), *numbered]
+    return numbered
+
+
+def _separator(line: str) -> str:
+    """Character between the cells of a line of numbers: of semicolon, tab, blank and comma the first that is there."""
+    if ";" in line or "\t" in line:
+        return ";" if ";" in line else "\t"
+    words = line.split()
+    numbers = [_COMMA.fullmatch(word) or _number_in(word) is not None for word in words]
+    return " " if len(words) > 1 and all(numbers) else ","
+
+
+def _cells(line: str, separator: str) -> tuple[str, ...]:
+    """Cells of a line; between blanks a heading has its unit with it."""
+    if separator == " ":
+        return tuple(_WORD.findall(line))
+    return tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator)))
+
+
+def _trimmed(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Rows without what separators behind the last cells begin: columns in which no row has anything."""
+    width = max((k for row in rows for k, cell in enumerate(row, 1) if cell), default=1)
+    return [row[:width] for row in rows]
+
+
+def _columns(line: list[tuple[int, str]], separator: str) -> set[str]:
+    """Headings in a line, without their units."""
+    cells = [cell for _, text in line for cell in _cells(text, separator)]
+    return {part[1] if (part := _HEADING.fullmatch(cell)) else cell for cell in cells}
 
 
 def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:

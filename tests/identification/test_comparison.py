@@ -240,6 +240,16 @@ PLAIN = "tip_moment [N m],x [mm],y [mm]\n0,1,-2\n0.001,,-3.5\n"
         "Tip_moment [N m],X / mm,Y in mm\n0,1,-2\n0.001,n/a,\u22123.5\n",
         "tip_moment [N m],x [mm],y [mm],\n0,1,-2,\n0.001,-,-3.5,\n",
         "tip_moment [N m],x [mm],y [mm]\n0,1,-2\ntip_moment [N m],x [mm],y [mm]\n0.001,NaN,-3.5\n",
+        "; made by a logger\n; rate: 100 Hz\ntip_moment [N m],x [mm],y [mm]\n0,1,-2\n0.001,,-3.5\n",
+        "; made by a logger\ntip_moment [N m];x [mm];y [mm]\n0;1;-2\n0,001;;-3,5\n",
+        "% made by\n% tip_moment [N m], x [mm], y [mm]\n0,1,-2\n0.001,,-3.5\n",
+        "# tip_moment [N m] x [mm] y [mm]\n0 1 -2\n0.001 nan -3.5\n",
+        "// made by\ntip_moment [N m] x [mm] y [mm]\n0 1 -2\n0,001 nan -3,5\n",
+        "sep=;\ntip_moment [N m];x [mm];y [mm]\n0;1;-2\n0,001;;-3,5\n",
+        '"tip_moment [N m]","x [mm]","y [mm]"\n"0","1","-2"\n"0,001","","-3,5"\n',
+        "tip_moment [N m],x [mm],y [mm]\n0,1,-2,\n0.001,,-3.5,\n",
+        "tip_moment [N m]\tx [mm]\ty [mm]\t\t\n0\t1\t-2\n0,001\t\t-3,5\n",
+        "\ufefftip_moment [N m],x [mm],y [mm]\r\n0,1,-2\r\n0.001,,-3.5\r\n",
     ],
 )
 def test_tables_as_people_have_them_are_those_with_units_in_brackets(tmp_path, text):
@@ -260,6 +270,7 @@ REFUSED = {
     "x [mm],x_m\n200,0.2\n": "points.csv:1:8: two columns are called 'x'",
     "x,y\n0,199,1\n": "csv:2: expected 2 cells, got 3; write decimal points, or semicolons between cells",
     "Trial 3\nx,y\n1,2\n": "csv:2: expected 1 cells, got 2; begin lines above the headings with #, as 'Trial 3'",
+    "x,y,z\n1,2,3\n4,5\n": "csv:3: expected 3 cells, got 2; the last line is cut off: delete it",
     "x,y\n1,2 mm\n": "csv:2:3: column y: expected a number, got '2 mm' (write units in the heading: y [mm])",
     "x [mm],y,x [mm]\n1,2,3\n": "csv:1:10: two columns are called 'x': rename one",
     "a,b\n1,2\n": "points.csv:1: the headings (a, b) do not say what was measured",
@@ -314,6 +325,44 @@ def test_instants_that_step_back_are_named_by_their_line(tmp_path, kind):
         read = partial(cg.compare, described({"kind": kind, **further}), file)
     with pytest.raises(InputError, match=r"points.csv:22:1: column t: 0.09 s is not after 0.19 s"):
         read()
+
+
+@pytest.mark.parametrize("kind", ["trajectory", "ring_down", "headings", "log"])
+@pytest.mark.parametrize(("heading", "apart", "likely"), [("t", 10.0, "ms"), ("t", 1e4, "us"), ("t", 0.01, None)])
+def test_times_without_a_unit_are_asked_for_where_they_are_no_seconds(tmp_path, kind, heading, apart, likely):
+    """Before anything is simulated; in every reader of a table with times, with the headings that answer."""
+    rows = "".join(f"{apart * k:.6g},0.2,{0.01 * (-1.0) ** k}\n" for k in range(20))
+    file = table(tmp_path, f"{heading},x,y\n" + rows)
+    further = {"ring_down": {"signals": ["y"], "window": [0.0, 1e9]}}.get(kind, {})
+    read = partial(read_data, cg.Scene(**ROD) if kind == "headings" else described({"kind": kind, **further}), [file])
+    if kind == "log":
+        read = partial(columns_of, file, ["x [m]"], 0.01)
+    if likely is None:
+        read()
+        return
+    with pytest.raises(InputError, match=rf"points.csv:1:1: column t: .*is t in {likely}\? Write t \[{likely}\]"):
+        read()
+
+
+def test_units_that_are_stated_are_believed_unless_a_controller_contradicts(tmp_path):
+    rows = "".join(f"{10.0 * k:.6g},0.2,0\n" for k in range(20))
+    slow = table(tmp_path, "t [s],x,y\n" + rows)
+    assert read_data(cg.Scene(**ROD), [slow])[0].t[-1] == 190.0
+    with pytest.raises(InputError, match=r"rows are 10 s apart, read in s, and periods of the controller 0.01 s"):
+        columns_of(slow, ["x [m]"], 0.01)
+    with pytest.raises(InputError, match=r"is t in s\? Write t \[s\]"):
+        columns_of(table(tmp_path, "t [ms],x\n0,1\n0.01,2\n0.02,3\n"), ["x [m]"], 0.01)
+
+
+def test_times_may_be_dates_and_headings_have_units_behind_an_underscore(tmp_path):
+    text = "time,x_mm\n2026-03-10T16:09:57.5,1\n2026-03-10T16:09:57.51,2\n2026-03-10 16:09:58.5,3\n"
+    channels, repeated = columns_of(table(tmp_path, text), ["x [m]"], 0.01)
+    t, x = channels["x [m]"]
+    assert t == pytest.approx([0.0, 0.01, 1.0], abs=1e-9)
+    assert x == pytest.approx([0.001, 0.002, 0.003])
+    assert repeated == 0
+    with pytest.raises(InputError, match=r"points.csv:3:1: column time: expected a date with a time .* got '3'"):
+        columns_of(table(tmp_path, "time,x\n2026-03-10T16:09:57.5,1\n3,2\n"), ["x [m]"])
 
 
 def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):

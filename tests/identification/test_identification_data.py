@@ -175,7 +175,7 @@ def test_a_column_without_a_number_is_named(tmp_path):
 
 def test_cells_that_nothing_separates_are_named(tmp_path):
     path = tmp_path / "drops.csv"
-    path.write_text("weight drop\n0 1\n10 2\n")
+    path.write_text("weight|drop\n0|1\n10|2\n")
     with pytest.raises(InputError, match="separate cells by commas, semicolons or tabs"):
         cg.identify(scene(STATIC), path)
 

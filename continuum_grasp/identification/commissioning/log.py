@@ -129,7 +129,7 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
     """The log's commands and readings, at instants that have them all, and what it lacks."""
     names = [name for name in names_of(scene) if name in bench.names]
     commands = [COMMANDED + name for name in bench.model.u_names]
-    columns = columns_of(given, (*names, *commands))
+    columns, _ = columns_of(given, (*names, *commands), scene.controller.step)
     file = None if isinstance(given, ControlLog) else str(given)
     absent = [name_of(name) for name in (*TIP, *commands) if not columns[name][0].size]
     if absent:
