@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel
 
 ONSET = 1.0 / 16.0
-"""Tension within which a tendon on a winch goes from slack to tension, per that which bends its finger by one radian
-[1]: 0.4 N of a hand's finger."""
+"""Tension within which a tendon on a winch goes from slack to tension, per its natural tension [1]: 0.4 N of a hand's
+finger."""
 COMMANDS = {
     "tip_moment": ("tip_moment", "N m"),
     "tensions": ("tension", "N"),

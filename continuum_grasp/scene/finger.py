@@ -333,11 +333,13 @@ class Finger(Value):
         axial = tendon.end(self.rod.length) / tendon.axial_stiffness
         return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, axial, self.onset(tendon))
 
+    def natural_tension(self, tendon: Tendon) -> float:
+        """Tension of a tendon that bends a rod by one radian that is as stiff all along as at the base [N]."""
+        return self.rod.stiffness / (self.rod.length * tendon.greatest_offset)
+
     def onset(self, tendon: Tendon) -> float:
         """Half the length in which a tendon on a winch goes from slack to tension [m]."""
-        rod = self.rod
-        per_radian = rod.stiffness / (rod.length * tendon.greatest_offset)
-        return ONSET * per_radian * tendon.compliance(rod.length)
+        return ONSET * self.natural_tension(tendon) * tendon.compliance(self.rod.length)
 
     @cached_property
     def inputs(self) -> tuple[Input, ...]:
