@@ -203,7 +203,7 @@ class Guided:
 def guided_tendons(finger: Finger, at: Array, axial_stiffness: float | None) -> list[Guided]:
     """Tendons of a finger with guides at places [m]; ``axial_stiffness`` [N] is of those whose tension is commanded."""
     length = finger.rod.length
-    motors = [winch for winch in winches_of(finger.tendon_list, length) if isinstance(winch, Motor)]
+    motors = [winch for winch in winches_of(finger) if isinstance(winch, Motor)]
     gears = {
         motor.tendons[0]: (gear[0] / motor.radius**2, gear[1] * motor.radius)
         for motor in motors

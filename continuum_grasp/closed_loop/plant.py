@@ -24,7 +24,7 @@ from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.simulation.spectrum import PARTIAL_STEP, TARGET_RADIUS, sample_shapes, stiff_method
+from continuum_grasp.simulation.spectrum import TARGET_RADIUS, partial_step, sample_shapes, stiff_method
 
 
 class Plant:
@@ -208,10 +208,10 @@ class Method(NamedTuple):
 def choose_method(model: PlantModel, period: float) -> Method:
     """Choose the cheapest stable steps, from the largest eigenvalue over some shapes at rest, contacts and damping."""
     system, w = model.system, model.forces(0.0)[0]
-    radius = 0.0
+    radius, longest = 0.0, partial_step(system.finger_model.finger)
     if isinstance(system, ChainSystem):
-        # 1e-3: step of a chain of guides, which is implicit [s]
-        return Method(GUIDES, math.ceil(period / 1e-3 - 1e-9), radius)
+        # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
+        return Method(GUIDES, math.ceil(period / (10.0 * longest) - 1e-9), radius)
     for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
@@ -221,9 +221,9 @@ def choose_method(model: PlantModel, period: float) -> Method:
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
     if system.surroundings is not None or system.structure.has_law("damping"):
         partial = stiff_method(system.structure) if system.structure.has_law("damping") else "ros2"
-        return Method(partial, math.ceil(period / PARTIAL_STEP - 1e-9), radius)
-    # 1.25e-3: longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6
-    wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / 1.25e-3 - 1e-9)
+        return Method(partial, math.ceil(period / longest - 1e-9), radius)
+    # 12.5: longest step of either method per that; on fingers of a hand it follows a step of the input to 1e-6
+    wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / (12.5 * longest) - 1e-9)
     # 40: sub-steps per control period up to which the explicit method is taken
     if wanted <= max(40, least):
         return Method("rk4", max(wanted, least, 1), radius)

@@ -50,7 +50,7 @@ class Commands:
 
     def __init__(self, finger: Finger, s: ArrayLike) -> None:
         self._finger, self._s = finger, np.asarray(s, dtype=float)
-        self._winches = winches_of(finger.tendon_list, finger.rod.length)
+        self._winches = winches_of(finger)
 
     def of(self, tensions: ArrayLike, angles: ArrayLike) -> Array:
         """Commands (nu) under tensions (T) [N] at the drives, with angles of the backbone at ``s`` [rad]."""

@@ -8,118 +8,136 @@ friction models, IEEE Trans. Automat. Contr. 47 (2002), doi:10.1109/TAC.2002.100
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.surroundings import ContactLaw
 
-
-def normal_force(law: ContactLaw, gap: Scalar, gap_rate: Scalar) -> Scalar:
-    """Normal force [N], zero or positive, of a gap [m], negative where the surfaces overlap, and its rate [m/s]."""
-    # The spring's slope rises smoothly, as 3 t^2 - 2 t^3, over a gap from +rounding to -rounding: derivatives for
-    # implicit steps and optimizers stay continuous.
-    rounding = law.rounding
-    t, beyond = _onset(law, gap)
-    depth = 2.0 * rounding * t**3 * (1.0 - 0.5 * t) + beyond
-    if law.dissipation == 0.0:
-        return law.stiffness * depth
-    # Hunt and Crossley: dissipation in proportion to the depth, so no force jumps at the touch; no pull at the release.
-    return law.stiffness * depth * ca.fmax(0.0, 1.0 - law.dissipation * gap_rate)
+_SPRINGS_BACK = 0.2
+"""Slip per displacement, in a contact's time, up to which its friction springs back, so that what swings slowly in a
+hand does not creep; the same is the share of itself that an open contact forgets in that time [1]: 115 and 364 per
+second on pads of 2 and 20 N/mm."""
 
 
-def stored_energy(law: ContactLaw, gap: Scalar) -> Scalar:
-    """Energy of the spring in normal direction [J]."""
-    rounding = law.rounding
-    t, beyond = _onset(law, gap)
-    return law.stiffness * ((2.0 * rounding) ** 2 * t**4 * (0.25 - 0.1 * t) + beyond * (0.5 * beyond + rounding))
+@dataclass(frozen=True)
+class TouchLaw:
+    """What surfaces exert that touch by a contact law; ``mass`` [kg] is that of the finger whose surface it is."""
 
+    law: ContactLaw
+    mass: float
 
-def _onset(law: ContactLaw, gap: Scalar) -> tuple[ca.SX, ca.SX]:
-    """Share of the onset, 0 to 1, and the depth beyond it [m]."""
-    rounding = law.rounding
-    t = ca.fmin(ca.fmax((0.5 / rounding) * (rounding - gap), 0.0), 1.0)
-    return ca.SX(t), ca.SX(ca.fmax(-gap - rounding, 0.0))
+    @cached_property
+    def time(self) -> float:
+        """Time in which the mass on the contact's spring moves by one radian [s]: 0.6 ms of 6 g on 20 N/mm."""
+        return math.sqrt(self.mass / self.law.stiffness)
 
+    def normal_force(self, gap: Scalar, gap_rate: Scalar) -> Scalar:
+        """Normal force [N], zero or positive, of a gap [m], negative where the surfaces overlap, and its rate [m/s]."""
+        # The spring's slope rises smoothly, as 3 t^2 - 2 t^3, over a gap from +rounding to -rounding: derivatives for
+        # implicit steps and optimizers stay continuous.
+        law, rounding = self.law, self.law.rounding
+        t, beyond = self._onset(gap)
+        depth = 2.0 * rounding * t**3 * (1.0 - 0.5 * t) + beyond
+        if law.dissipation == 0.0:
+            return law.stiffness * depth
+        # Hunt and Crossley: dissipation in proportion to the depth, so no force jumps at the touch; no pull at the
+        # release.
+        return law.stiffness * depth * ca.fmax(0.0, 1.0 - law.dissipation * gap_rate)
 
-def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
-    """Friction force per direction, as a share of the limit: a vector of size up to one that points with the slip.
+    def stored_energy(self, gap: Scalar) -> Scalar:
+        """Energy of the spring in normal direction [J]."""
+        rounding = self.law.rounding
+        t, beyond = self._onset(gap)
+        return self.law.stiffness * (
+            (2.0 * rounding) ** 2 * t**4 * (0.25 - 0.1 * t) + beyond * (0.5 * beyond + rounding)
+        )
 
-    Friction states ``z`` [1] and slip ``v`` [m/s] have an entry per direction; there are no states with a slip speed.
-    """
-    # Without states: Coulomb's law rounded off at the slip speed, which creeps under any load.
-    if law.displacement is None:
-        size = ca.sqrt(_square(v) + (law.slip_speed**2 if law.slip_speed else 0.0))
-        return [each / size for each in v]
-    if law.dissipation == 0.0:
-        return list(z)
-    elastic = _elastic_velocity(law, z, v)
-    damped = [each + law.dissipation * rate for each, rate in zip(z, elastic, strict=True)]
-    # The elastic displacement is damped by the coefficient of the normal direction; the sum must not leave the cone.
-    size = ca.sqrt(ca.fmax(1.0, _square(damped)))
-    return [each / size for each in damped]
+    def _onset(self, gap: Scalar) -> tuple[ca.SX, ca.SX]:
+        """Share of the onset, 0 to 1, and the depth beyond it [m]."""
+        rounding = self.law.rounding
+        t = ca.fmin(ca.fmax((0.5 / rounding) * (rounding - gap), 0.0), 1.0)
+        return ca.SX(t), ca.SX(ca.fmax(-gap - rounding, 0.0))
 
+    def friction_share(self, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
+        """Friction force per direction, as a share of the limit: a vector of size up to one that points with the slip.
 
-def viscous_friction(law: ContactLaw, pressed: Scalar, v: Sequence[Scalar]) -> list[Scalar]:
-    """Force of a film between the surfaces against slip v [m/s], per direction [N]; none where the law has no film."""
-    return [law.viscous * pressed * each for each in v] if law.viscous else []
+        Friction states ``z`` [1] and slip ``v`` [m/s] have an entry per direction; there are no states with a slip
+        speed.
+        """
+        law = self.law
+        # Without states: Coulomb's law rounded off at the slip speed, which creeps under any load.
+        if law.displacement is None:
+            size = ca.sqrt(_square(v) + (law.slip_speed**2 if law.slip_speed else 0.0))
+            return [each / size for each in v]
+        if law.dissipation == 0.0:
+            return list(z)
+        elastic = self._elastic_velocity(z, v)
+        damped = [each + law.dissipation * rate for each, rate in zip(z, elastic, strict=True)]
+        # The elastic displacement is damped by the coefficient of the normal direction; the sum must not leave the
+        # cone.
+        size = ca.sqrt(ca.fmax(1.0, _square(damped)))
+        return [each / size for each in damped]
 
+    def viscous_friction(self, pressed: Scalar, v: Sequence[Scalar]) -> list[Scalar]:
+        """Force of a film between the surfaces against slip v [m/s], per direction [N]; none where the law has no
+        film.
+        """
+        return [self.law.viscous * pressed * each for each in v] if self.law.viscous else []
 
-def friction_rate(law: ContactLaw, gap: Scalar, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
-    """Rates of the friction states [1/s].
+    def friction_rate(self, gap: Scalar, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
+        """Rates of the friction states [1/s].
 
-    While the surfaces touch, z' = (v - lost z) / displacement. At a slow slip, lost is b(|z|) max(0, v.z), where b
-    rises smoothly from 0 at half the cone to 1 on it: below half the contact springs back, whatever shakes it. At a
-    fast one it is |v|, so that the state is linear in z, and takes 1 ms at least to turn. Either way z stays in the
-    unit disc and turns into the direction of a steady slip. An open contact forgets.
-    """
-    if law.displacement is None:
-        return []
-    # Zero at a gap of three times the rounding, one from where there is a force.
-    near = ca.fmin(ca.fmax((0.5 / law.rounding) * (3.0 * law.rounding - gap), 0.0), 1.0)
-    touching = near * near * (3.0 - 2.0 * near)
-    fast, speed = _fast(law, v)
-    # One displacement of slip turns the state at any slow speed; a fast one takes at least the shortest time.
-    # 1e-3: least time in which friction turns with a fast slip [s]: the rate of the states would otherwise grow with
-    # the speed of slip, and set the step of explicit integrators
-    pace = touching / (law.displacement + 1e-3 * fast * speed)
-    # 100.0: rate at which an open contact forgets its tangential displacement [1/s]: after some 10 ms it touches
-    # without a stale force
-    fade = (1.0 - touching) * 100.0
-    elastic = _elastic_velocity(law, z, v)
-    return [pace * rate - fade * each for each, rate in zip(z, elastic, strict=True)]
+        While the surfaces touch, z' = (v - lost z) / displacement. At a slow slip, lost is b(|z|) max(0, v.z), where b
+        rises smoothly from 0 at half the cone to 1 on it: below half the contact springs back, whatever shakes it. At a
+        fast one it is |v|, so that the state is linear in z, and takes the contact's time at least to turn. Either way
+        z stays in the unit disc and turns into the direction of a steady slip. An open contact forgets.
+        """
+        law = self.law
+        if law.displacement is None:
+            return []
+        # Zero at a gap of three times the rounding, one from where there is a force.
+        near = ca.fmin(ca.fmax((0.5 / law.rounding) * (3.0 * law.rounding - gap), 0.0), 1.0)
+        touching = near * near * (3.0 - 2.0 * near)
+        fast, speed = self._fast(v)
+        # One displacement of slip turns the state at any slow speed; a fast one takes at least the contact's time: the
+        # rate of the states would otherwise grow with the speed of slip, and set the step of explicit integrators.
+        pace = touching / (law.displacement + self.time * fast * speed)
+        # An open contact forgets its tangential displacement, so that it touches without a stale force.
+        fade = (1.0 - touching) * (_SPRINGS_BACK / self.time)
+        elastic = self._elastic_velocity(z, v)
+        return [pace * rate - fade * each for each, rate in zip(z, elastic, strict=True)]
 
+    def _elastic_velocity(self, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
+        """Part of the slip that goes into the elastic displacement [m/s]."""
+        # 0.5: share of the cone up to which friction is elastic: a contact that bears less does not creep, however it
+        # is shaken, and above it the onset of slip is smooth
+        low = 0.5**2
+        t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
+        outward = sum(a * b for a, b in zip(z, v, strict=True))
+        fast, speed = self._fast(v)
+        # b(|z|) max(0, v.z): only slip that loads the contact further is lost.
+        slow_loss = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
+        lost = slow_loss + fast * (speed - slow_loss)
+        return [b - lost * a for a, b in zip(z, v, strict=True)]
 
-def _elastic_velocity(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
-    """Part of the slip that goes into the elastic displacement [m/s]."""
-    # 0.5: share of the cone up to which friction is elastic: a contact that bears less does not creep, however it is
-    # shaken, and above it the onset of slip is smooth
-    low = 0.5**2
-    t = ca.fmin(ca.fmax((_square(z) - low) / (1.0 - low), 0.0), 1.0)
-    outward = sum(a * b for a, b in zip(z, v, strict=True))
-    fast, speed = _fast(law, v)
-    # b(|z|) max(0, v.z): only slip that loads the contact further is lost.
-    slow_loss = t * t * (3.0 - 2.0 * t) * ca.fmax(0.0, outward)
-    lost = slow_loss + fast * (speed - slow_loss)
-    return [b - lost * a for a, b in zip(z, v, strict=True)]
+    def _fast(self, v: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
+        """Whether a slip is fast, from 0 to 1, and its speed [m/s]."""
+        # Fourth powers: a sharp but smooth switch that needs no root of the speed. Slower ones spring back without
+        # loss below the elastic share: a held object that swings slowly does not creep.
+        limit = _SPRINGS_BACK * (self.law.displacement or 0.0) / self.time
+        square = _square(v)
+        fourth = square * square
+        return fourth / (fourth + limit**4), self.speed_of(v)
 
-
-def _fast(law: ContactLaw, v: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
-    """Whether a slip is fast, from 0 to 1, and its speed [m/s]."""
-    square = _square(v)
-    # Fourth powers: a sharp but smooth switch that needs no root of the speed.
-    # 100.0: rate of slip, per displacement, up to which contacts below the elastic share spring back without loss
-    # [1/s]: a held object that swings at a few Hz does not creep
-    limit = (100.0 * (law.displacement or 0.0)) ** 4
-    fourth = square * square
-    return fourth / (fourth + limit), speed_of(v)
-
-
-def speed_of(v: Sequence[Scalar]) -> Scalar:
-    """Speed of a slip v [m/s] by direction, differentiable at rest [m/s]."""
-    # 1e-24: keeps roots differentiable at zero [m2/s2]: the square of 1e-12 m/s, far below any slip that matters
-    return ca.sqrt(_square(v) + 1e-24)
+    def speed_of(self, v: Sequence[Scalar]) -> Scalar:
+        """Speed of a slip v [m/s] by direction, differentiable at rest [m/s]."""
+        # 1e-9: of the speed that passes the rounding in the contact's time: far below any slip that matters
+        return ca.sqrt(_square(v) + (1e-9 * self.law.rounding / self.time) ** 2)
 
 
 def _square(values: Sequence[Scalar]) -> Scalar:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import casadi as ca
 
 from continuum_grasp.model.body import Body
+from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
 from continuum_grasp.scene.surroundings import Surroundings
@@ -29,7 +30,8 @@ class Contacts:
 
     Contacts at ``stations``, where the finger may touch, come first, then those of supports, then of the table.
     ``given`` are run-time arguments by name, of ``OBJECT_PARAMETERS`` and of ``friction_parameter``. Where contacts are
-    ``pressed``, gaps are smaller by run-time numbers ``press`` [m], one per contact.
+    ``pressed``, gaps are smaller by run-time numbers ``press`` [m], one per contact. ``mass`` is that of the finger
+    [kg].
     """
 
     def __init__(
@@ -38,11 +40,14 @@ class Contacts:
         stations: Sequence[Station],
         given: Mapping[str, Scalar],
         *,
+        mass: float,
         pressed: bool = False,
     ) -> None:
         self._stations = stations
         self._body = None if around is None or around.object is None else Body(around.object, around, given)
-        pairs = [] if around is None or self._body is None else list(_pairs_of(self._body, around, stations, given))
+        pairs = list[Pair]()
+        if around is not None and around.contact_law is not None and self._body is not None:
+            pairs = list(_pairs_of(self._body, around, TouchLaw(around.contact_law, mass), stations, given))
         self.pairs: list[Pair] = [pair.pressed() for pair in pairs] if pressed else pairs
         self.press = ca.vertcat(ca.SX(0, 1), *[pair.press for pair in self.pairs])
         of_body = [] if self._body is None else [self._body.pose, self._body.rates]
@@ -80,13 +85,11 @@ class Contacts:
 
 
 def _pairs_of(
-    body: Body, around: Surroundings, stations: Sequence[Station], parameters: Mapping[str, Scalar]
+    body: Body, around: Surroundings, law: TouchLaw, stations: Sequence[Station], parameters: Mapping[str, Scalar]
 ) -> Iterator[Pair]:
     """Contact pairs of an object: stations of a finger first, then supports, then the table."""
-    if around.contact_law is None:
-        return
     for station in stations:
-        yield disc_pair(body, around.contact_law, station, share=parameters.get(friction_parameter(station.name)))
-    yield from support_pairs(body, around.contact_law, around.walls, around.pegs)
+        yield disc_pair(body, law, station, share=parameters.get(friction_parameter(station.name)))
+    yield from support_pairs(body, law, around.walls, around.pegs)
     if around.table is not None:
-        yield from table_pairs(body, around.contact_law, around.table)
+        yield from table_pairs(body, law, around.table)

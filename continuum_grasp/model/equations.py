@@ -24,7 +24,7 @@ from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
 from continuum_grasp.model.laws.shortening import remaining_shares
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import Attached, Section, ShortenedLink
-from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
+from continuum_grasp.model.memory import Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
@@ -59,7 +59,9 @@ class Equations:
         self.p = structure.parameters.symbol
         parameters = {name: self._par[name] for name in structure.object_parameters}
         stations = [station for _, station in self._stations]
-        self.contacts = Contacts(structure.around, stations, parameters, pressed=pressed)
+        self.contacts = Contacts(
+            structure.around, stations, parameters, mass=structure.finger.rod.mass, pressed=pressed
+        )
         self.x, self.w = ca.vertcat(self.x, self.contacts.states), ca.vertcat(self.w, self.contacts.wrench)
         self.press = self.contacts.press
 
@@ -373,7 +375,7 @@ class Equations:
     @cached_property
     def moving(self) -> Acting:
         """Forces on a finger that moves."""
-        return self._in_motion(IN_MOTION, self.full_rates)
+        return self._in_motion(Memory(self._structure.return_time), self.full_rates)
 
     def _in_motion(self, memory: Memory, rates: Sequence[Scalar]) -> Acting:
         at = self._instant(memory, rates)
@@ -408,7 +410,9 @@ class Equations:
         left, names = iter(friction), self._structure.states
         states: dict[str, list[Scalar]] = {"winches": [], "relaxation": [0.0] * len(names["relaxation"])}
         states |= {group: list(islice(left, len(names[group]))) for group in ("tendons", "friction")}
-        at = self._instant(Memory(moved), [0.0] * self._family.size if rates is None else rates)
+        at = self._instant(
+            Memory(self._structure.return_time, moved), [0.0] * self._family.size if rates is None else rates
+        )
         return Acting(self._structure, at, self.commanded, states, commands, self.pulled)
 
     @cached_property
@@ -533,7 +537,7 @@ class Equations:
         """Rates of drives and friction in a step that is implicit in ``part`` [s], where laws with states are stiff."""
         n, part = self._structure.n, self.part
         ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
-        return self._rates_of_states(self._in_motion(Memory(part=part), ahead).sections)
+        return self._rates_of_states(self._in_motion(Memory(self._structure.return_time, part=part), ahead).sections)
 
     @property
     def held_stiffness(self) -> Scalar:

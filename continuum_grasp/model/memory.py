@@ -5,6 +5,9 @@ Krasnosel'skii, A. V. Pokrovskii, 1989, doi:10.1007/978-3-642-61302-9): loops cl
 cycles of the load do not add up.
 
     z' = u' - (z - clip(z)) / time
+
+The time is a share of the finger's own (`RETURN_SHARE`), so that fingers of all sizes lose equally little of their
+friction.
 """
 
 from __future__ import annotations
@@ -18,8 +21,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.model.planar import Scalar
 
-RETURN_TIME = 1e-3
-"""Time in which a friction state comes back to its range [s]: a tenth of the shortest drive lags."""
+RETURN_SHARE = 1.0 / 64.0
+"""Time in which a friction state comes back to its range, per the rod's natural time [1]: 1.2 ms of a hand's finger of
+180 mm, about one over the fastest frequency of two clothoids, so that steps are no shorter for it."""
 
 
 def clipped(z: Scalar) -> Scalar:
@@ -44,9 +48,11 @@ class Memory:
 
     ``moved`` is a number h of a finger at rest, where friction acts as ``clip(z + h u)`` of the sliding u since the
     finger was straight: states alone are frictions that stay; h = 1 alone is that of a finger that was bent from
-    straight to where it is. ``part`` [s]: of a step that is implicit in it.
+    straight to where it is. ``part`` [s]: of a step that is implicit in it. ``return_time`` [s]: in which states come
+    back to their range.
     """
 
+    return_time: float
     moved: Scalar | None = None
     part: Scalar = 0.0
 
@@ -65,7 +71,8 @@ class Memory:
     def rate(self, z: Scalar, sliding: Scalar) -> Scalar:
         """Rate of a state [1/s] of a sliding [1/s]."""
         # What is beyond its range returns to it within an implicit step.
-        return self._returning(sliding - (z - clipped(z)) * (1.0 / RETURN_TIME), 1.0 / RETURN_TIME, ca.fabs(z) > 1.0)
+        pole = 1.0 / self.return_time
+        return self._returning(sliding - (z - clipped(z)) * pole, pole, ca.fabs(z) > 1.0)
 
     def fading(self, z: Scalar, driven: Scalar, pole: Scalar) -> Scalar:
         """Rate of a state that follows what drives it, and fades with a pole [1/s]."""
@@ -77,10 +84,6 @@ class Memory:
         return rate / (1.0 + self.part * pole * where)
 
 
-IN_MOTION = Memory()
-"""Memory of a finger that moves."""
-
-
 @dataclass(frozen=True)
 class Instant:
     """State of a finger as laws see it: lengths of the elements [m], full coordinates and their rates, knowledge of
@@ -90,5 +93,5 @@ class Instant:
     lengths: Sequence[Scalar]
     full: Sequence[Scalar]
     rates: Sequence[Scalar]
-    memory: Memory = IN_MOTION
+    memory: Memory
     named: Mapping[str, Scalar] = field(default_factory=dict)

@@ -19,6 +19,7 @@ from continuum_grasp.model.family import Mesh, family_class
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
+from continuum_grasp.model.memory import RETURN_SHARE
 from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, tendon_sets
 from continuum_grasp.model.winches import Motor, winches_of
@@ -104,7 +105,7 @@ class Structure:
         self.mesh = self._mesh()
         self.family = family_class(self.family_name)(self.mesh, self.accuracy)
         slack = choices["slack_stiffness"] or 0.0
-        self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters, slack)
+        self.winches = winches_of(self.finger, self.parameters, slack)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.tendon_sets = self._tendon_sets()
         self.laws = laws_of(self.finger, self.family, self.parameters)
@@ -115,6 +116,11 @@ class Structure:
             self._check_uniform()
         if scene is not None and not choices.given("family", "elements", "contacts", "loads", "parameters"):
             self.check_initial(scene.initial)
+
+    @property
+    def return_time(self) -> float:
+        """Time in which friction states come back to their range [s]."""
+        return RETURN_SHARE * self.finger.rod.natural_time
 
     def _check_uniform(self) -> None:
         """Refuse lengths as run-time arguments of a finger that is not the same all along."""

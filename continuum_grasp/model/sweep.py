@@ -29,6 +29,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.laws.section import STATEFUL, Bend, Port, SectionLaw
 from continuum_grasp.model.link import Attached
+from continuum_grasp.model.memory import Memory
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, column
 
 SECTION = 3
@@ -272,10 +273,11 @@ class Builder:
         # Of laws a moment per port, and its slopes by the curvature and its rate, which a step is implicit in.
         steep, stiff = ca.SX(size, size), ca.SX(size, size)
         rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
+        memory = Memory(self._made.return_time)
         for law, numbers in self._at_ports:
             measure, shapes, (at_rest, *others) = numbers[0], numbers[1 : 1 + size], ca.vertsplit(numbers[1 + size :])
             there, square = ca.SX.sym("curvature"), ca.mtimes(shapes, shapes.T)
-            bend = Bend(there, at_rest if rest is None else rest, ca.dot(shapes, qd), others)
+            bend = Bend(there, at_rest if rest is None else rest, ca.dot(shapes, qd), memory, others)
             slope = ca.jacobian(law.moment(bend), there) if law.kind == "elastic" else 0.0
             laws = [ca.SX(each) for each in (law.moment(bend), law.damping(bend), slope)]
             moment, damped, bent = ca.substitute(laws, [there], [ca.dot(shapes, q)])

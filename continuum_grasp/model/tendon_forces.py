@@ -275,9 +275,15 @@ class TendonForces:
         """Energy of elongated tendons and gears [J], exactly where tendons have no friction."""
         if not self.held:
             return 0.0
-        slacks = [slack for tendon_slacks in self._slacks for slack in tendon_slacks]
+        slacks = [
+            (slack, held.winch.onset)
+            for held, of_winch in zip(self.held, self._slacks, strict=True)
+            for slack in of_winch
+        ]
         gears = [held.winch.gear_energy(held.states, drum) for held, drum in zip(self.held, self.drums, strict=True)]
-        return sum((soft_integral(y) / c for y, c in zip(slacks, self.compliances, strict=True)), sum(gears, 0.0))
+        return sum(
+            (soft_integral(*slack) / c for slack, c in zip(slacks, self.compliances, strict=True)), sum(gears, 0.0)
+        )
 
     @cached_property
     def _pulled(self) -> list[list[list[Scalar]]]:
@@ -290,13 +296,19 @@ class TendonForces:
             for cells, passed in zip(self._sets, self.shares, strict=True)
         ]
 
+    @property
+    def _slight_tension(self) -> float:
+        """Tension that keeps a mean over slack tendons finite [N]."""
+        rod = self._made.finger.rod
+        # 1/200: 1e-3 N of a hand's finger
+        return rod.stiffness / rod.length**2 / 200.0
+
     def _elongating(self, cells: CellSet, pulled: Sequence[Sequence[Scalar]]) -> list[Scalar]:
         """Per cell the sliding by elongation of half of it per presliding [1/s]: on average, by tensions."""
         unit, lengths = self._lengths_of(cells)
         # Nothing elongates where a tendon is slack: there its tension, and with it the weight, is none.
         weight = (0.5 * unit / self._presliding(cells)) / (
-            # 1e-3: tension that keeps a mean over slack tendons finite [N]
-            sum(self.tensions[tendon] for tendon in cells.tendons) + 1e-3
+            sum(self.tensions[tendon] for tendon in cells.tendons) + self._slight_tension
         )
         rates: list[Scalar] = [0.0] * len(cells.cells)
         for tendon, side, tensions in zip(cells.tendons, cells.sides, pulled, strict=True):

@@ -9,18 +9,11 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.body import Body
-from continuum_grasp.model.contact_law import (
-    friction_rate,
-    friction_share,
-    normal_force,
-    speed_of,
-    stored_energy,
-    viscous_friction,
-)
+from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.planar import ZERO, Scalar, Vec
 from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene.supports import Peg, Wall
-from continuum_grasp.scene.surroundings import ContactLaw, Table
+from continuum_grasp.scene.surroundings import Table
 
 
 @dataclass(frozen=True)
@@ -55,7 +48,7 @@ class Pair:
     words: tuple[str, ...]  # for these directions
     friction: float  # coefficient [1]
     grip: Scalar  # factor of it [1]
-    law: ContactLaw
+    law: TouchLaw
     is_table: bool = False
     press: ca.SX = field(default_factory=ca.SX)  # what the gap is made smaller by [m]; empty where it is what it is
     share: Scalar | None = None  # of the limit that friction takes in the plane [1]; None: by the law
@@ -70,7 +63,7 @@ class Pair:
     @cached_property
     def z(self) -> ca.SX:
         """Friction states, one per direction where the law has them."""
-        has_states = self.friction > 0.0 and self.law.displacement is not None and self.share is None
+        has_states = self.friction > 0.0 and self.law.law.displacement is not None and self.share is None
         return ca.SX.sym(self.name, len(self.slip) if has_states else 0)
 
     @property
@@ -81,27 +74,27 @@ class Pair:
     @property
     def z_rate(self) -> list[Scalar]:
         """Rates of the friction states [1/s]."""
-        return friction_rate(self.law, self.gap, ca.vertsplit(self.z), self.slip) if self.z.numel() else []
+        return self.law.friction_rate(self.gap, ca.vertsplit(self.z), self.slip) if self.z.numel() else []
 
     @property
     def slip_speed(self) -> Scalar:
         """Speed of the object along what may touch it [m/s]."""
-        return speed_of(self.slip)
+        return self.law.speed_of(self.slip)
 
     @property
     def stored_energy(self) -> Scalar:
         """Energy in the normal spring [J]."""
-        return stored_energy(self.law, self.gap) if self.load is None else 0.0
+        return self.law.stored_energy(self.gap) if self.load is None else 0.0
 
     @cached_property
     def normal_force(self) -> Scalar:
         """Normal force of each touch [N]."""
-        return normal_force(self.law, self.gap, self.gap_rate) if self.load is None else self.load
+        return self.law.normal_force(self.gap, self.gap_rate) if self.load is None else self.load
 
     @cached_property
     def _friction(self) -> list[Scalar]:
         """Forces against the slip, per direction [N]."""
-        film = viscous_friction(self.law, self.normal_force, self.slip)
+        film = self.law.viscous_friction(self.normal_force, self.slip)
         return [dry + wet for dry, wet in zip(self._dry_friction, film, strict=True)] if film else self._dry_friction
 
     @property
@@ -112,7 +105,7 @@ class Pair:
         limit = self.grip * self.friction * self.normal_force
         if self.share is not None:
             return [limit * self.share, *[0.0] * (len(self.slip) - 1)]
-        return [limit * share for share in friction_share(self.law, ca.vertsplit(self.z), self.slip)]
+        return [limit * share for share in self.law.friction_share(ca.vertsplit(self.z), self.slip)]
 
     @property
     def tangential(self) -> Scalar:
@@ -139,7 +132,7 @@ class Pair:
         return self.normal.scaled(self.normal_force) + self.normal.perp().scaled(self.tangential)
 
 
-def table_pair(body: Body, law: ContactLaw, table: Table) -> Pair:
+def table_pair(body: Body, law: TouchLaw, table: Table) -> Pair:
     """The table under an object that rests on it, or can slide out of the plane: its height is a run-time number then.
 
     Force and moment of friction are within one ellipsoid: R. D. Howe, M. R. Cutkosky, Practical force-motion models for
@@ -151,7 +144,7 @@ def table_pair(body: Body, law: ContactLaw, table: Table) -> Pair:
     return Pair(
         name="table",
         # One that rests on it touches, whatever the law.
-        gap=-law.rounding if table.stays else body.pose[3] - body.wrench[3],
+        gap=-law.law.rounding if table.stays else body.pose[3] - body.wrench[3],
         gap_rate=0.0 if table.stays else body.climb,
         load=body.weight if table.stays else None,
         arm=table.friction_radius,
@@ -167,7 +160,7 @@ def table_pair(body: Body, law: ContactLaw, table: Table) -> Pair:
     )
 
 
-def table_pairs(body: Body, law: ContactLaw, table: Table) -> list[Pair]:
+def table_pairs(body: Body, law: TouchLaw, table: Table) -> list[Pair]:
     """The table under an object, out of the plane or in it; its height is a run-time number."""
     if table.wall is None:
         return [table_pair(body, law, table)]
@@ -175,7 +168,7 @@ def table_pairs(body: Body, law: ContactLaw, table: Table) -> list[Pair]:
 
 
 def disc_pair(
-    body: Body, law: ContactLaw, disc: Station, friction: float | None = None, share: Scalar | None = None
+    body: Body, law: TouchLaw, disc: Station, friction: float | None = None, share: Scalar | None = None
 ) -> Pair:
     """A disc against the nearest part of the object; of its friction the ``share`` that is used may be given."""
     spot = nearest(body.object.parts, body.local(disc.center))
@@ -188,7 +181,7 @@ def disc_pair(
     return replace(pair, share=share)
 
 
-def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequence[Peg]) -> list[Pair]:
+def support_pairs(body: Body, law: TouchLaw, walls: Sequence[Wall], pegs: Sequence[Peg]) -> list[Pair]:
     """The supports against the object.
 
     A wall meets the farthest point of a disc or a superellipse, and every corner of a polygon, since a face may lie on
@@ -220,7 +213,7 @@ def support_pairs(body: Body, law: ContactLaw, walls: Sequence[Wall], pegs: Sequ
 def _pair(
     name: str,
     body: Body,
-    law: ContactLaw,
+    law: TouchLaw,
     friction: float | None,
     gap: Scalar,
     normal: Vec,
@@ -237,7 +230,7 @@ def _pair(
         point=point,
         slip=(slip, body.climb) if body.sinks else (slip,),
         words=("slide", "climb"),
-        friction=law.friction if friction is None else friction,
+        friction=law.law.friction if friction is None else friction,
         grip=body.grip,
         law=law,
     )

@@ -21,14 +21,16 @@ from functools import cached_property
 
 import casadi as ca
 
-from continuum_grasp.model.memory import IN_MOTION, clipped, direction
+from continuum_grasp.model.memory import RETURN_SHARE, Memory, clipped, direction
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.drives import SOFT, LengthDrive, MotorDrive, WinchDrive
+from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.tendons import Tendon
 
-SLOW = 0.05
-"""Angular velocity below which dry friction without a memory is rounded off [rad/s]: 0.4 mm/s on a drum of 8 mm."""
+_SLOW = 1.0 / 6000.0
+"""Speed of the cable below which dry friction without a memory is rounded off, per the finger's length in its natural
+time [1]: 0.4 mm/s of a hand's finger."""
 
 _LOOSE = 1e-6
 """Share of a gear's stiffness by which the drum is where it is within the play while no tendon pulls [1]."""
@@ -45,6 +47,7 @@ _ROUNDING = 1e-9
 class Winch(ABC):
     """A drive, and the cables that it winds up."""
 
+    finger: Finger
     drive: LengthDrive | MotorDrive
     tendons: tuple[int, ...]
     start: Scalar
@@ -55,6 +58,16 @@ class Winch(ABC):
     """Parameters, of which some may be run-time arguments; None: all numbers are those of the drive."""
     slack_stiffness: float = 0.0
     """Share of the stiffness that its tendons have while they are slack [1]."""
+
+    @cached_property
+    def onset(self) -> float:
+        """Half the length in which its tendons go from slack to tension [m]."""
+        return self.finger.onset(self.finger.tendon_list[self.tendons[0]])
+
+    @property
+    def slow(self) -> float:
+        """Rate of its position below which dry friction without a memory is rounded off [rad/s]."""
+        return _SLOW * self.finger.rod.length / (self.finger.rod.natural_time * self.radius)
 
     def _own(self, key: str) -> Scalar:
         """A number of the drive, which may be a run-time argument."""
@@ -86,7 +99,7 @@ class Winch(ABC):
         """Position of what winds up where cables [m] are drawn in by tensions [N]; between them if both are slack."""
         first = (drawn[0] - self.start) / self.radius
         if len(drawn) == 1:
-            return first - ca.if_else(ca.SX(tensions[0]) > 0.0, 0.0, SOFT / self.radius)
+            return first - ca.if_else(ca.SX(tensions[0]) > 0.0, 0.0, self.onset / self.radius)
         middle, second = (drawn[0] - drawn[1]) / (2.0 * self.radius), (self.start - drawn[1]) / self.radius
         return ca.if_else(ca.SX(tensions[0]) > 0.0, first, ca.if_else(ca.SX(tensions[1]) > 0.0, second, middle))
 
@@ -276,13 +289,14 @@ class Motor(Winch):
         dry: Scalar = self._own("coulomb_friction")
         slowed: Scalar = 0.0
         if drive.presliding_angle is None and (not isinstance(dry, float) or dry > 0.0):
-            slowed = dry / ca.sqrt(speed * speed + SLOW**2)
+            slowed = dry / ca.sqrt(speed * speed + self.slow**2)
         torque = self.balance(states, command, tensions, slowed)
         if drive.presliding_angle is not None:
             torque -= dry * direction(rest[0])
         rates = [speed, (1.0 / self.inertia) * torque]
         if drive.presliding_angle is not None:
-            rates.append(IN_MOTION.rate(rest[0], (1.0 / drive.presliding_angle) * speed))
+            memory = Memory(RETURN_SHARE * self.finger.rod.natural_time)
+            rates.append(memory.rate(rest[0], (1.0 / drive.presliding_angle) * speed))
         return rates
 
     def holding(
@@ -400,14 +414,14 @@ class Cables:
 
     def tensions(self, slacks: Sequence[Scalar]) -> list[Scalar]:
         """Tensions for cable wound up beyond its straight length [N]."""
-        pulled, share = [soft(slack) for slack in slacks], self.winch.slack_stiffness
+        pulled, share = [soft(slack, self.winch.onset) for slack in slacks], self.winch.slack_stiffness
         if share:
             pulled = [(1.0 - share) * pull + share * slack for pull, slack in zip(pulled, slacks, strict=True)]
         return [pull / c for pull, c in zip(pulled, self.compliances, strict=True)]
 
     def slopes(self, slacks: Sequence[Scalar]) -> list[Scalar]:
         """Torque of each tendon per angle of the drum [N m/rad]."""
-        return [soft_slope(y) * rise for y, rise in zip(slacks, self._rises, strict=True)]
+        return [soft_slope(y, self.winch.onset) * rise for y, rise in zip(slacks, self._rises, strict=True)]
 
     @cached_property
     def _tight(self) -> list[Scalar]:
@@ -431,7 +445,7 @@ class Cables:
         both = angle - pulled / (gain + sum(self._rises))
         # None in tension: all of the torque is that towards the angle; without any, the angle as far as no tendon
         # begins to pull.
-        edge = ca.fmin(SOFT / self.winch.radius, 0.5 * (high - low))
+        edge = ca.fmin(self.winch.onset / self.winch.radius, 0.5 * (high - low))
         none = angle if gain else ca.fmin(ca.fmax(angle, low + edge), high - edge)
         balanced = ca.if_else(ca.SX(self._tight[0]) < self._tight[1], both, none)
         return ca.if_else(balanced < low, alone[1], ca.if_else(balanced > high, alone[0], balanced))
@@ -442,7 +456,7 @@ class Cables:
         alone = [at + torque / slope for slope, at in rises]
         if len(alone) == 1:
             # About where a soft one begins to: e - u + 2 sqrt(u w) - w of u = min(e, w).
-            beyond, edge = torque / self._rises[0], SOFT / self.winch.radius
+            beyond, edge = torque / self._rises[0], self.winch.onset / self.winch.radius
             within = ca.fmin(beyond, edge)
             # 1e-12: keeps a root differentiable at zero
             begun = 2.0 * ca.sqrt(edge * within + 1e-12 * edge**2)
@@ -469,46 +483,45 @@ def tanh(x: Scalar) -> Scalar:
     return 1.0 - 2.0 / (1.0 + ca.exp(2.0 * ca.fmin(ca.fmax(x, -20.0), 20.0)))
 
 
-def soft(length: Scalar) -> Scalar:
+def soft(length: Scalar, onset: Scalar) -> Scalar:
     """Elongation of a tendon [m] of what is wound up beyond slack [m]: nothing below zero, and smooth."""
-    # Half beyond the range of the softness, and within it w (v + 1)^3 (3 - v) / 16 of v = length / w.
-    above = ca.fmax(length + SOFT, 0.0)
-    within = ca.fmin(above, 2.0 * SOFT)
-    unit = 1.0 / (16.0 * SOFT**3)
-    return above - within + (within * within) * (within * (4.0 * SOFT * unit - unit * within))
+    # Half beyond the range of the onset w, and within it w (v + 1)^3 (3 - v) / 16 of v = length / w.
+    above = ca.fmax(length + onset, 0.0)
+    within = ca.fmin(above, 2.0 * onset)
+    unit = 1.0 / (16.0 * onset**3)
+    return above - within + (within * within) * (within * (4.0 * onset * unit - unit * within))
 
 
-def soft_slope(length: Scalar) -> Scalar:
+def soft_slope(length: Scalar, onset: float) -> Scalar:
     """Derivative of ``soft`` [1]."""
-    within = ca.fmin(ca.fmax(length + SOFT, 0.0), 2.0 * SOFT)
-    return (within * within) * (0.75 / SOFT**2 - (0.25 / SOFT**3) * within)
+    within = ca.fmin(ca.fmax(length + onset, 0.0), 2.0 * onset)
+    return (within * within) * (0.75 / onset**2 - (0.25 / onset**3) * within)
 
 
-def soft_integral(length: Scalar) -> Scalar:
+def soft_integral(length: Scalar, onset: float) -> Scalar:
     """Integral of ``soft`` [m2]."""
-    v = clipped((1.0 / SOFT) * length)
+    v = clipped((1.0 / onset) * length)
     square = v * v
-    inside = (SOFT**2 / 16.0) * (0.8 + v * (3.0 + v * (4.0 + v * (2.0 - 0.2 * square))))
-    beyond = ca.fmax(length - SOFT, 0.0)
-    return inside + beyond * (SOFT + 0.5 * beyond)
+    inside = (onset**2 / 16.0) * (0.8 + v * (3.0 + v * (4.0 + v * (2.0 - 0.2 * square))))
+    beyond = ca.fmax(length - onset, 0.0)
+    return inside + beyond * (onset + 0.5 * beyond)
 
 
-def winches_of(
-    tendons: Sequence[Tendon], length: float, parameters: Parameters | None = None, slack_stiffness: float = 0.0
-) -> tuple[Winch, ...]:
-    """The drives of tendons on a finger of a length [m]; none where tensions are commanded."""
+def winches_of(finger: Finger, parameters: Parameters | None = None, slack_stiffness: float = 0.0) -> tuple[Winch, ...]:
+    """The drives of a finger's tendons; none where tensions are commanded."""
     winches: list[Winch] = []
-    for k, tendon in enumerate(tendons):
+    for k, tendon in enumerate(finger.tendon_list):
         drive = tendon.drive
         if drive is None or (winches and drive.arrangement == "one_pulley"):
             continue
         indices = (0, 1) if drive.arrangement == "one_pulley" else (k,)
-        tendon_compliance = compliance(tendon, length, parameters)
+        tendon_compliance = compliance(tendon, finger.rod.length, parameters)
         start = _number(drive, "pretension", parameters) * tendon_compliance - _number(drive, "slack", parameters)
+        numbers = indices, start, 1.0 / tendon_compliance, parameters, slack_stiffness
         if isinstance(drive, MotorDrive):
-            winches.append(Motor(drive, indices, start, 1.0 / tendon_compliance, parameters, slack_stiffness))
+            winches.append(Motor(finger, drive, *numbers))
         else:
-            winches.append(LengthServo(drive, indices, start, 1.0 / tendon_compliance, parameters, slack_stiffness))
+            winches.append(LengthServo(finger, drive, *numbers))
     return tuple(winches)
 
 

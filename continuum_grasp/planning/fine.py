@@ -19,7 +19,7 @@ from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.result import Deviation, Plan, PlanStatus
 from continuum_grasp.scene.methods import INTEGRATORS
 from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.simulation.spectrum import PARTIAL_STEP, stiff_method
+from continuum_grasp.simulation.spectrum import partial_step, stiff_method
 
 PARTS = 64
 """Parts of an interval at which bounds are looked at: as many as those at which the finest problem bounds the state. A
@@ -59,8 +59,8 @@ def simulated(
     if substeps > 200 * share:
         # Stiff contacts: an L-stable method may step over what has died out long before.
         method = stiff_method(model.system.structure)
-        # 5e-4: longest step of the implicit method, for what is too stiff [s]
-        step = PARTIAL_STEP if INTEGRATORS[method].partial else 5e-4
+        # 5: longest step of the implicit method, for what is too stiff, per that of one that is so in part
+        step = partial_step(scene.finger) * (1.0 if INTEGRATORS[method].partial else 5.0)
         substeps = finer * max(math.ceil(4 * share), math.ceil(h / step))
     run = _rollout(model, method, intervals * parts * substeps)
     at = np.linspace(0.0, 1.0, 2 * substeps * parts + 1)  # half steps, at which the methods evaluate their slopes

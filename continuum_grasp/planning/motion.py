@@ -17,7 +17,7 @@ from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import unit_of
-from continuum_grasp.model.memory import RETURN_TIME, clipped
+from continuum_grasp.model.memory import clipped
 from continuum_grasp.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene
@@ -259,7 +259,7 @@ class Motion:
         z = x[self.friction_states]
         # A friction state follows what slides, but for its return from beyond its range.
         rate = self.prediction.dynamics(x, np.zeros(self.nu), p)[self.friction_states]
-        return rate + (z - clipped(z)) / RETURN_TIME
+        return rate + (z - clipped(z)) / self.prediction.system.structure.return_time
 
     def _errors(self) -> ca.SX:
         """Errors whose half sum of squares per second is the objective."""

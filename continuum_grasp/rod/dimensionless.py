@@ -34,6 +34,7 @@ class Cable(NamedTuple):
     series: float  # elongation per tension between drive and rod [m/N]
     elongation: float  # along the rod per its length [1/N]
     to: float  # where it ends, per the rod's length
+    onset: float  # half the length in which it goes from slack to tension [m]
 
 
 class Tendon(NamedTuple):
@@ -177,7 +178,8 @@ def _tendons(
                 continue
             if wound is not None and tendon.axial_stiffness is not None and tendon.series_stiffness is not None:
                 to = tendon.end(finger.profile.length) / finger.profile.length
-                cable = Cable(wound[k], arm, 1.0 / tendon.series_stiffness, 1.0 / tendon.axial_stiffness, to)
+                elongations = 1.0 / tendon.series_stiffness, 1.0 / tendon.axial_stiffness
+                cable = Cable(wound[k], arm, *elongations, to, finger.onset(tendon))
                 tendons.append(Tendon(channel.shape, arm * scale, friction, tendon.conduit_bend, cable))
             elif tendon.friction == 0.0:
                 free += arm * tension

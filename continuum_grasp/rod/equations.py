@@ -21,9 +21,6 @@ WAY_ROUNDING = 1e-3
 """Bend beyond a place at which a tendon slides one way or the other there [rad]: with a coefficient of 0.4 the tip is
 off by 2e-6 rad."""
 
-CABLE_ROUNDING = 20e-6
-"""Half the length [m] in which a tendon goes from slack to tension: as the finger model does."""
-
 
 @dataclass(frozen=True)
 class Balance:
@@ -195,7 +192,7 @@ class RodEquations:
         drawn = cable.arm * mesh.weights * tendon.shape(length * mesh.nodes)
         along = length * cable.elongation * mesh.weights * (mesh.nodes < cable.to)
         compliance = cable.series + float(along @ share)
-        longer, slope, _ = _soft(cable.wound - float(drawn @ curvature))
+        longer, slope, _ = _soft(cable.wound - float(drawn @ curvature), cable.onset)
         tension = longer / compliance
         derivative = -slope / compliance * drawn
         if rate is not None:
@@ -259,7 +256,7 @@ class RodEquations:
                 work += (mesh.weights * drive) @ curvature
             elif tendon.friction == 0.0 and tendon.cable is not None:
                 cable, shape = tendon.cable, tendon.shape(problem.length * mesh.nodes)
-                longer = _soft(cable.wound - cable.arm * float((mesh.weights * shape) @ curvature))[2]
+                longer = _soft(cable.wound - cable.arm * float((mesh.weights * shape) @ curvature), cable.onset)[2]
                 per_joule = problem.length / problem.stiffness
                 work -= per_joule * longer / (cable.series + problem.length * cable.elongation * cable.to)
         return float(self.elastic_energy(curvature) - work)
@@ -271,14 +268,14 @@ class RodEquations:
         return float(-np.real(np.conj(force) * self.problem.base) / self.problem.length)
 
 
-def _soft(longer: float) -> tuple[float, float, float]:
+def _soft(longer: float, onset: float) -> tuple[float, float, float]:
     """Elongation of a tendon [m], none where it is slack, its derivative and its integral [m2]; rounded off."""
-    v = min(max(longer / CABLE_ROUNDING, -1.0), 1.0)
-    inside = CABLE_ROUNDING / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v)))
-    beyond = max(longer - CABLE_ROUNDING, 0.0)
+    v = min(max(longer / onset, -1.0), 1.0)
+    inside = onset / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v)))
+    beyond = max(longer - onset, 0.0)
     slope = (8.0 + v * (12.0 - 4.0 * v * v)) / 16.0
-    whole = CABLE_ROUNDING**2 / 16.0 * (0.8 + v * (3.0 + v * (4.0 + v * (2.0 - 0.2 * v * v))))
-    return inside + beyond, slope, whole + beyond * (CABLE_ROUNDING + 0.5 * beyond)
+    whole = onset**2 / 16.0 * (0.8 + v * (3.0 + v * (4.0 + v * (2.0 - 0.2 * v * v))))
+    return inside + beyond, slope, whole + beyond * (onset + 0.5 * beyond)
 
 
 def _rounded_size(curvature: Array) -> tuple[Array, Array]:

@@ -16,8 +16,9 @@ from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive,
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel
 
-SOFT = 20e-6
-"""Half the length in which a tendon goes from slack to tension [m]: 0.4 N of a cable of 20 N/mm."""
+ONSET = 1.0 / 16.0
+"""Tension within which a tendon on a winch goes from slack to tension, per its natural tension [1]: 0.4 N of a hand's
+finger."""
 COMMANDS = {
     "tip_moment": ("tip_moment", "N m"),
     "tensions": ("tension", "N"),
@@ -164,6 +165,8 @@ class DriveLaw:
     """Elongation of what is between drive and finger per tension [m/N]."""
     axial: float
     """Elongation along the finger per tension that is the same all along [m/N]."""
+    onset: float
+    """Half the length in which a tendon goes from slack to tension [m]."""
 
     @property
     def pulley(self) -> bool:

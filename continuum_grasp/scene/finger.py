@@ -15,7 +15,7 @@ from pydantic import Field
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, refusals
-from continuum_grasp.scene.drives import DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
+from continuum_grasp.scene.drives import ONSET, DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.rod import Damping, Rod
@@ -333,7 +333,15 @@ class Finger(Value):
         if tendon.drive is None or tendon.axial_stiffness is None or tendon.series_stiffness is None:
             return None
         axial = tendon.end(self.rod.length) / tendon.axial_stiffness
-        return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, axial)
+        return DriveLaw(tendon.drive, 1.0 / tendon.series_stiffness, axial, self.onset(tendon))
+
+    def natural_tension(self, tendon: Tendon) -> float:
+        """Tension of a tendon that bends a rod by one radian that is as stiff all along as at the base [N]."""
+        return self.rod.stiffness / (self.rod.length * tendon.greatest_offset)
+
+    def onset(self, tendon: Tendon) -> float:
+        """Half the length in which a tendon on a winch goes from slack to tension [m]."""
+        return ONSET * self.natural_tension(tendon) * tendon.compliance(self.rod.length)
 
     @cached_property
     def inputs(self) -> tuple[Input, ...]:

@@ -300,6 +300,13 @@ class Rod(Section):
         """Mass of the whole rod [kg]."""
         return self.profile.linear_density.integral()
 
+    @property
+    def natural_time(self) -> float:
+        """Time sqrt(m L^3 / E I) of the rod's mass and its stiffness at the base [s]: 0.56 of the first period of a
+        uniform one.
+        """
+        return math.sqrt(self.mass * self.length**3 / self.stiffness)
+
     @cached_property
     def profile(self) -> Profile:
         """Stiffness, mass, rest curvature and thickness along its length."""

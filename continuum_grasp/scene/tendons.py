@@ -141,6 +141,12 @@ class Tendon(_Tensions):
         piece = (1.0,) if first == last else (1.0, (last / first - 1.0) / to)
         return Curve.of_pieces(length, (0.0, to), (piece, (0.0,)))
 
+    def compliance(self, length: float) -> float:
+        """Elongation per tension of a tendon on a winch, without friction [m/N]; infinite where no winch pulls it."""
+        if self.axial_stiffness is None or self.series_stiffness is None:
+            return math.inf
+        return 1.0 / self.series_stiffness + self.end(length) / self.axial_stiffness
+
     def arm(self, length: float) -> float:
         """Bending moment at the base per tension [m]: the offset there times the cosine."""
         return ends(self.offset)[0] / math.sqrt(1.0 + self.slope(length) ** 2)

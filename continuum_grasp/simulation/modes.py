@@ -28,7 +28,7 @@ from continuum_grasp.results.declared import XY, Dimension, Picture, Stored, mak
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.profile import nodes_of
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.slack import SLACK
+from continuum_grasp.simulation.slack import least_pull
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium
@@ -232,7 +232,7 @@ def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
     tensions = np.array(model.tensions()(x, rest.u, rest.p)[0]).ravel()
     frictional = {tendon for cells in made.cell_sets for tendon in cells.tendons}
     for k, (tendon, tension) in enumerate(zip(model.finger.tendon_list, tensions, strict=True)):
-        if tension < SLACK or tendon.axial_stiffness is None:
+        if tension < least_pull(tendon) or tendon.axial_stiffness is None:
             continue
         shape, arm = made.own_tendons[k].shape, made.own_tendons[k].arms[k]
         drawn = np.zeros(model.n)

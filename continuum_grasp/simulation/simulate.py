@@ -24,6 +24,7 @@ from continuum_grasp.simulation.spectrum import (
     TARGET_RADIUS,
     contact_frequency,
     grows,
+    partial_step,
     pressed_radius,
     representative_states,
     sample_shapes,
@@ -151,9 +152,10 @@ class _Run:
         met = [math.sqrt(motor.held_stiffness / float(motor.inertia)) for motor in flanks]
         self._implicit_substeps = self._wanted(max(self._of_contacts(contact_frequency, bent), *met, 0.0))
         if self._model.friction_names:
-            # 2.5e-3: implicit step up to which friction of tendons is followed [s]: stops have kinks, and steps of 10
-            # ms ran away
-            self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / 2.5e-3))
+            # 32: implicit step up to which friction is followed, per that of methods implicit in part: stops have
+            # kinks, and steps of three times that ran away
+            longest = 32.0 * partial_step(self._scene.finger)
+            self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / longest))
         if asked == "reference":
             return Plan(asked, 1, radius)
         wanted = self._wanted(radius)
@@ -173,6 +175,10 @@ class _Run:
             return None, error
         if error is None and motion.time_error > plan.tolerance:
             return self._finer(plan, motion), None
+        unknown = error is None and math.isinf(motion.time_error)
+        if unknown and INTEGRATORS[plan.method].partial and plan.substeps < _MOST_IMPLICIT:
+            # Steps of twice the length, which they are compared with, are not stable where the motion has been.
+            return self._controlled(replace(plan, substeps=2 * plan.substeps)), None
         if plan.stable is None:
             # A linearly implicit step does not see what it meets: contacts, stops, friction and quadratic damping.
             if plan.method == "reference" or not isinstance(error, NumericalError):

@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.tendons import Tendon
 
-SLACK = 1e-6
-"""Tension below which a tendon is slack [N]."""
+_SLACK = 1e-7
+"""Tension below which a tendon is slack, per ``max_tension`` [1]."""
+
+
+def least_pull(tendon: Tendon) -> float:
+    """Tension below which a tendon is slack [N]."""
+    return _SLACK * tendon.max_tension
 
 
 @dataclass(frozen=True)
@@ -31,11 +37,11 @@ class SlackTime:
     ends: float
 
 
-def slack_times(t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
+def slack_times(finger: Finger, t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
     """Times in which tendons are slack, by tendon and instant, of tensions (T, tendons) [N] at the drives."""
     instants, times = np.asarray(t, dtype=float), list[SlackTime]()
     for k, tension in enumerate(np.asarray(tensions, dtype=float).T):
-        slack = np.concatenate([[False], tension < SLACK, [False]])
+        slack = np.concatenate([[False], tension < least_pull(finger.tendon_list[k]), [False]])
         starts, stops = np.flatnonzero(np.diff(slack.astype(int)) > 0), np.flatnonzero(np.diff(slack.astype(int)) < 0)
         after = [*instants.tolist(), np.inf]
         times += [SlackTime(k + 1, after[a], after[b]) for a, b in zip(starts, stops, strict=True)]
@@ -70,11 +76,11 @@ def tension_limits(finger: Finger, tensions: NDArray[np.float64] | None) -> tupl
     """Limits that tensions (tendons,) [N] at rest do not satisfy; slack is one where winches and motors pull."""
     limits: list[TensionLimit] = []
     for k, tension in enumerate(() if tensions is None else tensions.tolist()):
-        limit = finger.tendon_list[k].max_tension
-        if tension > limit:
-            limits.append(TensionLimit("max_tension", k + 1, tension, limit))
-        elif finger.winches and tension < SLACK:
-            limits.append(TensionLimit("slack", k + 1, tension, SLACK))
+        tendon = finger.tendon_list[k]
+        if tension > tendon.max_tension:
+            limits.append(TensionLimit("max_tension", k + 1, tension, tendon.max_tension))
+        elif finger.winches and tension < least_pull(tendon):
+            limits.append(TensionLimit("slack", k + 1, tension, least_pull(tendon)))
     return tuple(limits)
 
 
@@ -82,7 +88,7 @@ def tension_warnings(finger: Finger, t: NDArray[np.float64], tensions: NDArray[n
     """Warnings about tensions (T, tendons) [N] that winches and motors leave to the motion."""
     if tensions is None or not finger.winches:
         return ()
-    warnings, times = [], slack_times(t, tensions)
+    warnings, times = [], slack_times(finger, t, tensions)
     for k, tendon in enumerate(finger.tendon_list):
         tension = tensions[:, k]
         high = np.flatnonzero(tension > tendon.max_tension)

@@ -13,6 +13,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.structure import Structure
+from continuum_grasp.scene.finger import Finger
 
 _EVEN, _EXTREME = 12, 6
 """States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""
@@ -150,8 +151,9 @@ def _states(model: FingerModel, shape: Array, rates: Array, u: Array) -> list[Ar
     """States of a shape, by its drives and friction."""
     states, drives = len(model.friction_names), [model.drives_at(shape, u)]
     if model.structure.winches:
-        # 1.0: tension of tendons that are in tension [N]: what is stiff about them does not depend on it
-        drives.append(model.drives_at(shape, u, pulled=1.0))
+        # 1/4: tension of tendons that pull, per the natural one: what is stiff about them does not depend on it
+        finger = model.finger
+        drives.append(model.drives_at(shape, u, pulled=0.25 * finger.natural_tension(finger.tendon_list[0])))
     return [
         np.concatenate([shape, rates, lag, np.full(states, sliding)])
         for lag, sliding in product(drives, (0.0, SLIDING) if states else (0.0,))
@@ -226,9 +228,15 @@ def stiff_method(structure: Structure, *, sweeps: bool = False) -> str:
     return "extrapolated_euler" if sweeps or structure.has_law("damping") else "rodas"
 
 
-PARTIAL_STEP = 1e-4
-"""Step of methods that are implicit in elasticity and damping alone, where it is not adapted [s]: it resolves contacts,
-drives, and the quadratic damping of a finger that 40 N accelerate from rest, to 1e-4 of its length."""
+_PARTIAL = 1.0 / 768.0
+"""Step of methods implicit in elasticity and damping alone, where it is not adapted, per the rod's natural time
+[1]: with 0.1 ms of a hand's finger it resolves contacts, drives, and the quadratic damping of a finger that 40 N
+accelerate from rest, to 1e-4 of its length."""
+
+
+def partial_step(finger: Finger) -> float:
+    """Longest step of methods that are implicit in elasticity and damping alone, where it is not adapted [s]."""
+    return _PARTIAL * finger.rod.natural_time
 
 
 def sample_shapes(model: FingerModel, start: Array) -> Array:

@@ -121,7 +121,11 @@ class Trajectory(MotionResult):
     def slack(self) -> list[SlackTime]:
         """Times in which tendons on winches and motors are slack; none of tendons whose tension is commanded."""
         tensions = self.tensions
-        return [] if tensions is None or not self.model.finger.winches else slack_times(self.t, tensions)
+        return (
+            []
+            if tensions is None or not self.model.finger.winches
+            else slack_times(self.model.finger, self.t, tensions)
+        )
 
     @property
     def n(self) -> int:

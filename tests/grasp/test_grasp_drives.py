@@ -177,11 +177,12 @@ def test_a_tendon_is_taut_from_a_millionth_of_the_greatest_tension_on(part, coun
 
 
 def test_a_tendon_goes_slack_as_that_of_the_simulated_winch():
-    length = np.linspace(-2.0, 2.0, 41) * 20e-6
-    exact = np.array([float(soft(x)) for x in length])
-    np.testing.assert_allclose(_softened(length), exact, atol=1e-15)
+    onset = 20e-6
+    length = np.linspace(-2.0, 2.0, 41) * onset
+    exact = np.array([float(soft(x, onset)) for x in length])
+    np.testing.assert_allclose(_softened(length, onset), exact, atol=1e-15)
     some = exact > 1e-12
-    np.testing.assert_allclose(_unsoftened(exact, some), np.where(some, length, 0.0), atol=1e-12)
+    np.testing.assert_allclose(_unsoftened(exact, onset, some), np.where(some, length, 0.0), atol=1e-12)
 
 
 # -- stability: a locked tendon is a spring on the angle of the tip ---------------------------------------------------
@@ -241,8 +242,13 @@ def test_the_eigenvalue_with_locked_winches_is_that_of_the_continuous_rod(preten
     finger = cases.make_finger(rod=Rod(length=L, linear_density=1e-12, bending_stiffness=EI), tendons=tendons)
     scene, arrays = cases.beside_box(finger, (pretension, pretension), family="clothoid")
     compliance = 1.0 / SERIES + L / AXIAL
-    length, step = brentq(lambda x: float(soft(x)) - compliance * pretension, -1e-4, 1e-2, xtol=1e-15), 1e-8
-    stiffness = 2.0 / compliance * (float(soft(length + step)) - float(soft(length - step))) / (2.0 * step)
+    onset = EI / (L * OFFSET) / 16.0 * compliance  # of a sixteenth of the tension that bends it by one radian
+
+    def elongation(wound):
+        return float(soft(wound, onset))
+
+    length, step = brentq(lambda x: elongation(x) - compliance * pretension, -1e-4, 1e-2, xtol=1e-15), 1e-8
+    stiffness = 2.0 / compliance * (elongation(length + step) - elongation(length - step)) / (2.0 * step)
     kink = OFFSET**2 * stiffness * L / EI
     w = brentq(lambda w: w * math.cos(w) + kink * math.sin(w), 0.5, math.pi)
     found = contact_stability(certify(scene, arrays).grasp)

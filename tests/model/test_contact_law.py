@@ -10,16 +10,16 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.contact_law import friction_rate, friction_share, normal_force, stored_energy
+from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.scene.surroundings import ContactLaw
 
-EDGE = 1e-4
+EDGE, MASS = 1e-4, 0.006
 LAW = ContactLaw(stiffness=2000.0, friction=0.4, dissipation=3.0, rounding=EDGE, presliding=2e-4)
 
 
 def force_of(law: ContactLaw = LAW) -> ca.Function:
-    gap, rate = ca.SX.sym("gap"), ca.SX.sym("rate")
-    return ca.Function("force", [gap, rate], [normal_force(law, gap, rate), stored_energy(law, gap)])
+    gap, rate, touch = ca.SX.sym("gap"), ca.SX.sym("rate"), TouchLaw(law, MASS)
+    return ca.Function("force", [gap, rate], [touch.normal_force(gap, rate), touch.stored_energy(gap)])
 
 
 class Friction:
@@ -27,10 +27,10 @@ class Friction:
 
     def __init__(self, count: int, law: ContactLaw = LAW) -> None:
         z, v = ca.SX.sym("z", count), ca.SX.sym("v", count)
-        gap = ca.SX.sym("gap")
+        gap, touch = ca.SX.sym("gap"), TouchLaw(law, MASS)
         states, slips = ca.vertsplit(z), ca.vertsplit(v)
-        share = ca.vertcat(*friction_share(law, states, slips))
-        rate = ca.vertcat(*friction_rate(law, gap, states, slips))
+        share = ca.vertcat(*touch.friction_share(states, slips))
+        rate = ca.vertcat(*touch.friction_rate(gap, states, slips))
         self._function = ca.Function("friction", [gap, z, v], [share, rate])
 
     def __call__(self, z, v, gap: float = -1.0) -> tuple[np.ndarray, np.ndarray]:
@@ -154,8 +154,8 @@ def test_a_pull_above_the_cone_slips_with_what_is_left(share):
 
 
 def test_an_open_contact_forgets_and_a_touching_one_does_not():
-    friction = Friction(1)
-    for gap, rate in ((-EDGE, 0.0), (EDGE, 0.0), (3.0 * EDGE, -80.0), (1.0, -80.0)):
+    friction, time = Friction(1), math.sqrt(MASS / LAW.stiffness)
+    for gap, rate in ((-EDGE, 0.0), (EDGE, 0.0), (3.0 * EDGE, -0.8 * 0.2 / time), (1.0, -0.8 * 0.2 / time)):
         assert friction([0.8], [0.0], gap)[1] == pytest.approx([rate], abs=1e-9)
 
 
@@ -165,8 +165,9 @@ def test_an_open_contact_forgets_and_a_touching_one_does_not():
 def test_a_slip_speed_needs_no_state(speed, share):
     law = ContactLaw(stiffness=1.0e3, friction=0.4, slip_speed=1e-3)
     assert law.displacement is None
-    assert float(ca.DM(friction_share(law, [], [ca.DM(speed)])[0])) == pytest.approx(share, abs=1e-6)
-    assert friction_rate(law, 0.0, [], [0.0]) == []
+    touch = TouchLaw(law, MASS)
+    assert float(ca.DM(touch.friction_share([], [ca.DM(speed)])[0])) == pytest.approx(share, abs=1e-6)
+    assert touch.friction_rate(0.0, [], [0.0]) == []
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,6 @@ from continuum_grasp.scene.value import Value
 from tests.features import FEATURES, Feature, scene_of
 
 BASE = {"m": "L", "kg": "M", "s": "T", "N": "LM/TT", "Pa": "M/LTT", "rad": "", "1": ""}
-_OWN = {
-    "sticking friction of contacts": "T",  # an open contact forgets within 10 ms
-    # Tendons of drives go slack within 20 um.
-    **dict.fromkeys(("winches", "slack cables", "motors", "a gear with play", "motors that stand"), "L"),
-}
-"""What a feature has a size of its own in."""
 
 
 def power(unit: str, sizes: Mapping[str, int]) -> int:
@@ -61,7 +55,7 @@ def larger(value: Any, sizes: Mapping[str, int], unit: str | None = None) -> Any
 
 @pytest.mark.parametrize("feature", FEATURES, ids=lambda one: one.name)
 def test_a_finger_in_other_units_moves_alike(feature: Feature):
-    sizes = {"L": 2, "M": 6, "T": 4} | dict.fromkeys(_OWN.get(feature.name, ""), 0)
+    sizes = {"L": 2, "M": 6, "T": 4}
     scene = scene_of(
         Scene,
         feature,

@@ -167,7 +167,7 @@ def test_slack_is_wound_up_before_a_tendon_pulls():
     wound = OFFSET**2 * LENGTH / STIFFNESS * tension + (3e-5 + LENGTH / 1e4) * tension
     made = model({**SERVO, "slack": slack})
     assert equilibrium_under(made, [slack + wound, -0.02], [0.0, 0.0]).tensions == pytest.approx([10.0, 0.0], abs=1e-6)
-    # The tendon comes taut within 20 um of where it is just so.
+    # The tendon comes into tension within 20 um of where it is just so.
     assert equilibrium_under(made, [slack - 3e-5, -0.02], [0.0, 0.0]).tensions == pytest.approx([0.0, 0.0], abs=1e-6)
 
 

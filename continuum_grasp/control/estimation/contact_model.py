@@ -20,7 +20,7 @@ from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.winches import SLOW, Motor, Winch, winches_of
+from continuum_grasp.model.winches import Motor, Winch, winches_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.estimator import Measured
@@ -61,7 +61,7 @@ class ContactModel:
     @cached_property
     def lengths(self) -> Array:
         """Lengths that winches have wound up at the start of the scene [m]."""
-        winches = winches_of(self.scene.finger.tendon_list, self.scene.finger.rod.length)
+        winches = winches_of(self.scene.finger)
         start, driven = first_state(self.scene, self.prediction), self.prediction.driven
         return np.array([w.radius * start[each.state] for w, each in zip(winches, driven, strict=False)])
 
@@ -134,7 +134,7 @@ def contact_model_of(scene: ControlScene) -> ContactModel:
     if finger.has_tendon_friction:
         members += [free.nominal] * 2
         groups += [max(groups) + 1] * 2
-    measured, labels = _measured(scene.estimator.measured, winches_of(finger.tendon_list, length), scene)
+    measured, labels = _measured(scene.estimator.measured, winches_of(finger), scene)
     return ContactModel(free, measured, labels, np.array(members), tuple(groups), scene)
 
 
@@ -171,7 +171,7 @@ def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
     asked, period = scene.estimator.contact_detection, scene.controller.step
     finger = model.finger
     blend = -math.expm1(-period / asked.time_constant)
-    motors = winches_of(scene.finger.tendon_list, scene.finger.rod.length)
+    motors = winches_of(scene.finger)
     prediction = model.prediction
     friction: Friction | None = None
     if asked.history_known and scene.initial.reached_by is not None:
@@ -218,7 +218,7 @@ def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> 
     else:
         pulled = 0.0  # of commands, which are known
     variance = (noisy * _filtered(weights, blend)) ** 2 + (pulled * _filtered(np.array([0.25, 0.5, 0.25]), blend)) ** 2
-    slow = radius * SLOW if motor is not None else 1.0
+    slow = radius * motor.slow if motor is not None else 1.0
     ending, jerk = (1.0, 0.0) if motor is None else _at_end(motor, period)
     return {
         "inertia": inertia,

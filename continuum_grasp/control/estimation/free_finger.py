@@ -14,7 +14,6 @@ from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.core.integrators.derivatives import solve
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.memory import RETURN_TIME
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.spectrum import sample_shapes
 from continuum_grasp.simulation.statics import Friction, equilibrium_under, following
@@ -154,7 +153,7 @@ class FreeFinger:
         """
         symbols = list(self._symbols.values())
         jacobian = ca.Function("jacobian", symbols, [ca.jacobian(self.rate(*symbols), symbols[0])])
-        fastest = 1.0 / RETURN_TIME if self.friction_states else 0.0
+        fastest = 1.0 / self.model.structure.return_time if self.friction_states else 0.0
         # In tension as far as the tendons bear: elastic cables make a finger stiffer, and tensions as well.
         for shape in sample_shapes(self.model, np.zeros(self.n)):
             for states in (0.0, 1.0) if self.friction_states else (0.0,):

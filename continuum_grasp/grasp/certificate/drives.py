@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes, friction_of
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene.drives import SOFT, DriveLaw, MotorDrive
+from continuum_grasp.scene.drives import DriveLaw, MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup
 
 LEAST_PULL = 1e-6
@@ -72,7 +72,7 @@ class WoundTendons:
     @cached_property
     def wound(self) -> Array:
         """Cable wound up (2,) [m]; of a slack tendon, as much as would make it just in tension."""
-        return np.asarray(self.paths + _unsoftened(self.compliances * self.tensions, self.in_tension))
+        return np.asarray(self.paths + _unsoftened(self.compliances * self.tensions, self.law.onset, self.in_tension))
 
     @property
     def _wound_by_pulley(self) -> float:
@@ -92,7 +92,7 @@ class WoundTendons:
             return self.tensions
         # A tendon that does not pull is let out until it is slack.
         elongation = self.compliances * self.tensions
-        let_out = SOFT / (1.0 + (elongation / SOFT) ** 4)
+        let_out = law.onset / (1.0 + (elongation / law.onset) ** 4)
         return np.asarray(self.paths + elongation - let_out + law.servo * self.tensions)
 
     def misfit(self, held: Array | None = None) -> float:
@@ -108,7 +108,7 @@ class WoundTendons:
             return float(np.abs(self.tensions - held).max())
         else:
             commanded = held - law.servo * self.tensions
-        off = np.abs(_softened(commanded - self.paths) / self.compliances - self.tensions).max()
+        off = np.abs(_softened(commanded - self.paths, law.onset) / self.compliances - self.tensions).max()
         # Of a motor on a pulley under a torque also the difference of the tensions.
         return float(max(off, abs(left - right - held[0])) if law.pulley and not law.locks else off)
 
@@ -127,7 +127,9 @@ class WoundTendons:
     @property
     def springs(self) -> Array:
         """Tension at the drive per path drawn in while the drives hold (2,) [N/m]; none of a slack tendon."""
-        stiffness = np.where(self.in_tension, _softness(self.wound - self.paths), 0.0) / self.compliances
+        stiffness = (
+            np.where(self.in_tension, _softness(self.wound - self.paths, self.law.onset), 0.0) / self.compliances
+        )
         return np.array(self.law.springs(stiffness.tolist()))
 
     @property
@@ -164,23 +166,23 @@ class StoredFinger:
         self.wound = None if law is None else WoundTendons(setup, law, self.shape, self.tensions, self.friction)
 
 
-def _softened(length: Array) -> Array:
-    """Elongation [m] by what is wound up beyond slack [m]; rounded off within `SOFT` to either side."""
-    v = np.clip(length / SOFT, -1.0, 1.0)
-    return np.asarray(SOFT / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v))) + np.maximum(length - SOFT, 0.0))
+def _softened(length: Array, onset: float) -> Array:
+    """Elongation [m] by what is wound up beyond slack [m]; rounded off within an onset [m] to either side."""
+    v = np.clip(length / onset, -1.0, 1.0)
+    return np.asarray(onset / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v))) + np.maximum(length - onset, 0.0))
 
 
-def _softness(length: Array) -> Array:
+def _softness(length: Array, onset: float) -> Array:
     """Derivative of `_softened`."""
-    v = np.clip(length / SOFT, -1.0, 1.0)
+    v = np.clip(length / onset, -1.0, 1.0)
     return np.asarray((8.0 + 12.0 * v - 4.0 * v**3) / 16.0)
 
 
-def _unsoftened(elongation: Array, pulling: NDArray[np.bool_]) -> Array:
+def _unsoftened(elongation: Array, onset: float, pulling: NDArray[np.bool_]) -> Array:
     """Length wound up beyond straight for an elongation [m]; none for a slack tendon. By Newton's method."""
     x = np.asarray(elongation, dtype=float).copy()
     for _ in range(50):
         # Not at the end of the slack range, where the law is flat.
-        slope = _softness(np.maximum(x, SOFT * (1e-9 - 1.0)))
-        x -= np.clip((_softened(x) - elongation) / slope, -SOFT, SOFT)
+        slope = _softness(np.maximum(x, onset * (1e-9 - 1.0)), onset)
+        x -= np.clip((_softened(x, onset) - elongation) / slope, -onset, onset)
     return np.asarray(np.where(pulling, x, 0.0))

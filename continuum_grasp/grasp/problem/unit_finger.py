@@ -18,7 +18,6 @@ from continuum_grasp.grasp.problem.graded_backbone import GradedBackbone
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import soft
-from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.loads import MomentLoad
 from continuum_grasp.scene.rod import Damping, DryFriction, Rod
@@ -178,12 +177,11 @@ class UnitFinger:
         servo = self.number("servo")
         path = self.number("arm") * self.backbone.drawn(self.q, self.u, self.p)
         stretched = [c * pull for c, pull in zip(self.compliances(), ca.vertsplit(self.pulls), strict=True)]
-        length = self.number("meters")
+        onset = self.number("onset")
         if not spec.pulley and not self.spec.in_error:
             commanded = self.command - ca.vertcat(path, -path) - servo * self.pulls
             # Where nothing pulls, let out until it is slack.
-            width = SOFT / length
-            return ca.vertcat(*(a - width / (1.0 + (a / width) ** 4) for a in stretched)) - commanded
+            return ca.vertcat(*(a - onset / (1.0 + (a / onset) ** 4) for a in stretched)) - commanded
         rows: list[ca.SX] = []
         difference = self.pulls[0] - self.pulls[1]
         if self.wound is not None:
@@ -194,7 +192,7 @@ class UnitFinger:
             beyond = [self.number("start") + wound, self.number("start") - wound]
         else:
             beyond = ca.vertsplit(self.command - servo * self.pulls - ca.vertcat(path, -path))
-        return ca.vertcat(*rows, *(a - soft(length * b) / length for a, b in zip(stretched, beyond, strict=True)))
+        return ca.vertcat(*rows, *(a - soft(b, onset) for a, b in zip(stretched, beyond, strict=True)))
 
     @property
     def held(self) -> ca.SX:

@@ -22,7 +22,6 @@ from continuum_grasp.grasp.values import LITTLE, NEAR
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
-from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.shapes import Freedom, Pose, pose_bounds
 from continuum_grasp.scene.supports import Wall
@@ -239,12 +238,12 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
     if law is not None:
         pull = moment / offset  # of one newton
         values |= {
-            "meters": length,
+            "onset": law.onset / length,
             "arm": offset / length,
             "series": law.series * pull / length,
             "axial": law.axial * pull / length,
             "servo": law.servo * pull / length if law.locks else 0.0,
-            "pulling": SOFT / (law.series + law.axial) / pull,
+            "pulling": law.onset / (law.series + law.axial) / pull,
             "start": law.start / length,
             # Winches that follow a length have no limit: no difference of tensions is twice their greatest.
             "torque_max": min(law.greatest, 2.0 * greatest_tension) / pull,

@@ -21,7 +21,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.model.family import Family, Mesh, gathered
-from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
+from continuum_grasp.model.memory import Instant, Memory
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.value import SAME, Value
@@ -176,9 +176,9 @@ class Bend:
     curvature: Scalar  # above that at rest [1/m]
     rest: Scalar  # that at rest [1/m]
     rate: Scalar  # of the curvature [1/(m s)]
+    memory: Memory
     own: Sequence[Scalar] = ()  # numbers of the law there
     states: Sequence[Scalar] = ()
-    memory: Memory = IN_MOTION
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,7 @@ class SectionForces:
         for law, port, states in self._ports:
             curvature, rate = (self._mean(port, values) for values in (self._at.full, self._at.rates))
             rest = port.rest if self._rest is None else self._rest
-            acting.append((law, port, Bend(curvature, rest, rate, port.own, states, self._at.memory)))
+            acting.append((law, port, Bend(curvature, rest, rate, self._at.memory, port.own, states)))
         return acting
 
     def _mean(self, port: Port, values: Sequence[Scalar]) -> Scalar:
