@@ -144,7 +144,7 @@ def _only(rings: list[Ring]) -> tuple[Point, ...]:
 
 def _extent(curve: Sequence[Point]) -> float:
     """Longer side of the box around a curve [m]."""
-    return max(max(side) - min(side) for side in zip(*curve, strict=True))
+    return max(max(side) - min(side) for side in (tuple(p[k] for p in curve) for k in (0, 1)))
 
 
 def _from_svg(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
