@@ -57,7 +57,8 @@ def test_fingers_are_drawn_unloaded_and_the_object_where_it_lies():
     # An arc from the base, by its closed form.
     across, along = (math.cos(turn) - 1.0) / curvature, math.sin(turn) / curvature
     c, s = math.cos(finger.base.angle), math.sin(finger.base.angle)
-    tip = np.array(finger.base.position) + (c * across - s * along, s * across + c * along)
+    x, y = finger.base.position
+    tip = (x + c * across - s * along, y + s * across + c * along)
     assert line[-1, 1:3] == pytest.approx(tip, abs=1e-5)
     gear = load("configs/grasp/gear.yaml")
     assert np.concatenate(SceneView(gear).outlines)[:, 0].min() == pytest.approx(0.0, abs=1e-9)
