@@ -130,6 +130,17 @@ def test_validate_says_what_of_a_drawing_is_the_object(tmp_path):
     assert found["notes"] == [said]
 
 
+@pytest.mark.parametrize("name", ["grasp/gear", "fingers/spirob", "sweep/mug_size_friction", "mission/turn_block"])
+def test_validate_draws_the_scene_of_any_kind(tmp_path, name):
+    from PIL import Image
+
+    assert run("validate", str(ROOT / f"configs/{name}.yaml"), "--picture", str(tmp_path / "scene.png")).exit_code == 0
+    with Image.open(tmp_path / "scene.png") as picture:
+        shades = np.asarray(picture.convert("L"))
+    assert min(shades.shape) > 300
+    assert (shades < 250).mean() > 0.02
+
+
 def test_validate_names_the_line_of_what_a_model_cannot_be(tmp_path):
     file = tmp_path / "scene.yaml"
     text = Path(RELEASE).read_text().replace("../fingers", str(ROOT / "configs/fingers"))

@@ -21,7 +21,7 @@ from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
-from continuum_grasp.grasp.values import Change, Reason, Status, force_text
+from continuum_grasp.grasp.values import Change, OutlineError, Reason, Status, force_text
 from continuum_grasp.plotting.grasp.margins import (
     plot_friction,
     plot_resistance,
@@ -84,6 +84,20 @@ def test_what_a_fine_model_changes_is_reported():
     assert re.search(r"fine model +with 24 elements the tension changes by \+1\.25%", result_text(result))
     assert yaml.safe_load(result_yaml(result))["fine_model"] == change
     assert "+1.25%" in Page(page_of(result)).text
+
+
+def test_the_error_of_an_outline_and_what_it_changes_are_reported():
+    change = Change({"finger": 4}, 42.0, -0.0325, 1e-5, 0.1)
+    result = replace(held(), outline=OutlineError(8e-5, 0.04, 64, 128, change))
+    said = "with 128 corners in place of 64 the tension changes by -3.25% to 42.00 N"
+    for text in (result_text(result), Page(page_of(result)).text, *result.warnings):
+        assert said in " ".join(text.split())
+    assert "within 0.08 mm of the drawing (0.20% of the object's size)" in result_text(result)
+    assert yaml.safe_load(result_yaml(result))["outline"]["deviation"] == 8e-5
+    assert result.pairs()["outline error"] == "0.08 mm, tension -3.2%"
+    rough = replace(result, outline=replace(result.outline, change=None, missing="no such grasp was found"))
+    assert "no such grasp was found" in result_text(rough)
+    assert not rough.warnings
 
 
 @pytest.mark.parametrize("name", SCENES)

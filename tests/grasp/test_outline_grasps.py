@@ -18,6 +18,7 @@ from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import ROUND, distance_from
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.objects import redrawn
 from continuum_grasp.scene.parts import OffsetPolygon, corners_of
 from tests.marks import few
 
@@ -156,3 +157,38 @@ def test_outlines_that_were_not_held_take_no_more_than_by_other_ways(seed, eleme
     assert row["status"] in ("feasible", "optimal")
     assert row["tension"] <= tension * (1.0 + 1e-6)
     assert row["residual"] < 1.0
+
+
+def disc_scene(folder, corners, share):
+    """The mug, its rim drawn by chords of a circle."""
+    turns = np.arange(corners) * 2.0 * np.pi / corners
+    np.savetxt(folder / "rim.csv", 0.04 * np.column_stack([np.cos(turns), np.sin(turns)]), delimiter=",")
+    body = {"shape": "outline", "file": str(folder / "rim.csv"), "tolerance": share * 0.08, "mass": 0.3}
+    changes = {"object": body | {"position": [0.04, 0.0], "against": "palm"}, "friction_states": "pulled"}
+    return load("configs/grasp/mug.yaml", changes)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("share", [2e-2, 5e-3, 1e-3])
+def test_what_a_drawing_changes_is_that_of_a_full_search_and_near_the_disc(tmp_path, share):
+    """What is reported of a rough outline, against searches of the finer outline and of the disc itself."""
+    disc = optimize_grasp(load("configs/grasp/mug.yaml", {"friction_states": "pulled"})).tension
+    scene = disc_scene(tmp_path, 192, share)
+    rough = optimize_grasp(scene, fine=True)
+    change = rough.outline.change
+    if change is None:
+        assert abs(rough.tension / disc - 1.0) < 0.02
+        return
+    full = optimize_grasp(scene.changed({"object": redrawn(scene.object)})).tension
+    assert change.tension == pytest.approx(full, rel=1e-3)
+    # The finer one is nearer to the disc, and off by half of what it changes at most.
+    assert abs(full - disc) < 0.5 * abs(full - rough.tension)
+
+
+@pytest.mark.deep
+def test_what_a_drawing_changes_is_exact_next_to_a_grasp_of_a_bottle():
+    scene = load("configs/grasp/bottle_picture.yaml", {"object.tolerance": "1.5 mm"})
+    change = optimize_grasp(scene, fine=True).outline.change
+    full = optimize_grasp(load("configs/grasp/bottle_picture.yaml", {"object.tolerance": "0.3 mm"})).tension
+    assert change.tension == pytest.approx(full, rel=1e-2)
+    assert change.tension_change < -0.04

@@ -158,4 +158,4 @@ class Outline(OutlineFile, ObjectBody):
 
 def _extent(curve: Sequence[Point]) -> float:
     """Longer side of the box around a curve [m]."""
-    return max(max(side) - min(side) for side in zip(*curve, strict=True))
+    return max(max(side) - min(side) for side in (tuple(p[k] for p in curve) for k in (0, 1)))
