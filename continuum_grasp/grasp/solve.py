@@ -343,20 +343,17 @@ class _Verdict:
     def _failed(
         self, status: Status, message: str, advice: str, closest: Tried | None, reasons: Sequence[Reason] = ()
     ) -> GraspResult:
+        # What the object needs says more than where the search gave up.
         repaired = reasons[0].arrays if reasons else {}
-        if repaired:  # what the object needs says more than where the search gave up
-            arrays, certificate, violated = repaired, certify(self.scene, repaired), ()
-        elif closest is not None:
-            arrays, certificate, violated = closest.arrays, closest.certificate, _broken(closest.attempt.violations)
-        else:
-            arrays, certificate, violated = {}, None, ()
+        near = None if repaired else closest
+        certificate = certify(self.scene, repaired) if repaired else None
         return GraspResult(
             self.scene,
             status,
             message,
-            arrays=arrays,
-            certificate=certificate,
-            violated=violated,
+            arrays=repaired if near is None else near.arrays,
+            certificate=certificate if near is None else near.certificate,
+            violated=() if near is None else _broken(near.attempt.violations),
             reasons=tuple(reasons),
             advice=" ".join(part for part in (self._support_note(), advice) if part),
             statistics=self._statistics(None if closest is None else closest.attempt),

@@ -81,7 +81,8 @@ class ContactForces:
         It is what the force has beside its normal part. That of a table is out of the plane: its lift.
         """
         whole = np.square(self.force).sum(axis=1) + np.square(self.lift)
-        return np.sqrt(np.maximum(whole - np.square(self.normal_force), 0.0))
+        shear: Array = np.sqrt(np.maximum(whole - np.square(self.normal_force), 0.0))
+        return shear
 
     def at(self, index: int) -> list[tuple[Array, Array, str]]:
         """Forces in the plane at one instant: position (2,) [m], force (2,) [N], and on what: finger or object."""
