@@ -114,9 +114,9 @@ def lump(
     compliance, first = profile.moments(lambda s: 1.0 / profile.bending_stiffness(s), edges, 2)
     at = first / compliance
     (rest,) = profile.moments(profile.rest_curvature, edges)
-    # The damping goes with the stiffness along the finger; its coefficient is that at the base.
+    # The damping goes with the stiffness along the finger; its coefficient is that of the rod itself at the base.
     stiffness = 1.0 / compliance
-    damping = finger.damping.material / float(profile.bending_stiffness(0.0)) * stiffness
+    damping = finger.damping.material / profile.own_stiffness * stiffness
     if per_arc and finger.damping.per_arc:
         # An element of ours that bends evenly has m hinges with the m-th part of its rate each.
         element = np.clip(np.searchsorted(np.cumsum(per_arc), at), 0, len(per_arc) - 1)

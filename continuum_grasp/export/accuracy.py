@@ -11,7 +11,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import REALS, Real, to_digits
+from continuum_grasp.export.fields import REALS, to_digits
 from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import press, reach_of, split
@@ -125,13 +125,17 @@ def _by_field(output: Argument, off: Array, greatest: Array) -> tuple[OutputErro
     return tuple(errors)
 
 
-def check_errors(real: Real, errors: Mapping[str, tuple[OutputError, ...]], asked: float) -> None:
+def check_errors(subject: Subject, errors: Mapping[str, tuple[OutputError, ...]], asked: float) -> None:
     """Refuse functions of which one has a greater relative error than asked."""
+    real = subject.real
+    # Rates squared lose digits all over their range, whatever the bends.
+    squared = subject.model.finger.damping.quadratic > 0.0
+    advice = "leave finger.damping.quadratic out" if squared else "a smaller bending_range, or fewer elements"
     relative = {name: max(output.relative for output in outputs) for name, outputs in errors.items()}
     worst = max(relative, key=lambda name: relative[name], default="")
     if relative and relative[worst] > asked:
         raise InputError(
             f"{real.name} gives {worst} a relative error of {relative[worst]:.1g} within the ranges, "
-            f"{asked:.1g} was asked for: take real='double', or a smaller bending_range, or fewer elements",
+            f"{asked:.1g} was asked for: take real='double', or {advice}",
             key="error",
         )

@@ -194,14 +194,14 @@ def _checked(
         double = _contents(replace(subject, real=REALS["double"]), names, contents.words["title"])
         for seed, (narrow, true) in enumerate(zip(contents.calls, double.calls, strict=True)):
             errors[narrow.name] = error_bounds(subject, narrow, true, seed)
-        check_errors(subject.real, errors, limit)
+        check_errors(subject, errors, limit)
     if contents.stateful:
         add_sizes(contents)
     files = library_files(contents)
     if not tested:
         return [], files, errors
     vectors, more = stateful_vectors(contents, double, files)
-    check_errors(subject.real, more, limit)
+    check_errors(subject, more, limit)
     return [*vectors_of(subject, contents.calls), *vectors], files, errors | more
 
 

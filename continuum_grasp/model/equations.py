@@ -354,8 +354,8 @@ class Equations:
     def viscosity(self) -> Scalar:
         """Damping of the material, as a factor of the mesh's stiffness."""
         # Kelvin-Voigt: moment eta times the rate of curvature, so the matrix of the elasticity, whatever the elements;
-        # eta is that at the base, and goes with the stiffness of the section.
-        return 1.0 / float(self._structure.mesh.stiffness(0.0)) * self._par["material_damping"]
+        # eta is that of the rod itself at the base, and goes with the stiffness of the section.
+        return 1.0 / self._structure.mesh.own_stiffness * self._par["material_damping"]
 
     @cached_property
     def damping(self) -> list[Scalar]:
@@ -543,7 +543,7 @@ class Equations:
     def held_stiffness(self) -> Scalar:
         """Stiffness that laws with states add while these are held, as a factor of the mesh's stiffness."""
         held = sum((law.held for law in self._structure.laws), 0.0)
-        return 1.0 / float(self._structure.mesh.stiffness(0.0)) * held
+        return 1.0 / self._structure.mesh.own_stiffness * held
 
     @property
     def drives_feel_motion(self) -> bool:

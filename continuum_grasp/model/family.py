@@ -35,6 +35,7 @@ class Mesh:
     linear_density: Curve
     rotary_inertia: Curve
     rest: Curve  # curvature at rest [1/m]
+    own_stiffness: float  # that of the rod itself at the base, without what chambers add
     moments: tuple[Curve, ...] = ()  # shapes of the bending moments of the input [1]
     known: bool = False  # whether what these bend is taken as known
 

@@ -374,6 +374,7 @@ class Structure:
             profile.linear_density if graded else one,
             profile.rotary_inertia if graded else one,
             profile.rest_curvature,
+            profile.own_stiffness / (1.0 if graded else float(profile.bending_stiffness(0.0))),
             tuple(source.shape for source in self.sources),
             self.matched,
         )

@@ -274,17 +274,19 @@ class Finger(Value):
     @cached_property
     def profile(self) -> Profile:
         """The rod along its length, with the finger's rest curvature and thickness."""
-        from continuum_grasp.scene.profile import Curve
+        from continuum_grasp.scene.profile import Curve, summed
 
         profile, length = self.rod.profile, self.rod.length
         half = profile.half_thickness if self.half_thickness is None else Curve.along(length, self.half_thickness)
         rest = Curve.along(length, self.rest_curvature) if self.rest_curvature else profile.rest_curvature
-        stiffness = profile.bending_stiffness
-        for chamber in self.chambers:
-            if chamber.stiffness_share:
-                stiffness = stiffness.times(chamber.along(length, 1.0 + chamber.stiffness_share, 1.0))
+        profile = replace(profile, rest_curvature=rest, half_thickness=half)
+        walls = [chamber.along(length, chamber.stiffness_share, 0.0) for chamber in self.chambers]
+        if not any(chamber.stiffness_share for chamber in self.chambers):
+            return profile
+        added = summed(length, [Curve.along(length, 1.0), *walls])
+        stiffness = profile.bending_stiffness.times(added)
         graded = profile.graded or stiffness.constant is None
-        return replace(profile, rest_curvature=rest, half_thickness=half, bending_stiffness=stiffness, graded=graded)
+        return replace(profile, bending_stiffness=stiffness, added=added, graded=graded)
 
     @cached_property
     def stop_curvature(self) -> Curve | None:

@@ -156,9 +156,16 @@ class Profile:
     rest_curvature: Curve  # [1/m]
     half_thickness: Curve  # half the outer thickness [m], where contacts touch
     half_depth: Curve | None  # half the depth of the elastic section [m], which strains most there; None: not known
+    added: Curve | None = None  # stiffness with what chambers add, per that of the rod itself [1]
     graded: bool = False
     """Whether it is given by sections, samples or a spiral: stiffness and density as run-time arguments are then
     factors (nominal 1), and lengths of elements are none."""
+
+    @property
+    def own_stiffness(self) -> float:
+        """Bending stiffness of the rod itself at the base [N m2], to which numbers of the material refer."""
+        added = 1.0 if self.added is None else float(self.added(0.0))
+        return float(self.bending_stiffness(0.0)) / added
 
     @cached_property
     def uniform(self) -> bool:
@@ -219,6 +226,12 @@ def smooth_parts(
         if at - edges[-1] > least and end - at > least:
             edges.append(at)
     return list(pairwise([*edges, end]))
+
+
+def summed(length: float, steps: Sequence[Curve]) -> Curve:
+    """Sum of functions along a finger of a length [m] that are constant between their edges."""
+    starts = [start for start, _ in smooth_parts(length, steps)]
+    return Curve((*starts, length), tuple((sum(float(step(at, tip_side=True)) for step in steps),) for at in starts))
 
 
 def nodes_of(panels: Iterable[tuple[float, float]]) -> Iterator[tuple[Array, Array]]:

@@ -18,7 +18,9 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import _TRIPS, Anomaly, Health, Sight, Trip, Verdict
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene import ControlScene
 from continuum_grasp.scene.load import load
+from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
 from tests.marks import few
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
@@ -107,6 +109,32 @@ def test_a_slow_drive_is_reported_where_the_tip_falls_behind_although_nothing_sw
     later = [health for t, health in zip(found.t, found.health, strict=False) if t > 1.0]
     assert set(later) == ({"mismatch"} if reported else {"ok"})
     assert all("tension" in text for text in found.health_texts[-50:]) is reported
+    assert all("longer delay or lag" in text for text in found.health_texts[-50:]) is reported
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("known", "true", "word"),
+    [(0.06, 0.02, "shorter"), (0.04, 0.01, "shorter"), (0.02, 0.08, "longer"), (0.03, 0.03, "")],
+)
+def test_the_report_says_whether_the_lag_is_longer_or_shorter(known, true, word):
+    """The tip is led to and fro; the drive's measured tensions run ahead of the model's, or fall behind."""
+    tips = [[-0.03, 0.175], [0.03, 0.175]] * 5
+    path = {"times": [0.4 * k for k in range(10)], "values": tips}
+    given = {
+        **ARCS_LOOP,
+        "estimator": {**ARCS_ESTIMATOR, "delay": 0.0},
+        "reference": {"tip": path},
+        "plant": {"fidelity": ARCS_LOOP["fidelity"], "time_constant": true},
+        "duration": 3.0,
+    }
+    scene = ControlScene(**given)
+    found = run_closed_loop(scene.replaced(finger=scene.finger.with_tendons(time_constant=known)))
+    texts = [text for t, text in zip(found.t, found.health_texts, strict=False) if text and t > 1.0]
+    assert bool(texts) is bool(word)
+    other = {"shorter": "longer", "longer": "shorter"}.get(word)
+    assert not any(f"{other} delay or lag" in text for text in texts)
+    assert sum(f"{word} delay or lag" in text for text in texts) >= 0.8 * len(texts)
 
 
 def swapped(*pairs):

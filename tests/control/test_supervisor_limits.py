@@ -70,17 +70,19 @@ State = _structure(
     c=("path", TWO),
     d=("mismatch", THREE),
     e=("activity", REAL),
-    f=("echo along travel usual before common caused silent together", TWO),
+    f=("echo along travel ahead change usual before common caused silent together", TWO),
     g=("calls rung raises since calm doubted late", INT),
     h=("swinging contradicted away unseen implausible tripped trips since_rearmed suspect", INT),
 )
 Evidence = _structure(
     "Evidence",
-    a=("nis echo along travel y expected verdict", ctypes.c_void_p),
+    a=("nis echo along travel ahead change y expected verdict", ctypes.c_void_p),
     b=("implausible", INT),
     c=("elapsed distance", REAL),
 )
-Report = _structure("Report", a=("health sensor entry reason rung contradicts", INT), b=("mismatch activity", REAL))
+Report = _structure(
+    "Report", a=("health sensor entry reason rung contradicts ahead", INT), b=("mismatch activity", REAL)
+)
 
 
 @lru_cache
@@ -140,7 +142,8 @@ class Watch:
         if math.isnan(readings[0]) and y is not None:
             verdicts[0] = Verdict.FROZEN
         along, travel = TWO(0.0, behind[0]), TWO(0.0, behind[1])  # of the drive
-        arrays = TWO(*nis), TWO(*echo), along, travel, readings, TWO(*expected), verdicts
+        ahead, change = TWO(0.0, 0.0), TWO(0.0, 0.0)
+        arrays = TWO(*nis), TWO(*echo), along, travel, ahead, change, readings, TWO(*expected), verdicts
         seen = Evidence(*map(ctypes.addressof, arrays), **{"elapsed": -1.0, "distance": -1.0, **others})
         library().supervisor_judge(*map(ctypes.byref, (self.state, self.settings, seen, report)))
         return report
@@ -176,7 +179,8 @@ def seen(happens, **state):
     """Calls until something happens with an entry of the state: the greatest mismatch, or the drive's echo."""
 
     def calls(name, value):
-        entry = {"mismatch": (0.0, value, 0.0), "echo": (0.0, value), "along": (0.0, value)}.get(name, value)
+        entry = {"mismatch": (0.0, value, 0.0), "echo": (0.0, value), "along": (0.0, value)}
+        entry = {**entry, "ahead": (0.0, value)}.get(name, value)
         return Watch(**{**state, name: entry}).when(happens)
 
     return calls
@@ -190,6 +194,9 @@ LIMITS = {
     "mismatch that contradicts now": (seen(lambda r: r.contradicts, **RAISED), "mismatch", 2.5, 401, 1),
     # 1.5 = (0.15 (14 + 1))^0.5
     "a drive that falls behind": (seen(health(Health.MISMATCH), travel=(0.0, 14.0)), "along", 1.5, 401, 1),
+    # 1.5 = (0.15 15)^0.5
+    "a drive that runs ahead": (seen(lambda r: r.ahead > 0, change=(0.0, 15.0)), "ahead", 1.5, 401, 1),
+    "a drive that does not follow": (seen(lambda r: r.ahead < 0, change=(0.0, 15.0)), "ahead", -1.5, 401, 1),
     "mismatch that lasts": (seen(raised, **ACTIVE), "mismatch", 3.0, 401, LONG),
     "severe mismatch": (seen(raised, **ACTIVE), "mismatch", 10.0, LONG, 1),
     "activity of a loop that is detuned": (seen(raised, **DOUBTED), "activity", 0.002, 401, LONG),

@@ -68,14 +68,26 @@ def test_walls_add_up_on_any_rod():
     made = scene(one, other, **{"finger.rod": graded, "fidelity": {"family": "clothoid", "elements": 12}})
     moment, slope = 2e4 * 4e-5, -1e-3 / LENGTH
     stiffness = made.finger.profile.bending_stiffness
-    assert float(stiffness(0.03)) == pytest.approx((2e-3 + slope * 0.03) * 1.2 * 1.1)
+    assert float(stiffness(0.03)) == pytest.approx((2e-3 + slope * 0.03) * 1.3)
     assert float(stiffness(0.09)) == pytest.approx((2e-3 + slope * 0.09) * 1.1)
 
     def angle(a, b, factor):
         return factor * math.log((2e-3 + slope * b) / (2e-3 + slope * a)) / slope
 
-    wanted = angle(0.0, 0.06, moment * 0.015 / (1.2 * 1.1)) + angle(0.06, LENGTH, moment * 0.01 / 1.1)
+    wanted = angle(0.0, 0.06, moment * 0.015 / 1.3) + angle(0.06, LENGTH, moment * 0.01 / 1.1)
     assert turned(cg.equilibrium(made)) == pytest.approx(wanted, rel=2e-4)
+
+
+@pytest.mark.parametrize(("start", "to"), [(0.0, 0.06), (1e-6, 0.06), (0.0, None), (1e-6, None)])
+def test_the_material_of_a_wall_damps_as_that_of_the_rod(start, to):
+    """Damping is in proportion to the stiffness: of every mode by eta omega / 2 E I of the rod itself."""
+    wall = {**CHAMBER, "start": start, "to": to, "stiffness_share": 1.0}
+    still = {"actuation.pressures": [0.0], "finger.damping": {"material": 1e-5}, "fidelity.elements": 4}
+    found = cg.modes(scene(wall, **still, gravity=[0.0, 0.0]))
+    wanted = 1e-5 * 2.0 * math.pi * found.frequencies_hz / (2.0 * STIFFNESS)
+    under = wanted[:2] < 1.0
+    assert under[0]
+    assert found.damping_ratios[:2][under] == pytest.approx(wanted[:2][under], rel=1e-6)
 
 
 def test_a_muscle_and_a_chamber_on_the_other_side_do_the_same():

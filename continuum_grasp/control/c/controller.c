@@ -274,10 +274,10 @@ static int controller_supervise(controller_state *state, const controller_settin
 {
 #if CONTROLLER_ESTIMATES
   const ekf_report *ekf = &out->ekf;
-  supervisor_evidence seen = {ekf->nis, ekf->echo, ekf->along, ekf->travel,
+  supervisor_evidence seen = {ekf->nis, ekf->echo, ekf->along, ekf->travel, ekf->ahead, ekf->change,
                               y, ekf->expected, out->verdict, ekf->implausible, -1, -1};
 #else
-  supervisor_evidence seen = {0, 0, 0, 0, 0, 0, out->verdict, 0, -1, -1};
+  supervisor_evidence seen = {0, 0, 0, 0, 0, 0, 0, 0, out->verdict, 0, -1, -1};
 #endif
   if (cg_finite(&in->elapsed, 1)) seen.elapsed = in->elapsed / o->period;
   seen.distance = controller_distance(o, in, y);

@@ -343,7 +343,7 @@ static void ekf_expect(ekf_state *state, const ekf_work *work, const ekf_setting
 static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, ekf_report *report)
 {
   const real gate = settings->gate * settings->gate;
-  real sum = 0, echo = 0, along = 0, travel = 0;
+  real sum = 0, echo = 0, along = 0, travel = 0, ahead = 0, change = 0;
   int rows = 0, out = 0;
   for (int row = 0; row < EKF_NY; ++row) {
     if (settings->sensor[row] != sensor || !(report->variance[row] > 0)) continue;
@@ -352,6 +352,10 @@ static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, 
     cg_limit(&normal, -(real)EKF_HUBER, (real)EKF_HUBER);
     along += normal * motion;
     travel += motion * motion;
+    const real moved = motion - state->moved[row];
+    state->moved[row] = motion;
+    ahead += normal * moved;
+    change += moved * moved;
     state->bias[row] += settings->fade * (normal - state->bias[row]);
     normal -= state->bias[row];
     echo += normal * state->before[row];
@@ -372,6 +376,8 @@ static int ekf_gate(ekf_state *state, const ekf_settings *settings, int sensor, 
   report->echo[sensor] = echo / (real)rows;
   report->along[sensor] = along / (real)rows;
   report->travel[sensor] = travel / (real)rows;
+  report->ahead[sensor] = ahead / (real)rows;
+  report->change[sensor] = change / (real)rows;
   return out ? CG_REOPENED : CG_USED;
 }
 

@@ -93,6 +93,7 @@ typedef struct {
   real usual[EKF_NX];         /* slow means of the states of drives */
   real answer[EKF_NX];        /* motion of the states about slow means, as far as drives cause it */
   real before[EKF_NY], bias[EKF_NY];    /* normalized innovations: of the last call, slow means */
+  real moved[EKF_NY];         /* motion of drives at the last call, in deviations */
 #if EKF_NA > 0
   real age;                   /* since the start, up to EKF_MEMORY [s] */
   real motion[EKF_NA][EKF_NX];          /* mean sensitivity of the states to each adapted parameter, over a step */
@@ -120,6 +121,8 @@ typedef struct {
   real along[EKF_NS], travel[EKF_NS];   /* mean product of the normalized innovations of drives with that motion, and mean square of
                                  the motion, in the same deviations: a drive that is slower than its model falls behind
                                  its motion again and again, by less than any one call shows */
+  real ahead[EKF_NS], change[EKF_NS];   /* the same of the change of that motion since the last call: whatever swings, a drive
+                                 that is faster than its model is ahead of it */
   real expected[EKF_NM];      /* motion of each measurement about its slow mean, as far as drives cause it */
 } ekf_report;
 

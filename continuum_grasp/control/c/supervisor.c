@@ -143,6 +143,8 @@ static void supervisor_average(supervisor_state *state, const supervisor_setting
       state->echo[sensor] += (seen->echo[sensor] - state->echo[sensor]) / (real)(5 * o->window);
       state->along[sensor] += (seen->along[sensor] - state->along[sensor]) / (real)(5 * o->window);
       state->travel[sensor] += (seen->travel[sensor] - state->travel[sensor]) / (real)(5 * o->window);
+      state->ahead[sensor] += (seen->ahead[sensor] - state->ahead[sensor]) / (real)(5 * o->window);
+      state->change[sensor] += (seen->change[sensor] - state->change[sensor]) / (real)(5 * o->window);
     }
     if (seen->elapsed >= 0) {
       real off = (seen->elapsed - 1) / (real)SUPERVISOR_JITTER;
@@ -196,6 +198,17 @@ static int supervisor_behind(const supervisor_state *state, const supervisor_set
   return -1;
 }
 
+/* Whether a drive runs ahead of its model (1) or falls behind (-1): its innovations have the sign of its changes, however it
+ * swings, while those about its mean have not; 0 where they do not show it. */
+static int supervisor_ahead(const supervisor_state *state, const supervisor_settings *o)
+{
+  for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) {
+    const real ahead = state->ahead[sensor];
+    if (o->drive[sensor] && ahead * ahead > (real)SUPERVISOR_BEHIND * state->change[sensor]) return ahead > 0 ? 1 : -1;
+  }
+  return 0;
+}
+
 void supervisor_judge(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
                       supervisor_report *report)
 {
@@ -233,8 +246,8 @@ void supervisor_judge(supervisor_state *state, const supervisor_settings *o, con
   report->rung = state->rung;
   report->reason = state->tripped;
   report->contradicts = mismatch > (real)SUPERVISOR_NOTICE;
-  const int off = supervisor_behind(state, o), behind = report->contradicts ? -1 : off;
-  report->ahead = off < 0 ? 0 : state->along[off] > 0 ? 1 : -1;
+  const int behind = report->contradicts ? -1 : supervisor_behind(state, o);
+  report->ahead = supervisor_ahead(state, o);
   report->health = state->tripped ? SUPERVISOR_TRIPPED : report->entry >= 0 ? SUPERVISOR_FROZEN
                  : state->rung ? SUPERVISOR_DETUNED : report->contradicts || behind >= 0 ? SUPERVISOR_MISMATCH
                  : SUPERVISOR_OK;

@@ -70,6 +70,7 @@ typedef struct {
   real mismatch[CONTROLLER_NS + 1], activity;
   real echo[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* of drives, over five windows */
   real along[SUPERVISOR_SIZE(CONTROLLER_NS)], travel[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* the same */
+  real ahead[SUPERVISOR_SIZE(CONTROLLER_NS)], change[SUPERVISOR_SIZE(CONTROLLER_NS)];
   real usual[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* slow means of readings */
   real before[SUPERVISOR_SIZE(CONTROLLER_NM)];  /* last readings about them, in standard deviations */
   /* of devices that show the shape: mean product with the motion that drives cause, greatest square of it lately as far as a
@@ -86,7 +87,7 @@ typedef struct {
 } supervisor_state;
 
 typedef struct {
-  const real *nis, *echo, *along, *travel;      /* of each sensor, as in ekf.h; nis below 0: not used */
+  const real *nis, *echo, *along, *travel, *ahead, *change;   /* of each sensor, as in ekf.h; nis below 0: not used */
   const real *y, *expected;   /* measurement, and its motion as far as drives cause it; null without an estimator */
   const int *verdict;         /* on each measurement, as in checks.h */
   int implausible;            /* whether a disturbance was clipped to a limit beyond which it means nothing */

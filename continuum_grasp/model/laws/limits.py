@@ -64,7 +64,7 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
     """Links that touch, at a curvature of the finger itself; a material that softens, at one above that at rest."""
     laws: list[SectionLaw] = []
-    stiffness = numbers["bending_stiffness"] * float(family.mesh.stiffness(0.0))
+    stiffness = numbers["bending_stiffness"] * family.mesh.own_stiffness
     stops, soft = finger.stops, finger.softening
     if stops is not None and finger.stop_curvature is not None:
         ports, change = points(family, _POINTS, finger.stop_curvature), (stops.stiffness_ratio - 1.0) * stiffness

@@ -63,6 +63,6 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
     names = [f"relaxation_{k + 1}" for k in range(len(finger.damping.relaxation))]
     if not names:
         return []
-    stiffness = numbers["bending_stiffness"] * float(family.mesh.stiffness(0.0))
+    stiffness = numbers["bending_stiffness"] * family.mesh.own_stiffness
     branches = tuple((numbers[f"{name}_share"] * stiffness, numbers[f"{name}_time"]) for name in names)
     return [Relaxation(linear_points(family), branches=branches)]

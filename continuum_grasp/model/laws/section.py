@@ -1,8 +1,9 @@
 """Ports at which a law sees how the finger bends, what a law gives there, and the generalized forces of all laws.
 
 A port is the curvature at a point of an element, or its mean over a part of it. Its measure has the stiffness of the
-section per that at the base: moments of a law are those at the base, and go with the stiffness along the finger. By
-virtual work, a moment m at a port of the mean shapes c and the measure l [m] exerts l m c on the coordinates.
+section per that of the rod itself at the base: moments of a law are those there, and go with the stiffness along the
+finger. By virtual work, a moment m at a port of the mean shapes c and the measure l [m] exerts l m c on the
+coordinates.
 
 A law has states where it remembers. At rest those of friction follow from how the finger came there (``Memory``); all
 others are zero.
@@ -83,7 +84,7 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
     linear acts as the elasticity does where elements bend as evenly as they can. Of an even moment that is the harmonic
     mean, by which a soft piece beside a stiff one is seen as what it bends; of a constant curvature the plain one.
     """
-    mesh, base, ports = family.mesh, float(family.mesh.stiffness(0.0)), list[Port]()
+    mesh, base, ports = family.mesh, family.mesh.own_stiffness, list[Port]()
     count, power = (count, -1.0) if family.degree else (1, 1.0)
     for element in range(family.elements):
 
@@ -135,7 +136,7 @@ def linear_points(family: Family) -> tuple[Port, ...]:
             bent = family.shapes_at(element, s)[:-1]
             return (np.stack([np.ones_like(s), s - start])[:, None, None] * bent[:, None] * bent) * mesh.stiffness(s)
 
-        gram, first = mesh.integral(start, end, products, mesh.stiffness) / float(mesh.stiffness(0.0))
+        gram, first = mesh.integral(start, end, products, mesh.stiffness) / mesh.own_stiffness
         places, vectors = eigh(first, gram)
         for place, share in zip(places, (gram @ vectors).T, strict=True):
             *there, rest = family.shapes_at(element, np.array([start + place]))[:, 0].tolist()
@@ -157,7 +158,7 @@ def _gauss(
     """Ports at Gauss's points of a part of an element."""
     mesh, (nodes, weights) = family.mesh, np.polynomial.legendre.leggauss(count)
     s = start + 0.5 * length * (nodes + 1.0)
-    measures = 0.5 * length * weights * mesh.stiffness(s) / float(mesh.stiffness(0.0))
+    measures = 0.5 * length * weights * mesh.stiffness(s) / mesh.own_stiffness
     numbers = np.array([curve(s) for curve in curves]).reshape(len(curves), count)
     for measure, (*shapes, rest), own in zip(measures, family.shapes_at(element, s).T, numbers.T, strict=True):
         yield Port(element, float(measure), _clean(np.array(shapes)), float(rest), tuple(own.tolist()))
