@@ -40,7 +40,7 @@ def main(program: str, *changes: str) -> int:
                 # The table sinks when the controller lifts, and stays where it lets go.
                 if phase == "confirm":
                     table.resume(table.latest, "lift")
-                elif phase == "lift" or (phase, before) == ("release", "confirm"):
+                elif phase == "lift" or (phase == "release" and "lift" not in poses):
                     table.resume(plant.t, phase)
                 poses[phase] = np.array(plant.x[model.system.object_states][:4])
             before = phase

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
 
 from continuum_grasp.control.status import Anomaly, Health, Sight, Status, Trip
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plan import Plan
+from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.run import MissionRunner
+from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Phases
 from continuum_grasp.simulation.contacts import ContactForces
 from tests.rods import ROOT
@@ -19,6 +25,21 @@ SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0
 COARSE = "plant.fidelity={family: clothoid, elements: 3}"
 QUICK = (COARSE, f"phases={SHORT}", "grasp.solver.effort=quick")
 """A short mission of coarse models."""
+
+
+@lru_cache
+def runner(name, *changes):
+    """The short mission of a configuration."""
+    mission = load(ROOT / f"configs/mission/{name}.yaml", [*QUICK, *changes])
+    return MissionRunner(assign(mission, optimize_grasp(mission.grasp)))
+
+
+@lru_cache
+def carried(name, *changes, shift=(0.0, 0.0)):
+    """Its run in Python, on an object that stands elsewhere by ``shift`` [m]."""
+    return runner(name, *changes).run(Variation(shift=shift))
+
+
 CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
 STAGES = SimpleNamespace(
     r_names=("contact_force_finger.tip [N]",), weights=np.zeros(1), u_min=np.zeros(2), u_max=np.full(2, 75.0)

@@ -213,7 +213,7 @@ def find_turned(record: Record) -> Turned | None:
     )
     if outcome.achieved:
         return outcome
-    why = "the mission was stopped before"
+    why = "the mission was stopped before" if math.isfinite(left) else "the finger let go before"
     if math.isnan(outcome.error):
         return replace(outcome, reason=why)
     if abs(outcome.error) > turn.tolerance:

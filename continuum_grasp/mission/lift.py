@@ -160,7 +160,8 @@ class LiftCheck:
 
     Where a contact bears too little by the estimate, or sensors contradict a finger's model, the fingers squeeze on,
     following their held forces, for as long as the squeeze took at most; then they let go, or lift in doubt by forces
-    that are enough. Where a finger is blind, all let go at once. What one finger notices while the object is held, all answer.
+    that are enough. Where a finger is blind, all let go at once. What one finger notices while the object is held,
+    all answer.
 
     What follows the decision is moved in the ``timetable``; ``refused`` says why the object was not lifted, ``doubted``
     what contradicted a lift, ``slipped`` what was noticed of slip while it was held.

@@ -6,7 +6,6 @@ import json
 import re
 import sys
 from dataclasses import replace
-from functools import lru_cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,7 +23,7 @@ from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
 from tests.export.test_export_targets import ELSEWHERE, MACHINES
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
-from tests.mission_cases import QUICK
+from tests.mission_cases import QUICK, carried
 from tests.rods import ROOT
 
 pytestmark = pytest.mark.deep
@@ -33,19 +32,7 @@ CONFIGS = ROOT / "configs/mission"
 
 
 @pytest.fixture(scope="module")
-def carried():
-    """Runs of missions in Python, by name of the configuration."""
-
-    @lru_cache
-    def found(name):
-        mission = load(CONFIGS / f"{name}.yaml", QUICK)
-        return MissionRunner(assign(mission, optimize_grasp(mission.grasp))).run()
-
-    return found
-
-
-@pytest.fixture(scope="module")
-def package(carried, tmp_path_factory):
+def package(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mug")
     export_c(carried("mug"), folder)
     return folder
@@ -63,7 +50,7 @@ def phase_numbers(package):
 
 
 @needs("cc")
-def test_a_mission_of_python_is_replayed(carried, package, tmp_path):
+def test_a_mission_of_python_is_replayed(package, tmp_path):
     """By what was measured: the same phases, setpoints to the bit, commands to the rounding of another compiler."""
     mission, (of,) = carried("mug"), carried("mug").assignments
     done, period = mission.runs[0], mission.runs[0].period
@@ -111,7 +98,7 @@ def test_a_mission_to_the_bit_without_a_warning_and_any_bits_under_sanitizers(co
 
 
 @needs("cc")
-def test_a_mission_lets_go_when_asked(carried, package, tmp_path):
+def test_a_mission_lets_go_when_asked(package, tmp_path):
     """Lowered first where it was lifted, aborted at once, within the rate all the way."""
     finger, library = shared_library(package, tmp_path)
     number = phase_numbers(package)
@@ -132,7 +119,7 @@ def test_a_mission_lets_go_when_asked(carried, package, tmp_path):
 
 
 @needs("cc")
-def test_fingers_lift_together_and_let_go_together(carried, tmp_path):
+def test_fingers_lift_together_and_let_go_together(tmp_path):
     """A package each; the first decides by what the other reported a period before, as in Python."""
     mission, libraries = carried("pinch"), []
     with pytest.raises(InputError, match="one of lower, upper, which have a package each"):
@@ -172,7 +159,7 @@ def test_the_example_holds_the_mug_over_a_pipe(package, tmp_path):
 
 @needs("cc")
 @pytest.mark.parametrize("fmi", ["2", "3"])
-def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, carried, package, tmp_path):
+def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, package, tmp_path):
     """Command and phase of every step, with the object let go before the plan does."""
     fmpy = pytest.importorskip("fmpy")
     from fmpy.validation import validate_fmu
@@ -238,7 +225,7 @@ def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
 
 
 @needs("cc")
-def test_an_object_is_held_until_it_is_asked_for(carried, package, tmp_path):
+def test_an_object_is_held_until_it_is_asked_for(package, tmp_path):
     """With the commands of the plan as long as the horizon does not see its end, then with those of the last rest."""
     mission = carried("mug")
     of, number = mission.assignments[0], phase_numbers(package)

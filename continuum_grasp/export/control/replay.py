@@ -324,14 +324,14 @@ def _estimator_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, lis
 
 
 def _mission_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
-    """All phases in turn, then a mission that lets go after the lift, and one that is aborted in the squeeze."""
+    """All phases in turn; missions that let go after the lift, are aborted in the squeeze, and are blind from there on."""
     rng, nu = np.random.default_rng(2), loop.command.size
     record = begin(nu + loop.start.size + 3, nu)
     phases = [] if loop.phases is None else [*loop.phases.names]
     numbers = {} if loop.phases is None else loop.phases.members
     begins, last = np.asarray(numbers["begin"]), float(np.sum(numbers["length"]))
     lifted, squeezed = (begins[phases.index(name)] for name in ("hold", "squeeze"))
-    for ends, asked in ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2)):
+    for ends, asked in ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2), (squeezed + 0.5 * last, 3)):
         finger, u = Finger(loop, rng), loop.before.copy()
         opens = round((lifted if asked == 1 else squeezed) / loop.period) + 10
         for k in range(math.ceil(ends / loop.period)):
@@ -339,6 +339,8 @@ def _mission_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[
             y, reported = finger.measured(u), 1 + (k % 7 == 3 if asked else 0)
             if k % 53 == 20:
                 y[rng.integers(len(y))] = np.nan
+            if asked == 3 and k >= opens:
+                y[:] = np.nan
             # It sinks in the hold, by what is squeezed for, and where it is let go after the lift by what is set down.
             sinks = -1e-3 * (1 + 4 * asked) * min(max(k * loop.period - lifted, 0.0) / 0.2, 1.0)
             height = [sinks] if loop.phases and loop.phases.watches else []
