@@ -44,7 +44,8 @@ def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], len
         for key in ("values", "offset")
     )
     ordered = isinstance(data, TipPath) or data.sequence
-    return Measured(data.name, tuple(columns), at, values, fitted, moves, ordered, offsets)
+    signals = () if isinstance(data, TipPath) else data.signals
+    return Measured(data.name, tuple(columns), at, values, fitted, moves, ordered, offsets, signals)
 
 
 class Drawn(NamedTuple):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.identification.blocks import Drawn
+from continuum_grasp.identification.data import OF_MODES
 from continuum_grasp.identification.numbers import Measured, MeasuredColumn, Numbers
 from continuum_grasp.labels import SHOWN_IN
 from continuum_grasp.results.declared import Dimension, Picture, Stored
@@ -91,6 +92,7 @@ class Predicted(Numbers, Result):
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("shapes", "plotting.identification:plot_shapes", needs="has_shapes", panels=True),
         Picture("series", "plotting.identification:plot_series", panels=True),
+        Picture("ring_downs", "plotting.identification:plot_ring_downs", needs="has_ring_downs", panels=True),
     )
 
     predicted: ClassVar[str] = "simulated"
@@ -105,6 +107,23 @@ class Predicted(Numbers, Result):
     def has_shapes(self) -> bool | None:
         """True where both coordinates of a point of the finger were measured."""
         return bool(self.points) or None
+
+    @property
+    def ring_downs(self) -> list[tuple[str, Any, float, float]]:
+        """Name of the set, signal, and predicted frequency [Hz] and decay rate [1/s], of each record of a vibration."""
+        predicted = {
+            (k, column.quantity): self.predictions[rows] for k, column, rows in self.by_column if self.sets[k].signals
+        }
+        return [
+            (of.name, signal, *(float(predicted[k, quantity][row]) for quantity in OF_MODES))
+            for k, of in enumerate(self.sets)
+            for row, signal in enumerate(of.signals)
+        ]
+
+    @property
+    def has_ring_downs(self) -> bool | None:
+        """True where records of vibrations are there."""
+        return bool(self.ring_downs) or None
 
     @property
     def measurement_names(self) -> tuple[str, ...]:

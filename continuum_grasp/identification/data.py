@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,6 +102,14 @@ class Reading:
         return KIND_OF.get(self.quantity, self.quantity)
 
 
+class Signal(NamedTuple):
+    """Record of a free vibration, from which frequency and decay rate of a row were read: T instants [s] and values."""
+
+    name: str
+    t: Array
+    values: Array
+
+
 @dataclass(frozen=True)
 class Poses:
     """Shapes at rest, and vibrations about them: R rows.
@@ -120,6 +129,8 @@ class Poses:
         Whether the rows follow one another, so that the friction of each comes from those before it.
     plane : float, optional
         Direction in which the finger bends, about its straight axis [rad], for estimates ``per: plane``.
+    signals : sequence of Signal
+        Records that the rows were read from, which pictures show; none where these are not known.
     """
 
     measured: Sequence[Reading]
@@ -129,6 +140,7 @@ class Poses:
     name: str = "poses"
     sequence: bool = False
     plane: float | None = None
+    signals: Sequence[Signal] = ()
 
     def __post_init__(self) -> None:
         _check_readings(self.name, self.measured)

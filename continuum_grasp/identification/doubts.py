@@ -46,6 +46,8 @@ _WIDTH = "width"
 _LATE, _BEFORE, _ORIGIN = "late", "before", "origin"
 """Targets of times by which rows of motions are late, in samples; of readings of another row; of what positions are
 off along an axis [m]."""
+_SHORTENING = "shortening"
+"""Target of the square of the radius of gyration by which tensions shorten a finger, per that of a typical one [1]."""
 _SLIPS = (_LATE, _BEFORE, _ORIGIN)
 
 
@@ -207,6 +209,8 @@ def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
         # A law that is estimated already, or that this finger cannot have, is not tried.
         with suppress(ContinuumGraspError):
             further += _of_law(name, problem, solution)
+    with suppress(ContinuumGraspError):
+        further += _shortening(problem, solution)
     further += _widths(problem, solution.predictions)
     further += _slips(problem, solution.predictions)
     readings = [rows for *_, rows in _shapes(problem)]
@@ -243,6 +247,8 @@ def _judged(
     step, deviation, others = float(values[-1]), float(inference.deviations[-1]), jacobian[:, :-1]
     effect = step * jacobian[:, -1]
     beyond = effect - others @ np.linalg.lstsq(others, effect, rcond=None)[0]
+    if unknown.target == _SHORTENING and step < 0.0:  # nothing lengthens under tension
+        return 0.0, 0.0, 0.0
     if unknown.target == _BEFORE and round(step) != 1:  # there is no row between two
         return 0.0, 0.0, 0.0
     sure = float(surely(inference.freedom, chances) * deviation)
@@ -273,6 +279,8 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
         cause = "their times or conditions are not those of the scene"
         if further.target == _ORIGIN:
             cause = "their origin is not that of the scene, or finger.base.position is elsewhere"
+            if any(block.scene.finger.gyration_radius and any(block.scene.gravity) for block in problem.blocks):
+                cause += ", or its weight stretches a soft finger, which the model leaves out"
         return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}: {cause}"
     estimated = {unknown.target for unknown in problem.unknowns}
     fingers = [block.scene.finger for block in problem.blocks]
@@ -288,6 +296,13 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
         memory = "of another law than the model's" if friction else "which the model does not have"
         width = f"by {2.0 * abs(step):.2g} {further.unit}"
         return f"rows depend on the direction of loading, {width}: friction with memory, {memory} ({further.name})"
+    if further.target == _SHORTENING:
+        radius = further.typical * math.sqrt(max(step, 0.0))
+        sure = 0.5 * radius * deviation / max(step, 1e-300)
+        return (
+            "the finger shortens with the sum of its tensions, as soft ones do: set finger.gyration_radius, "
+            f"{radius:.2g} +/- {sure:.1g} m by the residuals, or estimate it"
+        )
     what, beside, greater, less = _LAWS[further.target]
     has = [name for name in beside if there[name]]
     law = f"the law of {what} with {' and '.join(has)}" if has else f"a linear law of {what}"
@@ -299,6 +314,23 @@ def _shapes(problem: Problem) -> list[tuple[int, MeasuredColumn, NDArray[np.intp
     """Number of the set, and fitted numbers (R,), of each reading of the shape."""
     columns = [(k, of, rows[problem.fitted[rows]]) for k, of, rows in problem.by_column if of.quantity in KIND_OF]
     return [(k, of, rows) for k, of, rows in columns if rows.size]
+
+
+def _shortening(problem: Problem, solution: Solution) -> list[Further]:
+    """Change (m,) of the shapes of fingers on tendons whose tensions shorten them as those of a section like theirs."""
+    slope, radius = np.zeros(len(problem.measured)), 0.0
+    for k in dict.fromkeys(k for k, *_ in _shapes(problem)):
+        block, part, mix = problem.parts[k]
+        finger = block.scene.finger
+        if not finger.tendons or finger.gyration_radius is not None:
+            continue
+        # 0.5: radius of gyration per half the thickness of a round section
+        size = finger.half_thickness or max(tendon.greatest_offset for tendon in finger.tendon_list)
+        radius = radius or 0.5 * size
+        shorter = block.scene.changed({"finger.gyration_radius": radius})
+        moved = block.again(problem.sought, scene=shorter, by=()).predict(mix @ solution.values)[0]
+        slope[part] = moved - solution.predictions[part]
+    return [(Unknown("shortening", "1", _SHORTENING, typical=radius), slope)] if slope.any() else []
 
 
 def _widths(problem: Problem, predictions: Array) -> list[Further]:

@@ -45,6 +45,8 @@ class Measured:
     """Whether the rows follow one another."""
     offsets: Any = 0.0
     """Distances of the markers from the backbone (R, columns), or one for all [m]."""
+    signals: Sequence[Any] = ()
+    """Records that the rows were read from, a `Signal` each; none where these are not known."""
 
 
 class Numbers:

@@ -149,7 +149,8 @@ def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
             stated = max(column.sigma or 0.0 for column in columns)
             if stated and math.isfinite(limit):
                 limit = max(_BEYOND * stated, _STATED * limit)
-            rms = float(np.sqrt(np.mean(missed[:, members] ** 2)))
+            with np.errstate(over="ignore"):  # of a slip that makes it worse by far
+                rms = float(np.sqrt(np.mean(missed[:, members] ** 2)))
             all_misfits.append(Misfit(of.name, kind, columns[0].unit, rms, limit, scatter, stated))
     return all_misfits
 
@@ -287,4 +288,5 @@ def _undone(block: Block, slip: Slip, data: Data, scene: Scene, sought: Sequence
 
 def _total(left: Sequence[Misfit]) -> float:
     """Misfit of all kinds and sets, per what is plausible."""
-    return float(np.sqrt(np.mean([(misfit.rms / misfit.limit) ** 2 for misfit in left])))
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean([(misfit.rms / misfit.limit) ** 2 for misfit in left])))

@@ -19,7 +19,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.data import KIND_OF, OF_MODES, UNIT_OF, Data, Poses, Reading, TipPath
+from continuum_grasp.identification.data import KIND_OF, OF_MODES, UNIT_OF, Data, Poses, Reading, Signal, TipPath
 from continuum_grasp.identification.vibrations import fit_damped_sine
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
@@ -385,7 +385,7 @@ def _ring_downs(
     ring_down: RingDown, table: Table, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str
 ) -> Poses:
     """One row per signal."""
-    sines = []
+    sines, signals = [], list[Signal]()
     for heading in ring_down.signals:
         signal = table.numbers(heading, gaps=True)
         there = inside & np.isfinite(signal)
@@ -393,8 +393,10 @@ def _ring_downs(
             sines.append(fit_damped_sine(t[there], signal[there], heading))
         except InputError as error:
             raise InputError(f"{heading}: {error.message}", file=table.file) from None
+        signals.append(Signal(heading, t[there], signal[there]))
     vibrations = [Reading(which, [getattr(sine, which) for sine in sines], of=ring_down.mode) for which in OF_MODES]
-    return Poses(vibrations, {}, np.full(len(sines), ring_down.use == "fit"), scene, name, plane=ring_down.plane)
+    fitted = np.full(len(sines), ring_down.use == "fit")
+    return Poses(vibrations, {}, fitted, scene, name, plane=ring_down.plane, signals=signals)
 
 
 def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key: str) -> dict[str, Array]:

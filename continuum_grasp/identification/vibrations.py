@@ -101,6 +101,14 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
     return DampedSine(float(parameters[0]), float(parameters[1]))
 
 
+def damped_sine(t: Array, signal: Array, frequency: float, decay_rate: float) -> Array:
+    """The damped sine of some frequency [Hz] and decay rate [1/s], with offset and drift, that is nearest to a signal
+    (T,).
+    """
+    basis = _basis(t - t[0], frequency, decay_rate)
+    return np.asarray(basis @ np.linalg.lstsq(basis, signal, rcond=None)[0])
+
+
 def _spectral_peak(t: Array, values: Array, name: str) -> float:
     """Frequency [Hz] of the greatest peak of the spectrum, with offset and drift taken off."""
     from scipy.signal import periodogram

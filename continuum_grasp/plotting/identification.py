@@ -100,9 +100,18 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         count, every = len(lines.at), len(np.unique(rows[:, 0]))
         some = f" ({count} of {every})" if count < every else ""
         panel.plot([], [], color=BLUE, linewidth=1.6, label=f"simulated{some}")
-        off = 1e3 * np.linalg.norm(measured - predicted, axis=1)
-        head(panel, f"{name}: {off.mean():.3g} mm off, {off.max():.3g} mm at most", 3)
+        head(panel, f"{name}{_off(result, name)}", 3)
     return panels
+
+
+def _off(result: Predicted, name: str) -> str:
+    """Distances of the points of a set from where they are predicted, at the worst place, as the table has them."""
+    distances = [of for of in result.channels if of.name.startswith(f"{name}: distance at ")]
+    worst = max(distances, key=lambda of: of.rms)
+    place = worst.name.removeprefix(f"{name}: distance") if len(distances) > 1 else ""
+    held_out = " (hold-out)" if not worst.fitted and len(distances) > 1 else ""
+    _, rms, largest, *_ = worst.texts
+    return f": {rms} mm r.m.s.{place}{held_out}, {largest} mm at most"
 
 
 def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
@@ -128,13 +137,15 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         at, inside = result.at[rows], result.fitted[rows]
         measured, predicted = factor * result.measured[rows], factor * result.predictions[rows]
         dense = len(rows) > _DENSE
-        marker = None if moves else "_"
-        above.plot(at, predicted, color=BLUE, linewidth=1.2, marker=marker, label=result.predicted, zorder=2)
+        # rows of their own are no points of a curve
+        look: dict[str, Any] = {"linewidth": 1.2} if moves else {"linestyle": "none", "marker": "_", "markersize": 14}
+        above.plot(at, predicted, color=BLUE, label=result.predicted, zorder=2, **look)
         for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
             if chosen.any():
                 above.scatter(at[chosen], measured[chosen], s=4 if dense else 18, color=color, linewidth=0, label=text)
                 below.vlines(at[chosen], 0.0, (predicted - measured)[chosen], color=color, linewidth=1.0)
         below.axhline(0.0, color=GRAY, linewidth=0.8)
+        _scale(above, below, measured, predicted)
         if not moves:
             below.set_xlim(at.min() - 0.5, at.max() + 0.5)
             above.set_xlim(below.get_xlim())
@@ -142,6 +153,37 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         label(above, "", f"{what} [{unit}]")
         label(below, "time [s]" if moves else "row", f"error [{unit}]")
         head(above, name, 3)
+    return panels
+
+
+def _scale(above: Axes, below: Axes, measured: NDArray[Any], predicted: NDArray[Any]) -> None:
+    """Show errors beside the size of what was measured: those of rounding are not to fill their axes."""
+    above.ticklabel_format(axis="y", useOffset=False)
+    size = float(np.ptp(measured))
+    if not size:  # one number, or one again and again
+        size = float(np.abs(measured).max()) or 1.0
+        middle, reach = float(measured[0]), max(1.2 * float(np.abs(predicted - measured).max()), 0.2 * size)
+        above.set_ylim(middle - reach, middle + reach)
+    # 0.01: part of the range that was measured which the axis of errors shows at least
+    reach = 1.1 * max(float(np.abs(predicted - measured).max()), 0.01 * size)
+    below.set_ylim(-reach, reach)
+
+
+def plot_ring_downs(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw records of vibrations, and the damped sines of the predicted frequency and decay rate nearest to them.
+
+    A new figure has six records at most, the first ones.
+    """
+    from continuum_grasp.identification.vibrations import damped_sine
+
+    records = result.ring_downs
+    panels = _panels(min(len(records), _PANELS), ax, 4.6, 3.0)
+    for (name, signal, frequency, decay_rate), panel in zip(records, panels, strict=False):
+        panel.scatter(signal.t, signal.values, s=4, color=INK, linewidth=0, label="measured", zorder=3)
+        sine = damped_sine(signal.t, signal.values, frequency, decay_rate)
+        panel.plot(signal.t, sine, color=BLUE, linewidth=1.2, label=result.predicted, zorder=2)
+        label(panel, "time [s]", signal.name)
+        head(panel, f"{name}: {frequency:.4g} Hz, {decay_rate:.3g} 1/s", 2)
     return panels
 
 
@@ -180,12 +222,13 @@ def _links(a: NDArray[Any], b: NDArray[Any]) -> LineCollection:
 def _panels(
     count: int, ax: Sequence[Axes] | None, width: float, height: float, ratios: tuple[float, ...] = (1.0,)
 ) -> list[Axes]:
-    """Axes given, or those of a new figure in rows of three; each as several, one below the other."""
+    """Axes given, or those of a new figure in rows of three at most; each as several, one below the other."""
     if ax is not None:
         return list(ax)
-    columns = min(3, max(count, 1))
-    figure = new_figure(width * columns, height * -(-count // columns))
-    grid = figure.add_gridspec(max(-(-count // columns), 1), columns)
+    rows = max(-(-count // 3), 1)
+    columns = max(-(-count // rows), 1)  # of four, two in each row
+    figure = new_figure(width * columns, height * rows)
+    grid = figure.add_gridspec(rows, columns)
     panels = []
     for k in range(count):
         inner = grid[k // columns, k % columns].subgridspec(len(ratios), 1, height_ratios=ratios)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.identification import TipPath
+from continuum_grasp.identification import Poses, Reading, TipPath
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.doubts import _of_law, _widths, doubts_of_laws
 from continuum_grasp.identification.path_block import PathBlock
@@ -254,3 +254,56 @@ def test_the_bend_of_one_joint():
     poses = bent(moments, bends, at=0.25, since=0.1)
     fit = cg.identify(scene, poses, parameters=["bending_stiffness"])
     assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=1e-8)
+
+
+TENDONS = {"offset": 0.006, "max_tension": 20.0}
+PULLS = np.array(
+    [[0, 0], [1, 0], [2, 0], [4, 0], [6, 0], [0, 2], [0, 4], [0, 6], [3, 3], [6, 6], [5, 2], [2, 5]], float
+)
+
+
+def pulled(stiffness: float, radius: float, seed: int, noise: float = 3e-4) -> Poses:
+    """Tip and middle of arcs that tensions bend by their difference and shorten by their sum, in closed form."""
+    rng = np.random.default_rng(seed)
+    bend = (PULLS[:, 0] - PULLS[:, 1]) * TENDONS["offset"] * LENGTH / stiffness
+    remains = LENGTH / (1.0 + PULLS.sum(axis=1) * radius**2 / stiffness)
+    readings = []
+    for at in (None, 0.5 * LENGTH):
+        share = 1.0 if at is None else 0.5
+        along = remains * share * np.sinc(share * bend / np.pi)
+        across = remains * share * np.sinc(0.5 * share * bend / np.pi) * np.sin(0.5 * share * bend)
+        readings += [
+            Reading(axis, values + noise * rng.standard_normal(len(PULLS)), at, sigma=noise)
+            for axis, values in (("x", along), ("y", across))
+        ]
+    return Poses(readings, {f"tension_{k + 1}": PULLS[:, k] for k in (0, 1)})
+
+
+@pytest.mark.parametrize(
+    ("radius", "seed"),
+    few([(0.003, 0), (0.0, 0), *((radius, k) for radius in (0.0, 0.003, 0.006) for k in range(1, 8))], 2),
+)
+def test_a_finger_that_shortens_with_the_sum_of_its_tensions_is_told_so(radius, seed):
+    """And not that its origin is elsewhere; one that keeps its length is told neither."""
+    stiffness = 0.01 * np.exp(np.random.default_rng(seed).uniform(-0.3, 0.3))
+    scene = bare_scene(2, "clothoid", finger={"rod": {**ROD, "bending_stiffness": 0.011}, "tendons": TENDONS})
+    data = pulled(stiffness, radius, seed)
+    fit = cg.identify(scene, data, parameters=["bending_stiffness"])
+    named = [text for text in fit.warnings if "gyration_radius" in text]
+    assert not [text for text in fit.warnings if "origin" in text]
+    if not radius:
+        assert fit.warnings == ()
+        return
+    assert float(re.search(r"gyration_radius, ([\d.]+) ", named[0])[1]) == pytest.approx(radius, rel=0.15)
+    known = scene.changed({"finger.gyration_radius": radius})
+    again = cg.identify(known, data, parameters=["bending_stiffness"])
+    assert again["bending_stiffness"] == pytest.approx(stiffness, rel=0.01)
+    assert not [text for text in again.warnings if "gyration_radius" in text or "origin" in text]
+
+
+def test_the_table_of_numbers_to_estimate_is_that_of_the_model():
+    """If not: ``python -m tests.estimates_page``. And each of them is one, of a finger that has it."""
+    from tests import estimates_page
+
+    assert estimates_page.text() in estimates_page.PAGE.read_text(encoding="utf-8")
+    assert {"gyration_radius", "youngs_modulus", "softening_ratio", "drive_slack"} <= estimates_page.rows().keys()
