@@ -62,7 +62,7 @@ _WORTH = {
     "nominal_grasp": "Verified for the object as the scene has it, and no more.",
     "closest_attempt": "Where the search came closest: its forces are not in balance, or break limits.",
 }
-"""What the numbers of a scene without a grasp are worth."""
+"""Worth of the numbers of a scene without a grasp."""
 
 
 def _why(result: GraspResult) -> str:

@@ -162,7 +162,7 @@ class GraspResult(Result):
 
     @property
     def answer(self) -> str:
-        """What the numbers are: ``grasp``, ``unstable_grasp``, ``first_repair`` (the grasp of the first of the
+        """Kind of the numbers: ``grasp``, ``unstable_grasp``, ``first_repair`` (the grasp of the first of the
         ``reasons``), ``nominal_grasp`` (without errors), ``closest_attempt``; empty where there are none.
         """
         if not self.arrays:

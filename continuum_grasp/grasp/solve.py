@@ -361,7 +361,7 @@ class _Verdict:
         )
 
     def _fruitless(self, outcomes: Collection[str]) -> str:
-        """What was tried in vain, in words."""
+        """Starts that led to no grasp, in words."""
         count = len(self.search.tried)
         if not count:
             return "no posture touches the object as the scene asks"

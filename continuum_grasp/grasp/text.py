@@ -85,7 +85,7 @@ def _why_lines(result: GraspResult) -> list[str]:
 
 
 def answer_words(result: GraspResult) -> str:
-    """What the numbers of a result without a grasp are."""
+    """Kind of the numbers of a result without a grasp, in words."""
     if result.answer == "first_repair":
         return f"The grasp with the first repair ({result.reasons[0].repair})"
     if result.answer == "nominal_grasp" and result.robustness is not None:

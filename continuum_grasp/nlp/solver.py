@@ -114,8 +114,25 @@ _ACCEPTABLE = 100.0
 """Errors of an acceptable point per tolerance."""
 
 
+@check_arguments
 def outcome_words(outcome: str) -> str:
-    """Say why a solver run ended, for those who do not know the solver's own names."""
+    """Say why a solver run ended, for those who do not know the solver's own names.
+
+    Parameters
+    ----------
+    outcome : str
+        That of an `Attempt`.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from continuum_grasp.nlp import outcome_words
+    >>> outcome_words("Maximum_Iterations_Exceeded")
+    'the iterations were used up'
+    """
     if " " in outcome:  # words already
         return outcome
     return _WORDS.get(outcome) or f"the solver ended with {outcome.replace('_', ' ').lower()}"

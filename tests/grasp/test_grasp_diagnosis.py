@@ -381,7 +381,7 @@ def test_what_was_tried_in_vain_is_counted():
     assert "Stalled" not in message
 
 
-def test_violated_constraints_are_told_in_newtons_and_newton_meters():
+def test_violated_constraints_are_reported_in_newtons_and_newton_meters():
     """A grasp in scenes that ask for more: a tendon 2 N weaker, and a mass that lies 3 mm farther out."""
     scene = make_scene("arc", PLANAR, max_tension=60.0)
     search = solve.Search(scene, Budget())
@@ -389,12 +389,12 @@ def test_violated_constraints_are_told_in_newtons_and_newton_meters():
     tried = search.best
     greatest = tried.arrays["finger.tensions"].max()
 
-    def told(**changes):
+    def reported(**changes):
         attempt = tried.solver.unrelaxed(scene.changed(changes), tried.attempt)
         return {violation.name: str(violation) for violation in attempt.violations}
 
-    weak = told(**{"finger.tendons.max_tension": greatest - 2.0})
+    weak = reported(**{"finger.tendons.max_tension": greatest - 2.0})
     assert weak["tendon tension, finger"] == "tendon tension, finger: off by 2 N (finger.tendons.max_tension)"
-    aside = told(**{"object.center_of_mass": [0.003, 0.0]})
+    aside = reported(**{"object.center_of_mass": [0.003, 0.0]})
     moment = f"{0.3 * 9.81 * 0.003:.3g} N m"
     assert aside["object moment balance"] == f"object moment balance: off by {moment} (object)"

@@ -69,7 +69,7 @@ class Units:
 
 
 def units_of_rows(scene: GraspScene) -> dict[str, tuple[float, str]]:
-    """What a violated constraint is reported in: the amount of a unit of the problem and its SI unit, by the unit of a
+    """Amount of a unit of the problem, and the SI unit in which a violated constraint is reported, by the unit of a
     row.
     """
     units = Units.of(scene)

@@ -49,7 +49,7 @@ _DRAWN = {
     "closest_attempt": "the closest attempt",
     "": "the scene as it starts",
 }
-"""What is drawn where there is no grasp."""
+"""Names of a picture where there is no grasp, by the answer of its result."""
 _LETTERS = 15.5
 """Letters per inch of what stands beside the drawing: most sentences take a little less."""
 
