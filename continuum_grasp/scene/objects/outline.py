@@ -73,7 +73,7 @@ class OutlineFile(Value):
         return corners
 
     def drawing(self, corners: tuple[Point, ...], retained: Collection[int] = ()) -> Drawing | None:
-        """Curve that some corners stand for, whose polygon has the ``retained`` points too; None where they are exact."""
+        """Curve that some corners stand for, with the ``retained`` points too; None where they are exact."""
         off = deviation(self.curve, corners)
         if off <= SAME * _extent(self.curve):
             return None
