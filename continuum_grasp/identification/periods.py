@@ -183,7 +183,7 @@ class Periods:
         unknown, trials = Retuned("delay", "s", period * stated, math.nan), list[Array]()
         ages = np.arange(stated + LATER)
         for age in ages if shown.any() else ():
-            compared = innovations(self.run(self.measured(age - stated)))
+            compared = innovations(self.run(self.measured(int(age) - stated)))
             trials.append(np.where(shown[:, None, None] & (compared[:, 1:] > 0.0), compared, np.nan))
         left = np.array([float(np.nanmean(disagreement(trial))) for trial in trials if np.isfinite(trial).any()])
         if len(left) < len(ages) or min(left) > DISAGREE:
@@ -240,7 +240,7 @@ class Periods:
         # 1e-3: part of a number by which it is changed for a difference
         changes = 1e-3 * np.diag(numbers)
         slopes = [(missed(numbers + change) - missed(numbers - change)) / (2.0 * change.sum()) for change in changes]
-        time, (_, spread) = float(numbers[0]), _step(np.moveaxis(slopes, 0, 2), missed(numbers))
+        time, (_, spread) = float(numbers[0]), _step(np.stack(slopes, axis=2), missed(numbers))
         if not spread < time:
             return [unknown]
         return [unknown._replace(logged=time, low=time - spread, high=time + spread)]

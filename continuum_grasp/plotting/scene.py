@@ -144,7 +144,7 @@ def _supports(view: SceneView) -> list[Label]:
         foot = middle - wall.height((float(middle[0]), float(middle[1]))) * np.array(wall.normal)
         reach = 0.5 * float(np.abs(along) @ sides)
         start = float((foot - wall.point) @ along)
-        # 0.7: on the way from the middle to the edge of the picture
+        # 0.7: position of the name, as a part of the distance from the middle of the picture to its edge
         at = np.clip(start + 0.7 * reach, -wall.half_length, wall.half_length)
         near = np.array(wall.point) + at * along
         labels.append(_label(wall.name, INK, near))

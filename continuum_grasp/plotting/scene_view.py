@@ -168,10 +168,10 @@ class SceneView:
         """Least and greatest position [m] of what may be moved, by its name."""
         free: dict[str, Any] = {"object": self.object, **self.fingers}
         ranges: dict[str, tuple[Array, Array]] = {}
-        for name, thing in free.items():
-            bounds = getattr(thing, "base_free" if name in self.fingers else "free", None)
+        for name, each in free.items():
+            bounds = getattr(each, "base_free" if name in self.fingers else "free", None)
             if bounds is not None and (bounds.x or bounds.y):
-                x, y = thing.base.position if name in self.fingers else thing.position
+                x, y = each.base.position if name in self.fingers else each.position
                 low, high = np.transpose([bounds.x or (x, x), bounds.y or (y, y)])
                 ranges[name] = low, high
         return ranges

@@ -200,7 +200,7 @@ class Stepper:
         if plan.method == "reference":
             # 100.0: factor on the tolerances of the variable-step integrator with which its error is measured
             pairs, model = zip(ends, (1.0, 100.0), strict=False), self.core.model
-            t = (start + np.arange(count + 1)) * self._time.step
+            t: Array = (start + np.arange(count + 1, dtype=float)) * self._time.step
             runs = [_integrate_reference(model, x, t, self.signals, looser) for x, looser in pairs]
             self._failure = runs[0][1]
             return [states for states, _ in runs]

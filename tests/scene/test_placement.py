@@ -125,7 +125,7 @@ def test_parallel_supports_and_the_end_of_an_edge_are_refused():
 
 
 @pytest.mark.parametrize("off", [-5.5e-5, -1e-6, 1e-6, 5.5e-5])
-def test_an_object_that_all_but_touches_is_refused_and_told_how_to_touch(off):
+def test_an_object_that_all_but_touches_is_refused(off):
     position = {"object.position": [0.04 + off, 0.0]}
     with pytest.raises(InputError, match=r"supports\.palm.*object\.against"):
         load(MUG, position)

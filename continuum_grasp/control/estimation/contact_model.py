@@ -218,7 +218,7 @@ def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> 
     else:
         pulled = 0.0  # of commands, which are known
     variance = (noisy * _filtered(weights, blend)) ** 2 + (pulled * _filtered(np.array([0.25, 0.5, 0.25]), blend)) ** 2
-    slow = radius * motor.slow if motor is not None else 1.0
+    slow = radius * winch.slow if motor is not None else 1.0
     ending, jerk = (1.0, 0.0) if motor is None else _at_end(motor, period)
     return {
         "inertia": inertia,

@@ -85,7 +85,7 @@ def contact(subject: Subject) -> Part:
     system = cast(System, subject.touching)  # without it packages do not have this part
     names = ", ".join(system.touch_names)
     of = {name: ca.SX.sym(name, getattr(system, f"n{name}")) for name in "xuwp"}
-    kernel = contact_kernel(system, of, *of.values())
+    kernel = contact_kernel(system, of, of["x"], of["u"], of["w"], of["p"])
     count = (len(system.touch_names),)
     struct = Struct(
         "contacts",

@@ -13,7 +13,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, SLATE
-from continuum_grasp.scene.grasp_options import GraspFinger
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects.shapes import ObjectBody
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def lighter(color: str, share: float) -> str:
     return "#" + "".join(f"{round(p + (255 - p) * share):02X}" for p in parts)
 
 
-def unloaded(finger: GraspFinger) -> Array:
+def unloaded(finger: Finger) -> Array:
     """The backbone of a finger that nothing bends but its rest curvature (points, 4) [m, rad]."""
     s = np.linspace(0.0, finger.rod.length, _PLACES)
     step = s[1]

@@ -103,29 +103,29 @@ class OutlineFile(Value):
         """Curve that the corners stand for, where they are not exact."""
         return self.drawing(self.vertices)
 
-    def corners(self, kept: Collection[int] = (), share: float = 1.0) -> tuple[Point, ...]:
+    def corners(self, retained: Collection[int] = (), share: float = 1.0) -> tuple[Point, ...]:
         """Corners of the polygon that is within a share of the tolerance of the curve, with points of it that are
-        ``kept``.
+        ``retained``.
         """
         size, tolerance = _extent(self.curve), self.distance_allowed
-        corners = simplified(self.curve, share * tolerance, kept)
+        corners = simplified(self.curve, share * tolerance, retained)
         if len(corners) < 3 or tolerance > 0.2 * size:
             raise ValueError(f"tolerance: {tolerance:g} m leaves nothing of an outline {size:.4g} m long")
         return corners
 
-    def drawing(self, corners: tuple[Point, ...], kept: Collection[int] = ()) -> OutlineCurve | None:
-        """Curve that some corners stand for, with points ``kept`` in its polygon, too; None where they are exact."""
+    def drawing(self, corners: tuple[Point, ...], retained: Collection[int] = ()) -> OutlineCurve | None:
+        """Curve that some corners stand for, with the ``retained`` points too; None where they are exact."""
         off = deviation(self.curve, corners)
         if off <= SAME * _extent(self.curve):
             return None
         # Noise of a picture has corners without end.
-        finer = (self.corners(kept, share) for share in (FINER, 2.0 * FINER))
+        finer = (self.corners(retained, share) for share in (FINER, 2.0 * FINER))
         return OutlineCurve(deviation=off, vertices=next((f for f in finer if len(f) <= MOST), corners))
 
-    def polygon(self, kept: Collection[int] = ()) -> dict[str, Any]:
-        """Keys of the polygon that stands for the curve, with points of it that are ``kept``."""
-        corners = self.corners(kept)
-        drawing = self.drawing(corners, kept)
+    def polygon(self, retained: Collection[int] = ()) -> dict[str, Any]:
+        """Keys of the polygon that stands for the curve, with points of it that are ``retained``."""
+        corners = self.corners(retained)
+        drawing = self.drawing(corners, retained)
         drawn = {} if drawing is None else {"drawn": drawing.model_dump(mode="json")}
         return {"shape": "polygon", "vertices": [list(corner) for corner in corners], **drawn}
 

@@ -225,7 +225,7 @@ class _PolygonShape(Value):
     corner_radius: Distance = 0.0
     """Radius of the rounded corners, inside the sharp outline [m]."""
     drawn: OutlineCurve | None = None
-    """Curve of a drawing that the polygon stands for; None: the polygon itself is meant."""
+    """Curve of a drawing that the polygon stands for; None: the polygon is exact."""
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

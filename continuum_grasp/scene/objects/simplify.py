@@ -17,18 +17,18 @@ MOST = 512
 """Corners of that polygon at most: it is solved next to a grasp that is known, without a search."""
 
 
-def simplified(ring: Sequence[Point], tolerance: float, kept: Collection[int] = ()) -> tuple[Point, ...]:
+def simplified(ring: Sequence[Point], tolerance: float, retained: Collection[int] = ()) -> tuple[Point, ...]:
     """Corners, counter-clockwise, of a polygon no farther from a closed curve than a tolerance [m].
 
-    They are points of the curve, which has each once; those ``kept``, by index, are among them.
+    They are points of the curve, which has each once; those ``retained``, by index, are among them.
     """
     import shapely
 
-    if not kept:
+    if not retained:
         return corners_of(shapely.Polygon(ring).simplify(tolerance).exterior.coords[:-1])
     # A closed line may lose its own end: two points at least divide the curve.
-    first = min(kept)
-    ends = sorted({*kept, (first + len(ring) // 2) % len(ring)})
+    first = min(retained)
+    ends = sorted({*retained, (first + len(ring) // 2) % len(ring)})
     pieces = [[*ring[a:b], ring[b]] for a, b in pairwise(ends)]
     pieces.append([*ring[ends[-1] :], *ring[: ends[0] + 1]])
     lines = shapely.MultiLineString(pieces).simplify(tolerance).geoms  # of one geometry, so that they do not cross
