@@ -80,7 +80,8 @@ def _head(ax: Axes, view: SceneView) -> None:
     # 24: height of the row with gravity [points]
     ax.set_title("\n".join(axes.wrapped(text, wide) for text in lines), fontsize=10, color=INK, loc="left", pad=24.0)
     # points to the right of, and above, the upper left corner of the axes
-    points: Any = Affine2D().scale(1.0 / 72.0) + ax.figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, ax.transAxes)
+    corner: Any = ax.transAxes
+    points: Any = Affine2D().scale(1.0 / 72.0) + ax.figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, corner)
     words = f"gravity {out or size:.3g} m/s\N{SUPERSCRIPT TWO}{' into the plane' if out else ''}"
     words = words if out or size else "no gravity in the plane"
     ax.text(26.0 if out or size else 0.0, 11.0, words, fontsize=8, color=INK, va="center", transform=points)
