@@ -78,7 +78,7 @@ STAMPS = {
     "even": lambda t, rng: t,
     "half a millisecond": lambda t, rng: t + rng.uniform(-5e-4, 5e-4, t.size),
     "four milliseconds": lambda t, rng: t + rng.uniform(-4e-3, 4e-3, t.size),
-    "a slow clock": lambda t, rng: 1.01 * t + rng.uniform(-2e-3, 2e-3, t.size),
+    "a slow clock": lambda t, rng: 1.005 * t + rng.uniform(-2e-3, 2e-3, t.size),
 }
 
 
