@@ -74,6 +74,67 @@ def test_what_acts_until_an_instant_is_the_command_before():
     assert np.ptp(periods.logged, axis=0).min() > 1.0  # N
 
 
+STAMPS = {
+    "even": lambda t, rng: t,
+    "half a millisecond": lambda t, rng: t + rng.uniform(-5e-4, 5e-4, t.size),
+    "four milliseconds": lambda t, rng: t + rng.uniform(-4e-3, 4e-3, t.size),
+    "a slow clock": lambda t, rng: 1.005 * t + rng.uniform(-2e-3, 2e-3, t.size),
+}
+
+
+def written(path, log, rows, t):
+    """Some rows of a log at other instants, as a file."""
+    lines = log.text().splitlines()
+    cells = [f"{t[k]:.7g},{lines[k + 1].partition(',')[2]}" for k in rows]
+    path.write_text("\n".join([lines[0], *cells, ""]))
+    return path
+
+
+@pytest.mark.parametrize("stamps", list(STAMPS)[1:])
+def test_rows_whose_stamps_scatter_are_those_of_even_ones(tmp_path, stamps):
+    log, rng = run().log, np.random.default_rng(4)
+    t = STAMPS[stamps](log.t + 3.0, rng)
+    made = Periods(scene(), written(tmp_path / "log.csv", log, range(t.size), t))
+    even = Periods(scene(), log)
+    assert made.measured() == pytest.approx(even.measured(), abs=1e-5)
+    assert made.logged == pytest.approx(even.logged, abs=1e-5)
+    assert made.t == pytest.approx(t, abs=1e-5)
+    assert made.warnings == ()
+
+
+def test_what_a_log_lacks_and_what_is_not_used_is_counted(tmp_path):
+    """Rows that are there twice, with the same stamp and with one of the same period, and rows that are lost."""
+    log = run().log
+    rows = [k for k in range(log.t.size) if k not in (50, 51, 90)]
+    rows = sorted([*rows, 10, 11, 12, 30])
+    t = log.t.copy()
+    lines = written(tmp_path / "log.csv", log, rows, t).read_text().splitlines()
+    at = rows.index(30) + 2
+    lines[at] = f"{t[30] + 0.003:.7g},{lines[at].partition(',')[2]}"
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    twice, shared, lost = Periods(scene(), tmp_path / "log.csv").warnings
+    assert twice.startswith("3 rows repeat the time")
+    assert shared.startswith("1 of 148 samples of tip_x share their period")
+    assert lost.startswith("3 of 150 periods have no row")
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("stamps", STAMPS)
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.01, 0.016, 0.03])
+def test_the_interval_of_the_delay_has_the_plant_s(tmp_path, stamps, delay):
+    """However the stamps scatter; a log of every seventh row shows neither delay nor lag."""
+    log, rng = run(delay=delay).log, np.random.default_rng(7)
+    path = written(tmp_path / "log.csv", log, range(log.t.size), STAMPS[stamps](log.t, rng))
+    periods = Periods(scene(), path)
+    found, (lag,) = periods.delay(), periods.lag()
+    assert found.low - 1e-9 <= delay <= found.high + 1e-9
+    assert found.high - found.low < 0.025
+    assert lag.low <= TIME <= lag.high
+    thin = Periods(scene(), written(tmp_path / "thin.csv", log, range(0, log.t.size, 7), log.t))
+    assert all(np.isnan(one.logged) for one in (thin.delay(), *thin.lag()))
+    assert "not shown by the log" in str(thin.delay())
+
+
 TAMPERED = [
     ({"tip_x": lambda y: column("tip_x")(y) + 0.005}, ("tip_x",)),
     ({"tip_x": column("tip_y"), "tip_y": column("tip_x")}, ("tip_x and tip_y swapped",)),
