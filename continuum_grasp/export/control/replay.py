@@ -324,7 +324,7 @@ def _estimator_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, lis
 
 
 def _mission_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
-    """All phases in turn; missions that let go after the lift, are aborted in the squeeze, and are blind from there on."""
+    """All phases in turn; missions that let go after the lift, are aborted in the squeeze, are blind from there on."""
     rng, nu = np.random.default_rng(2), loop.command.size
     record = begin(nu + loop.start.size + 3, nu)
     phases = [] if loop.phases is None else [*loop.phases.names]
