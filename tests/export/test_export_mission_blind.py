@@ -5,7 +5,6 @@ Rows are those that a mission of Python measured, spoilt from a call on.
 
 from __future__ import annotations
 
-import json
 import subprocess
 from dataclasses import dataclass
 
@@ -52,8 +51,7 @@ def mug(request, tmp_path_factory):
     export_c(carried("mug", LONG), folder, real=request.param)
     sources = [*(folder / "src").glob("*.c"), folder / "examples/mission_loop.c"]
     run("cc", *STRICT, "-O1", f"-I{folder / 'include'}", *sources, "-o", folder / "loop")
-    phases = json.loads((folder / "MANIFEST.json").read_text())["loop"]["mission"]["phases"]
-    return Loop(str(folder / "loop"), tuple(phases))
+    return Loop(str(folder / "loop"), tuple(phase.name for phase in carried("mug", LONG).timetable.phases()))
 
 
 @pytest.fixture(scope="module")
@@ -105,8 +103,9 @@ def opens(u, begin):
     return closing < 1e-4 and np.abs(u[begin + OPENING :] - 1.0).max(initial=0.0) < 1e-4
 
 
+SEES_NOTHING = ("missing", "infinite", "absurd")
 LETS_GO = {
-    **dict.fromkeys(("missing", "infinite", "absurd", "tensions alone"), range(HORIZON + 1, HORIZON + 2)),
+    **dict.fromkeys((*SEES_NOTHING, "tensions alone"), range(HORIZON + 1, HORIZON + 2)),
     # 20 calls and the delay of readings, from the first motion of the command on.
     **dict.fromkeys(("stuck", "one stuck"), range(HORIZON + 4, HORIZON + 12)),
     # Half a second until a trip.
@@ -115,6 +114,12 @@ LETS_GO = {
     **dict.fromkeys(("abort", "release"), range(5, 6)),
 }
 """Calls until a finger lets go before the lift."""
+GOES_ON = 6.0
+"""Tension [N] that a finger may pull more while it is shown readings of one that goes on closing."""
+
+
+def faulty(what):
+    return {"what": what} if what in SPOILT else {"asked": what}
 
 
 @pytest.mark.parametrize("phase", ["approach", "squeeze", "confirm"])
@@ -123,17 +128,15 @@ def test_before_the_lift_a_finger_lets_go(phase, what, mug, well):
     away = phase == "confirm"
     usual, names = well[away]
     at = names.index(phase) + 10
-    bad = {"what": what} if what in SPOILT else {"asked": what}
-    u, phases = mug.passed(lines(away, at, **bad))
+    u, phases = mug.passed(lines(away, at, **faulty(what)))
     begin = phases.index("release")
     assert begin - at in LETS_GO[what]
     assert phases[begin:] == (["release"] * OPENING + ["end"] * len(u))[: len(u) - begin]
     assert "lift" not in phases
-    # Until then no harder than by plan.
-    assert u[at:, 0].max() < 1.1 * usual[: begin + 1, 0].max() + 1.0
-    if what in SPOILT and what != "contradicted":
+    assert u[at:, 0].max() < usual[: begin + 1, 0].max() + GOES_ON
+    if what in SEES_NOTHING:
+        assert u[at:, 0].max() < 1.02 * usual[: begin + 1, 0].max() + 1.0
         assert opens(u, begin)
-    assert u[begin + OPENING :, 0].max(initial=0.0) < 10.0
 
 
 @pytest.mark.parametrize("phase", ["approach", "squeeze", "confirm"])
@@ -152,15 +155,14 @@ def test_after_the_lift_a_finger_holds_until_its_time(phase, what, mug, well):
     usual, names = well[False]
     at, begin = names.index(phase) + 5, names.index("release")
     least = carried("mug", LONG).assignments[0].holding[0][0]
-    bad = {"what": what} if what in SPOILT else {"asked": what}
-    u, phases = mug.passed(lines(False, at, **bad))
+    u, phases = mug.passed(lines(False, at, **faulty(what)))
     assert phases == names
     assert u[at:begin, 0].min() > least - 1e-3
-    assert u[at:begin, 0].max() < 1.1 * usual[:, 0].max() + 1.0
-    if what in ("missing", "infinite", "absurd", "tensions alone", "late") and at + HORIZON + 12 < begin:
-        assert u[at + HORIZON + 12 : begin, 0] == pytest.approx(least, abs=1e-3)
+    assert u[at:begin, 0].max() < usual[:, 0].max() + 1.0
+    # From 60 N at 118 N/s it takes 15 calls.
+    if what in (*SEES_NOTHING, "late"):
+        assert u[at + HORIZON + 17 : begin, 0] == pytest.approx(least, abs=1e-3)
         assert opens(u, begin)
-    assert u[-1, 0] < 10.0
 
 
 @pytest.mark.parametrize("phase", ["lift", "hold", "pull 1", "rest", "lower"])
@@ -173,29 +175,33 @@ def test_after_the_lift_a_finger_lets_go_when_asked(phase, asked, what, mug, wel
     asked_at, planned = at + 5, names.index("release")
     begin = asked_at if asked == "abort" else planned if phase == "lower" else asked_at + names.count("lower")
     assert phases[asked_at] == ("release" if asked == "abort" else "lower")
-    assert phases.index("release") == begin
+    assert phases[begin:] == (["release"] * OPENING + ["end"] * len(u))[: len(u) - begin]
     if what:
         assert opens(u, max(begin, at + HORIZON + 1))
-    assert u[begin + OPENING :, 0].max(initial=0.0) < 10.0
 
 
 @pytest.mark.parametrize("phase", ["lower", "release", "end"])
-@pytest.mark.parametrize("what", ["missing", "stuck", "late"])
+@pytest.mark.parametrize("what", ["missing", "late"])
 def test_at_the_end_a_finger_opens_all_the_same(phase, what, mug, well):
     names = well[False][1]
     at = names.index(phase) + 2
-    u, phases = mug.passed(lines(False, at, **({"what": what} if what in SPOILT else {"asked": what})))
+    u, phases = mug.passed(lines(False, at, **faulty(what)))
     assert phases == names
-    assert u[-1, 0] < 10.0
-    if what != "stuck":
-        assert opens(u, max(names.index("release"), at + HORIZON + 1))
+    assert opens(u, max(names.index("release"), at + HORIZON + 1))
 
 
-def test_a_single_late_command_changes_no_phase(mug, well):
+def went_on(phases, names):
+    """Whether phases are the usual ones, with a wait before the lift of half of the squeeze at most."""
+    passed = [phase for phase in dict.fromkeys(phases) if phase not in ("confirm", "end")]
+    usual = [phase for phase in dict.fromkeys(names) if phase not in ("confirm", "end")]
+    return passed == usual and phases.index("lift") - names.index("lift") <= 30
+
+
+@pytest.mark.parametrize("at", [10, 70, 99, 105, 130])
+def test_a_single_late_command_changes_nothing(at, mug, well):
     written = lines()
-    for at in range(10, len(written), 25):
-        written[at] = f"late\n{written[at]}"
-    assert mug.passed(written)[1] == well[False][1]
+    written[at] = f"late\n{written[at]}"
+    assert went_on(mug.passed(written)[1], well[False][1])
 
 
 @pytest.mark.parametrize("lost", [15, 30])
@@ -209,10 +215,13 @@ def test_sensors_return_before_the_lift(lost, phase, mug, well):
     again = len(names)
     assert phases[again:] == names
     assert u[again:] == pytest.approx(usual, abs=1e-6)
-    assert (phases[:again] == names) == (lost == 15)
-    if lost == 30:
-        assert u[at + HORIZON + 1 : again, 0].max() < usual[: at + HORIZON + 1, 0].max() + 1.0
-        assert u[again - 1, 0] < 10.0
+    if lost == 15:
+        assert went_on(phases[:again], names)
+    else:
+        begin = phases.index("release")
+        assert begin == at + HORIZON + 1
+        assert "lift" not in phases[:again]
+        assert u[begin:again, 0].max() < usual[:begin, 0].max() + GOES_ON
 
 
 @pytest.mark.parametrize("name", ["mug_servo", "turn_block", "cup_lying", "mug_hard"])

@@ -1,4 +1,4 @@
-"""Missions in Python on plants whose sensors fail: nothing is squeezed or lifted blind, nothing that is held is dropped."""
+"""Missions in Python on plants whose sensors fail: nothing is squeezed or lifted blind, nothing held is dropped."""
 
 from __future__ import annotations
 
