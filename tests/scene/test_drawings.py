@@ -24,7 +24,7 @@ def outline(file, **keys):
 
 def off_by(file, truth, **keys):
     """Area by which the curve of a file differs from a polygon [mm], both at their centroids, as a part of its area."""
-    found = scale(shapely.Polygon(outline(file, **keys).drawn.curve.points), 1e3, 1e3, origin=(0.0, 0.0))
+    found = scale(shapely.Polygon(outline(file, **keys).found.curve.points), 1e3, 1e3, origin=(0.0, 0.0))
     found, wanted = (translate(one, -one.centroid.x, -one.centroid.y) for one in (found, truth))
     return found.symmetric_difference(wanted).area / wanted.area
 
@@ -155,7 +155,7 @@ def test_open_strokes_texts_and_white_areas_are_left_out_and_named(tmp_path):
         '</g><circle id="eye" cx="30" cy="30" r="9" fill="white"/><text>A</text>'
     )
     (tmp_path / "one.svg").write_text(f"{PAGE}{drawn}</svg>")
-    assert outline(tmp_path / "one.svg").drawn.left_out == (
+    assert outline(tmp_path / "one.svg").found.left_out == (
         "circle 'eye' (18 x 18 mm): a hole, white",
         "path 'axis' (90 x 0 mm): open",
         "text",
@@ -369,7 +369,7 @@ def test_references_that_are_clipped_or_lie_in_another_file_are_named(tmp_path, 
     drawing.add_xref_def("other.dxf", "OTHER")
     space.add_blockref("OTHER", (0, 0))
     drawing.saveas(file)
-    assert outline(file).drawn.left_out == ("block 'OTHER', which is in another file",)
+    assert outline(file).found.left_out == ("block 'OTHER', which is in another file",)
     drawing.blocks.new("PART").add_circle((0, 0), 50)
     XClip(space.add_blockref("PART", (0, 0))).set_block_clipping_path([(-9, -9), (9, 9)])
     drawing.saveas(file)
@@ -399,7 +399,7 @@ def test_lengths_are_those_of_insunits(tmp_path, code):
     drawing.header["$INSUNITS"] = code
     drawing.modelspace().add_lwpolyline([(0, 0), (50 / length, 0), (50 / length, 20 / length)], close=True)
     drawing.saveas(tmp_path / "one.dxf")
-    x, y = outline(tmp_path / "one.dxf").drawn.curve.size
+    x, y = outline(tmp_path / "one.dxf").found.curve.size
     assert (1e3 * x, 1e3 * y) == pytest.approx((50.0, 20.0), rel=1e-9)
 
 
