@@ -79,7 +79,7 @@ def _typed(python: str) -> str:
     if name == python or found is None:
         return python
     asked = [found, "-c", "import sys; print(sys.executable)"]
-    said = subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip()
+    said = subprocess.run(asked, capture_output=True, text=True, encoding="utf-8", check=False).stdout.strip()
     return name if said == python else python
 
 

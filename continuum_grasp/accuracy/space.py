@@ -133,7 +133,7 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
 
     That is the error that the elements leave where the finger is at rest under its first, and under its last inputs and
     loads: two equilibria in place of a second motion. It is not known with an object, whose contact forces are not
-    those of a finger that moves alone, and of many elements, whose halves are dear.
+    those of a finger that moves alone, and of many elements, whose halves are expensive.
     """
     scene, model = motion.scene, motion.model
     if scene.object is not None or len(model.lengths) > _FEW:

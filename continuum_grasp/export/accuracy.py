@@ -129,7 +129,7 @@ def check_errors(subject: Subject, errors: Mapping[str, tuple[OutputError, ...]]
     """Refuse functions of which one has a greater relative error than asked."""
     real = subject.real
     # Rates squared lose digits all over their range, whatever the bends.
-    squared = subject.model.finger.damping.quadratic > 0.0
+    squared = subject.finger is not None and subject.finger.finger.damping.quadratic > 0.0
     advice = "leave finger.damping.quadratic out" if squared else "a smaller bending_range, or fewer elements"
     relative = {name: max(output.relative for output in outputs) for name, outputs in errors.items()}
     worst = max(relative, key=lambda name: relative[name], default="")

@@ -198,7 +198,7 @@ class Change:
 
     @property
     def words(self) -> str:
-        """What changes, in words."""
+        """Changes in words."""
         return (
             f"the tension changes by {self.tension_change:+.2%} to {self.tension:#.4g} N, "
             f"contacts by {1e3 * self.displacement:.2g} mm at most"
@@ -221,7 +221,7 @@ class OutlineError:
 
     @property
     def words(self) -> str:
-        """What it changes, in words."""
+        """Changes by the finer outline, in words."""
         if self.change is None:
             return self.missing
         return f"with {self.finer} corners in place of {self.corners} {self.change.words}"

@@ -53,17 +53,17 @@ def calls_of(stamps: Array, commanded: Array, period: float) -> Calls:
         t = stamps[0] + period * np.arange(np.floor((stamps[-1] - stamps[0]) / period + 1e-6) + 1.0)
         seen = np.isin(np.arange(t.size), np.searchsorted(t, stamps - 1e-6 * period))
         return Calls(t, seen, period)
-    told = commanded if commanded.size else stamps
-    start, step = _clock(told, period)
+    known = commanded if commanded.size else stamps
+    start, step = _clock(known, period)
     # a row with a command tells the instant of its call; of the others, those of periods without one
-    others = np.setdiff1d(stamps, told)
-    k, between = _apart(np.round((told - start) / step).astype(int)), np.round((others - start) / step).astype(int)
+    others = np.setdiff1d(stamps, known)
+    k, between = _apart(np.round((known - start) / step).astype(int)), np.round((others - start) / step).astype(int)
     free = ~np.isin(between, k)
-    k, told = np.append(between[free], k), np.append(others[free], told)
+    k, known = np.append(between[free], k), np.append(others[free], known)
     first = int(k.min())
     t = start + step * np.arange(first, k.max() + 1.0)
     seen = np.zeros(t.size, dtype=bool)
-    seen[k - first], t[k - first] = True, told
+    seen[k - first], t[k - first] = True, known
     return Calls(t, seen, step)
 
 

@@ -71,7 +71,7 @@ class Reading:
     offset: ArrayLike = 0.0
 
     def selected(self, rows: NDArray[np.bool_]) -> Reading:
-        """The same reading in some rows (R,) alone."""
+        """Copy of the reading with some rows (R,) alone."""
         offset = np.asarray(self.offset)[rows] if np.ndim(self.offset) else self.offset
         return replace(self, values=np.asarray(self.values)[rows], offset=offset)
 

@@ -280,7 +280,7 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
         if further.target == _ORIGIN:
             cause = "their origin is not that of the scene, or finger.base.position is elsewhere"
             if any(block.scene.finger.gyration_radius and any(block.scene.gravity) for block in problem.blocks):
-                cause += ", or its weight stretches a soft finger, which the model leaves out"
+                cause += ", or its weight lengthens a soft finger, which the model leaves out"
         return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}: {cause}"
     estimated = {unknown.target for unknown in problem.unknowns}
     fingers = [block.scene.finger for block in problem.blocks]

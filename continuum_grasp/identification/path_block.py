@@ -122,7 +122,7 @@ class PathBlock(Block):
         self.measured = measured_of(data, self._t, np.full(self._t.size, data.fitted), scene.finger.rod.length)
 
     def _with_slopes(self, name: str, y: ca.SX, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> ca.Function:
-        """[y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by unknowns."""
+        """Outputs [y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by unknowns."""
         moved, turned = (ca.SX.sym(name, size.numel(), len(self._by)) for name, size in (("X", x), ("B", p)))
         commands, by_delay = u, ca.SX(u.numel(), len(self._by))
         if self._late is not None:

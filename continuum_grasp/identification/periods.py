@@ -91,7 +91,7 @@ class Periods:
         return np.where(inside[:, None], self._y[np.clip(rows, 0, len(self.t) - 1)], np.nan)
 
     def _doubts(self, repeated: int) -> list[str]:
-        """What the log lacks, and what is not used of it."""
+        """Periods that the log lacks, and rows of it that are not used."""
         doubts, calls, period = list[str](), self.calls, self.controller.period
         if repeated:
             doubts.append(f"{repeated} rows repeat the time of the row before: they are not used")

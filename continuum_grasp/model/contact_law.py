@@ -26,7 +26,7 @@ second on pads of 2 and 20 N/mm."""
 
 @dataclass(frozen=True)
 class TouchLaw:
-    """What surfaces exert that touch by a contact law; ``mass`` [kg] is that of the finger whose surface it is."""
+    """Forces of surfaces that touch, by a contact law; ``mass`` [kg] is that of the finger whose surface it is."""
 
     law: ContactLaw
     mass: float

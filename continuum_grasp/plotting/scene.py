@@ -92,7 +92,8 @@ def _head(ax: Axes, view: SceneView) -> None:
             ax.plot(*at, marker, transform=points, scalex=False, scaley=False, **look)
     elif size:
         half = 8.0 * in_plane / size
-        draw_arrow(ax, at - half, at + half, INK, width=1.4, xycoords=points, textcoords=points, annotation_clip=False)
+        look = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.4, "shrinkA": 0.0, "shrinkB": 0.0}
+        ax.annotate("", at + half, at - half, points, points, arrowprops=look, annotation_clip=False)
 
 
 def _fingers(ax: Axes, view: SceneView) -> list[Label]:

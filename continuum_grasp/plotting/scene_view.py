@@ -28,19 +28,19 @@ class Acting(NamedTuple):
     force: Array
     """Greatest force over time, world (2,) [N]; zero for a moment."""
     text: str
-    """What it is, with its greatest magnitude."""
+    """Kind of the load, with its greatest magnitude."""
 
 
 @dataclass(frozen=True)
 class SceneView:
-    """What is there to draw of a scene of any kind, in the world [m]."""
+    """Bodies to draw of a scene of any kind, in the world [m]."""
 
     scene: Any
     """A scene of one finger, a grasp, a mission, or a finger alone."""
 
     @cached_property
     def inner(self) -> Any:
-        """What has fingers, object and supports: of a mission its grasp."""
+        """Part of the scene with fingers, object and supports: of a mission its grasp."""
         grasp = getattr(self.scene, "grasp", None)
         return self.scene if hasattr(self.scene, "finger") or grasp is None else grasp
 
@@ -138,7 +138,7 @@ class SceneView:
         return [acting for acting in map(self._acting, loads) if acting is not None]
 
     def _acting(self, load: Any) -> Acting | None:
-        """What a load does where it is greatest; None where it is zero, as one that data replace."""
+        """Effect of a load where it is greatest; None where it is zero, as one that data replace."""
         at, turn = self.on("finger", [load.at])[0], 0.0
         if load.kind == "moment":
             values = np.atleast_1d(getattr(load.moment, "values", load.moment))

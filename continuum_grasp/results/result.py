@@ -182,7 +182,7 @@ class Result(Summarized):
         picture : str, optional
             Its name, of `drawable`; the main one where not given.
         **options
-            What else the function that draws it takes, as ``times`` of snapshots; a wrong one is told what there is.
+            What else the function that draws it takes, as ``times`` of snapshots; the error of a wrong one lists them.
 
         Returns
         -------

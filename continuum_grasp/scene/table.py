@@ -43,7 +43,7 @@ logger of 1 kHz are 1 apart."""
 _COMMENTS = ("#", "%", "//")
 """Beginnings of lines that are comments, beside the semicolon, which separates cells in other files."""
 _DIRECTIVE = re.compile(r"sep=.?")
-"""First line by which Excel is told the character between cells."""
+"""First line that states the character between cells to Excel."""
 _WORD = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 _OF_SI = {unit for si in QUANTITIES for unit in units_of(si)}
 """Units that a line below the headings may state."""

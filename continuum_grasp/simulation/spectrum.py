@@ -228,7 +228,7 @@ def stiff_method(structure: Structure, *, sweeps: bool = False) -> str:
     return "extrapolated_euler" if sweeps or structure.has_law("damping") else "rodas"
 
 
-_PARTIAL = 1.0 / 768.0
+_PARTIAL = 1.0 / 760.0
 """Step of methods implicit in elasticity and damping alone, where it is not adapted, per the rod's natural time
 [1]: with 0.1 ms of a hand's finger it resolves contacts, drives, and the quadratic damping of a finger that 40 N
 accelerate from rest, to 1e-4 of its length."""

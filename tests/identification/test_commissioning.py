@@ -129,7 +129,7 @@ def test_commands_without_a_cell_stay_as_they_were(tmp_path):
     assert log.u[:, 0].tolist() == [2.0] * 20 + [3.0] * 20 + [4.0] * 20
     text = file.read_text().splitlines()
     file.write_text("\n".join([text[0], *(f"{1e4 * k:g},{row.partition(',')[2]}" for k, row in enumerate(text[1:]))]))
-    with pytest.raises(InputError, match="check the unit of t"):
+    with pytest.raises(InputError, match=r"is t in us\? Write t \[us\]"):
         commission(tried, file)
 
 

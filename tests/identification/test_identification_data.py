@@ -201,9 +201,15 @@ MEASURED = {"quantity": "y", "column": "drop"}
         (changed(where=[{"column": "remark", "equals": ["rough"]}]), "no row in which remark is rough; it is fine"),
         (changed(set=["finger.rod.lenth=1"]), "data[0].set.finger.rod.lenth: unknown key; did you mean 'length'"),
         (changed(set=["finger"]), "expected key.path=value"),
-        ({"kind": "trajectory", "file": "drops.csv", "t": "weight"}, "no column 'x'"),
-        ({"kind": "ring_down", "t": "weight", "signals": ["drop"], "window": [500, 600]}, "no sample between 500"),
-        ({"kind": "ring_down", "t": "weight", "signals": ["drop"], "window": [0, 60]}, "12 samples or more"),
+        ({"kind": "trajectory", "file": "drops.csv", "t": {"column": "weight", "unit": "s"}}, "no column 'x'"),
+        (
+            {"kind": "ring_down", "t": {"column": "weight", "unit": "s"}, "signals": ["drop"], "window": [500, 600]},
+            "no sample between 500",
+        ),
+        (
+            {"kind": "ring_down", "t": {"column": "weight", "unit": "s"}, "signals": ["drop"], "window": [0, 60]},
+            "12 samples or more",
+        ),
     ],
 )
 def test_what_does_not_fit_is_named(tmp_path, data, words):

@@ -283,8 +283,8 @@ def pulled(stiffness: float, radius: float, seed: int, noise: float = 3e-4) -> P
     ("radius", "seed"),
     few([(0.003, 0), (0.0, 0), *((radius, k) for radius in (0.0, 0.003, 0.006) for k in range(1, 8))], 2),
 )
-def test_a_finger_that_shortens_with_the_sum_of_its_tensions_is_told_so(radius, seed):
-    """And not that its origin is elsewhere; one that keeps its length is told neither."""
+def test_a_finger_that_shortens_with_the_sum_of_its_tensions_is_reported(radius, seed):
+    """And not that its origin is elsewhere; of one that keeps its length neither is reported."""
     stiffness = 0.01 * np.exp(np.random.default_rng(seed).uniform(-0.3, 0.3))
     scene = bare_scene(2, "clothoid", finger={"rod": {**ROD, "bending_stiffness": 0.011}, "tendons": TENDONS})
     data = pulled(stiffness, radius, seed)

@@ -186,7 +186,10 @@ def test_stiffness_chooses_method_and_steps_of_the_fine_simulation(monkeypatch, 
     monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
     system = SimpleNamespace(structure=SimpleNamespace(has_law=lambda kind: False))
     model = SimpleNamespace(fastest_rate=lambda *_: rate, nu=1, np=0, system=system)
-    scene = SimpleNamespace(input_limits=((0.0,), (1.0,)), load_varies=False, input=SimpleNamespace(form="held"))
+    # A natural time of 76 ms, as of a hand's finger: steps of 0.5 ms.
+    finger = SimpleNamespace(rod=SimpleNamespace(natural_time=0.076))
+    limits = (0.0,), (1.0,)
+    scene = SimpleNamespace(input_limits=limits, load_varies=False, input=SimpleNamespace(form="held"), finger=finger)
     path = Path(np.zeros((3, 1)), np.zeros((3, 1)), 2 * interval)
     assert len(fine.simulated(scene, model, path, np.zeros(1), 4)) == 9
     assert asked[0] == (method, 8 * substeps)

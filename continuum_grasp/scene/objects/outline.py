@@ -69,7 +69,7 @@ class OutlineFile(Value):
 
     @property
     def note(self) -> str:
-        """What was read as the outline, its size, and what of the file is not part of it."""
+        """Curve that is the outline, its size, and the parts of the file that are left out."""
         rest = f"; left out: {', '.join(self.found.left_out)}" if self.found.left_out else ""
         return f"{self.found.curve.text} of {Path(self.file).name}{rest}"
 

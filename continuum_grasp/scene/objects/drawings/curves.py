@@ -80,7 +80,7 @@ class Curve:
 
 @dataclass
 class Drawing:
-    """What a file has.
+    """Contents of a file.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ def outline_in(drawing: Drawing, file: str, path: str | None) -> DrawnOutline:
 
 
 def _paper(outer: Curve, ground: list[Curve], file: str) -> list[str]:
-    """What areas in the color of the paper are beside an outline, in words; `ValueError` where one covers a part."""
+    """Describe areas in the color of the paper beside an outline; `ValueError` where one covers a part."""
     texts = []
     for curve in ground:
         if outer.solid.covers(curve.solid):
