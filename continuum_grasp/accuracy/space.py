@@ -140,6 +140,8 @@ def at_both_ends(motion: Trajectory) -> Trajectory:
         return motion
     began = perf_counter()
     reached_by = (scene.initial.reached_by or "pulling") if model.friction_names else None
+    if reached_by == "state":  # friction states of these elements say nothing of finer ones
+        return motion
     held = scene.replaced(initial=Initial(pose="equilibrium", reached_by=reached_by))
     try:
         finer_scene = refined(held, model)

@@ -13,6 +13,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.identification.blocks import Drawn
 from continuum_grasp.identification.data import OF_MODES
 from continuum_grasp.identification.numbers import Measured, MeasuredColumn, Numbers
+from continuum_grasp.identification.vibrations import damped_sine
 from continuum_grasp.labels import SHOWN_IN
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
@@ -109,16 +110,20 @@ class Predicted(Numbers, Result):
         return bool(self.points) or None
 
     @property
-    def ring_downs(self) -> list[tuple[str, Any, float, float]]:
-        """Name of the set, signal, and predicted frequency [Hz] and decay rate [1/s], of each record of a vibration."""
+    def ring_downs(self) -> list[tuple[str, Any, float, float, Array]]:
+        """Name of the set, signal, predicted frequency [Hz] and decay rate [1/s], and the damped sine of these that is
+        nearest to the signal (T,), of each record of a vibration.
+        """
         predicted = {
             (k, column.quantity): self.predictions[rows] for k, column, rows in self.by_column if self.sets[k].signals
         }
-        return [
-            (of.name, signal, *(float(predicted[k, quantity][row]) for quantity in OF_MODES))
-            for k, of in enumerate(self.sets)
-            for row, signal in enumerate(of.signals)
-        ]
+        records = []
+        for k, of in enumerate(self.sets):
+            for row, signal in enumerate(of.signals):
+                frequency, decay_rate = (float(predicted[k, quantity][row]) for quantity in OF_MODES)
+                nearest = damped_sine(signal.t, signal.values, frequency, decay_rate)
+                records.append((of.name, signal, frequency, decay_rate, nearest))
+        return records
 
     @property
     def has_ring_downs(self) -> bool | None:

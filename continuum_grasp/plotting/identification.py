@@ -174,14 +174,11 @@ def plot_ring_downs(result: Predicted, *, ax: Sequence[Axes] | None = None) -> l
 
     A new figure has six records at most, the first ones.
     """
-    from continuum_grasp.identification.vibrations import damped_sine
-
     records = result.ring_downs
     panels = _panels(min(len(records), _PANELS), ax, 4.6, 3.0)
-    for (name, signal, frequency, decay_rate), panel in zip(records, panels, strict=False):
+    for (name, signal, frequency, decay_rate, nearest), panel in zip(records, panels, strict=False):
         panel.scatter(signal.t, signal.values, s=4, color=INK, linewidth=0, label="measured", zorder=3)
-        sine = damped_sine(signal.t, signal.values, frequency, decay_rate)
-        panel.plot(signal.t, sine, color=BLUE, linewidth=1.2, label=result.predicted, zorder=2)
+        panel.plot(signal.t, nearest, color=BLUE, linewidth=1.2, label=result.predicted, zorder=2)
         label(panel, "time [s]", signal.name)
         head(panel, f"{name}: {frequency:.4g} Hz, {decay_rate:.3g} 1/s", 2)
     return panels

@@ -157,10 +157,12 @@ class Table:
         ``unit`` is that of the configuration, ``period`` the time between rows that the scene expects [s]; None: it has
         none.
         """
+        if self._dates(heading) is not None:
+            return
         at = self.index(heading)
         read_in = unit or self.units[at] or "s"
         apart = float(np.median(steps)) if (steps := np.diff(np.unique(t))).size else 0.0
-        stated = unit is not None or self.units[at] is not None or self._dates(heading) is not None
+        stated = unit is not None or self.units[at] is not None
         usual = stated or apart < _SLOW if period is None else 1.0 / _OFF < apart / period < _OFF
         if usual or not apart:
             return

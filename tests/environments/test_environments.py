@@ -120,7 +120,7 @@ def test_the_return_is_the_cost_of_a_closed_loop():
     """The same commands on the same plant: reward by reward the cost that the controller minimizes."""
     scene = cg.load(SWEEP["scene"], {**SWEEP["set"], "plant.stiffness": 1.05})
     run = run_closed_loop(scene)
-    env = FingerEnv(scene, substeps=8)
+    env = FingerEnv(scene, substeps=cg.closed_loop.Plant(scene).method.substeps)
     env.reset(seed=0)
     rewards = [env.step(u) for u in run.u]
     expected = 0.5 * run.period * (run.weights * (run.tracked - run.r)[:-1] ** 2).sum(axis=1)
@@ -306,9 +306,10 @@ def test_sensors_are_those_of_the_plant():
     the state beside them is that of now.
     """
     scene = cg.load(SWEEP["scene"], {**SWEEP["set"], "plant.noise": 0.0, "estimator.delay": 0.02})
-    env, beside = FingerEnv(scene, substeps=8), FingerEnv(scene, sensors=("tip", "state"), substeps=8)
-    assert env.lanes._sensing.names == ("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]")
     plant = cg.closed_loop.Plant(scene)
+    steps = plant.method.substeps
+    env, beside = FingerEnv(scene, substeps=steps), FingerEnv(scene, sensors=("tip", "state"), substeps=steps)
+    assert env.lanes._sensing.names == ("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]")
     (observation, _), (both, _) = env.reset(seed=0), beside.reset(seed=0)
     for u in commands(env.lanes, 15)[:, 0]:
         np.testing.assert_allclose(observation[:4], plant.measure(), rtol=2e-6, atol=1e-7)

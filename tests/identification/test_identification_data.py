@@ -185,6 +185,7 @@ def changed(**keys):
 
 
 MEASURED = {"quantity": "y", "column": "drop"}
+RING_DOWN = {"kind": "ring_down", "t": {"column": "weight", "unit": "s"}, "signals": ["drop"]}
 
 
 @pytest.mark.parametrize(
@@ -203,11 +204,11 @@ MEASURED = {"quantity": "y", "column": "drop"}
         (changed(set=["finger"]), "expected key.path=value"),
         ({"kind": "trajectory", "file": "drops.csv", "t": {"column": "weight", "unit": "s"}}, "no column 'x'"),
         (
-            {"kind": "ring_down", "t": {"column": "weight", "unit": "s"}, "signals": ["drop"], "window": [500, 600]},
+            {**RING_DOWN, "window": [500, 600]},
             "no sample between 500",
         ),
         (
-            {"kind": "ring_down", "t": {"column": "weight", "unit": "s"}, "signals": ["drop"], "window": [0, 60]},
+            {**RING_DOWN, "window": [0, 60]},
             "12 samples or more",
         ),
     ],

@@ -55,6 +55,7 @@ def bends(*, soft: bool, seed: int, held: slice = slice(2, None, 4)) -> Poses:
     return Poses([Reading("angle", noisy, sigma=SIGMA)], {"tip_moment": MOMENT}, fitted)
 
 
+@pytest.mark.deep
 def test_a_softer_rod_is_found_by_rows_that_are_held_out():
     fit = cg.identify(scene(PLAIN, SOFT), bends(soft=True, seed=0))
     linear, soft = fit.laws
@@ -65,6 +66,7 @@ def test_a_softer_rod_is_found_by_rows_that_are_held_out():
     assert fit.apply().finger.softening.stiffness_ratio == fit["softening_ratio"]
 
 
+@pytest.mark.deep
 def test_a_law_that_fits_better_is_not_chosen_for_that():
     """A linear rod: further numbers lower the misfit, as they always do, but predict no better."""
     fit = cg.identify(scene(PLAIN, TURNED), bends(soft=False, seed=1))
@@ -74,6 +76,7 @@ def test_a_law_that_fits_better_is_not_chosen_for_that():
     assert fit.names == ("bending_stiffness",)
 
 
+@pytest.mark.deep
 def test_rows_that_are_marked_decide():
     """The greatest moments, held out by the data: one fit per law, and their error in the table."""
     data = bends(soft=True, seed=2, held=slice(-6, None))
@@ -101,6 +104,7 @@ def test_single_rows_of_many_sets_scatter_as_those_of_one(moved):
     assert (surely < 20) == (moved == 0.0)
 
 
+@pytest.mark.deep
 def test_what_cannot_be_chosen_is_refused():
     with pytest.raises(InputError, match="two or more"):
         scene(PLAIN)
