@@ -93,7 +93,7 @@ def _head(ax: Axes, view: SceneView) -> None:
     elif size:
         half = 8.0 * in_plane / size
         look = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.4, "shrinkA": 0.0, "shrinkB": 0.0}
-        ax.annotate("", at + half, at - half, points, points, arrowprops=look, annotation_clip=False)
+        ax.annotate("", tuple(at + half), tuple(at - half), points, points, arrowprops=look, annotation_clip=False)
 
 
 def _fingers(ax: Axes, view: SceneView) -> list[Label]:
