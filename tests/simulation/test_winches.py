@@ -256,6 +256,24 @@ def test_a_position_servo_at_rest_stays_there(angle, arrangement):
     assert np.abs(np.array(rates)).max() < 2e-4
 
 
+@pytest.mark.parametrize("size", [1.0, 2.0**-6, 2.0**4])
+def test_a_tendon_begins_to_pull_within_a_share_of_what_bends_its_finger_by_one_radian(size):
+    """Just straight it has 3/16 of the onset, which is a sixteenth of E I / (L e): of a finger of any size."""
+    rod = cg.Finger(**PASSIVE).rod
+    length, offset = LENGTH * size, OFFSET * size
+    small = rod.replaced(length=length)
+    cable = {"axial_stiffness": CABLE["axial_stiffness"], "series_stiffness": CABLE["series_stiffness"] / size}
+    own = cg.Finger(rod=small, tendons=Tendons(offset=offset, max_tension=60.0, drive=SERVO, **cable))
+    made = cg.FingerModel(own, family="clothoid", elements=2, gravity=(0, 0))
+    tension = np.array(made.tensions()(np.zeros(made.nx), np.zeros(made.nu), [])[0]).ravel()
+    assert tension == pytest.approx([3.0 / 256.0 * rod.stiffness / (length * offset)] * 2, rel=1e-9)
+    wound = np.zeros(made.nx)
+    compliance = 1.0 / cable["series_stiffness"] + length / cable["axial_stiffness"]
+    wound[2 * made.n] = -0.9999 * compliance * rod.stiffness / (length * offset) / 16.0
+    least = np.array(made.tensions()(wound, np.zeros(made.nu), [])[0]).ravel()[0]
+    assert 0.0 < least < 1e-9 * rod.stiffness / (length * offset)
+
+
 def test_times_without_tension_and_what_is_said_of_them():
     """Slack from the start on, twice in between, and to the end; the limit is passed at one sample."""
     t = np.arange(7) * 0.1
