@@ -56,7 +56,8 @@ def test_a_finger_that_is_blind_before_the_lift_lets_go(since, spoilt, why, monk
     assert verdict.drop is None
     assert since + 0.2 < verdict.refused.time < since + 0.4
     assert tension(run).max() < tension(well, until=verdict.refused.time).max() + 2.0
-    assert tension(run, verdict.refused.time + 0.5) == pytest.approx(1.0)
+    # What is left is the noise of the tensions that are read, where these still close the loop.
+    assert tension(run, verdict.refused.time + 0.5).max() < 2.5
     assert [name for _, name in run.events][-2:] == ["release", "end"]
     assert "lift" not in dict(map(reversed, run.events))
 
