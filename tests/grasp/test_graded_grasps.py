@@ -188,7 +188,9 @@ def test_a_tapered_finger_with_friction_of_both_kinds_is_held_and_certified(driv
     scene = mug(TAPER, **TAPERED_MUG, **FREE_TIP, **{"finger.tendons": tendons, "finger.damping": DRY})
     grasp = optimize_grasp(scene)
     assert grasp.certificate.passed
-    assert grasp.robustness.robust.holds
+    margins = grasp.robustness.robust.margins
+    assert np.nanmin(margins) > 0.2
+    assert np.isnan(margins).sum() <= 1  # of one draw the solver may not know
     assert grasp.certificate.model_error.greatest < 2e-3 * LENGTH
 
 

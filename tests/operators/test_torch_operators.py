@@ -54,6 +54,7 @@ def test_transformations_agree(operators):
     assert torch.allclose(hessian, hessian.T, rtol=1e-13)
 
 
+@pytest.mark.deep  # PyTorch takes 10 s for its first vmap
 def test_a_model_without_parameters_is_mapped():
     """Arrays of no entries pass through vmap, hessian and forward mode; so does a batch of no rows."""
     model = cg.FingerModel(FINGER, family="arc", elements=2)

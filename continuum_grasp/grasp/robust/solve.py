@@ -101,9 +101,12 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         return replace(changed, status=Status.UNSTABLE, message=message, advice=STEADIER)
     if robust.holds:
         return changed
-    failed = robust.margins.size - robust.held
+    count, unknown = robust.margins.size, int(np.isnan(robust.margins).sum())
+    failed = count - robust.held - unknown
+    shown = [f"{failed} of {count} draws do not hold"] if failed or not unknown else []
+    shown += [f"of {unknown} of {count} draws nothing is known, the solver gave up"] if unknown else []
     corners = "corners of robust" if scene.robust else "friction states sought"
-    message = f"held at all {corners}, but NOT robust: {failed} of {robust.margins.size} draws do not hold"
+    message = f"held at all {corners}, but NOT robust: {'; '.join(shown)}"
     return replace(changed, status=Status.FEASIBLE, message=message)
 
 
