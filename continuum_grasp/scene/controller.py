@@ -20,6 +20,7 @@ from continuum_grasp.scene.value import (
     Angle,
     Distance,
     Duration,
+    Extent,
     Friction,
     Interval,
     ListOf,
@@ -252,7 +253,7 @@ class _Differs(Value):
     """Mass at the tip that the controller's finger does not have [kg]."""
     tendon_friction: Friction | None = None
     """Capstan friction coefficient of the tendons [1]; None: as the controller knows it."""
-    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] | None = None
+    presliding: Annotated[Extent, Field(examples=[20e-6, "20 um"])] | None = None
     """Sliding of the tendons within which friction turns from one direction to the other, halved [m]; None: as the
     controller knows it."""
     axial_stiffness: Annotated[Positive, Unit("N")] | None = None

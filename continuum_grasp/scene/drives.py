@@ -120,7 +120,7 @@ class MotorDrive(_Winch):
     kind: Literal["motor"]
     winch_radius: Annotated[Extent, Field(examples=[0.008, "8 mm"])]
     """Cable wound up per angle [m]."""
-    inertia: Annotated[Positive, Field(examples=[2e-6]), Unit("kg m2")]
+    inertia: Annotated[float, Field(ge=1e-20, le=1e12, examples=[2e-6]), Unit("kg m2")]
     """Moment of inertia at the drum, with that of motor and gear [kg m2]: a gear ratio N multiplies the motor's N^2
     times."""
     viscous_friction: Annotated[NonNegative, Unit("N m s")] = 0.0

@@ -53,6 +53,9 @@ if TYPE_CHECKING:
     from continuum_grasp.arrays import Array
     from continuum_grasp.scene.profile import Channel, Curve, Profile
 
+_AT_ONCE = 1e-3
+"""Time in which a material relaxes, per the finger's natural time, below which it only damps [1]."""
+
 
 class PointMass(Value):
     """A point mass on the backbone."""
@@ -200,6 +203,14 @@ class Finger(Value):
             check_shorter(f"{key}.offset", chamber.offset, length)
             self.rod.check_inside(f"{key}.start", [chamber.start], tip=False)
             self.rod.check_inside(f"{key}.to", [chamber.to or 0.0])
+        for k, branch in enumerate(self.damping.relaxation):
+            if branch.time < _AT_ONCE * self.rod.natural_time:
+                viscous = branch.share * self.rod.stiffness * branch.time
+                raise ValueError(
+                    f"damping.relaxation[{k}].time is {branch.time:g} s where the finger takes "
+                    f"{self.rod.natural_time:.2g} s for its slowest motion: it relaxes at once; "
+                    f"add {viscous:.3g} N m2 s to damping.material in its place"
+                )
         if self.stops is not None:
             self._check_stops(self.stops)
 
@@ -224,6 +235,11 @@ class Finger(Value):
             self.rod.check_inside(f"{key}.to", [tendon.to or 0.0])
             key, offset, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
             check_shorter(key, offset, self.rod.length)
+            if tendon.friction and offset and tendon.presliding > offset:
+                raise ValueError(
+                    f"{key.removesuffix('offset')}presliding is {tendon.presliding:g} m, more than the tendon slides "
+                    f"({offset:g} m) where its finger bends by one radian"
+                )
             if (slope := abs(tendon.slope(self.rod.length))) > MOST_SLOPE:
                 raise ValueError(
                     f"{key} changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds for "

@@ -51,8 +51,9 @@ class Relaxation(Value):
 
     share: Annotated[float, Field(gt=0.0, le=100.0, examples=[0.2]), Unit("1")]
     """Stiffness that it adds under sudden loads, per that of slow ones [1]."""
-    time: Annotated[Duration, Field(ge=1e-3, examples=[3.0, "3 s"])]
-    """Time in which its moment relaxes to 37 % while the bend is held [s]."""
+    time: Annotated[Duration, Field(examples=[3.0, "3 s"])]
+    """Time in which its moment relaxes to 37 % while the bend is held [s]; less than a thousandth of the finger's
+    slowest motion is damping."""
 
 
 class Damping(Value):

@@ -15,6 +15,7 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     SAME,
     Distance,
+    Extent,
     Friction,
     Length,
     ListOf,
@@ -62,7 +63,7 @@ class _Tensions(Value):
     factor exp(friction * bend) against the sliding; where it sticks, by less."""
     friction_cells: Annotated[int, Field(ge=1, le=16)] = 2
     """Cells per element with a friction state each: one costs least, two follow loops within 1 %."""
-    presliding: Annotated[float, Field(ge=1e-7, le=1e-3, examples=[20e-6, "20 um"]), Unit("m")] = 20e-6
+    presliding: Annotated[Extent, Field(examples=[20e-6, "20 um"])] = 20e-6
     """Sliding within which friction turns from one direction to the other, halved [m]."""
     conduit_bend: Annotated[NonNegative, Field(le=100.0), Unit("rad")] = 0.0
     """Bend of a sheath between drive and finger, whose friction the tendon passes first [rad]."""

@@ -147,3 +147,27 @@ def test_a_tension_per_tendon():
         cg.Scene(**keys, actuation={"tensions": [0.0, 1.0]})
     with pytest.raises(InputError, match=r"actuation.tensions\[1\]: actuation.tensions\[1\] = 21 is outside"):
         cg.Scene(**keys, actuation={"tensions": [0.0, 21.0, 0.0]})
+
+
+def test_the_range_of_presliding_goes_with_the_finger():
+    """From 20 nm in a finger of 0.25 mm to 0.8 mm in one of 10 m; a length in other units is more than tendons slide."""
+    rough = {"friction": 0.1, "offset": 0.004 * LENGTH}
+    for scale in (1e-3, 1.0, 40.0):
+        rod = cg.Rod(length=scale * LENGTH, linear_density=0.1, bending_stiffness=1e-2)
+        sized = rough | {"offset": 0.004 * rod.length, "presliding": 8e-5 * rod.length}
+        assert finger(sized, rod=rod).tendon_list[0].presliding == 8e-5 * rod.length
+    with pytest.raises(InputError, match=r"tendons\[0\]\.presliding is 20 m, more than the tendon slides \(0\.001 m\)"):
+        finger(rough | {"presliding": 20.0})
+
+
+def test_the_range_of_relaxation_goes_with_the_finger():
+    """What relaxes within a thousandth of sqrt(m L^3 / E I) only damps, with share * E I * time [N m2 s]."""
+    natural_time = math.sqrt(0.1 * LENGTH * LENGTH**3 / 1e-2)
+    for share, taken in ((1.1e-3, True), (0.9e-3, False)):
+        damping = {"relaxation": [{"share": 0.5, "time": share * natural_time}]}
+        if taken:
+            assert cg.Finger(rod=ROD, damping=damping).damping.relaxation[0].time == share * natural_time
+        else:
+            viscous = f"{0.5 * 1e-2 * share * natural_time:.3g}"
+            with pytest.raises(InputError, match=rf"damping\.relaxation\[0\]\.time .* add {viscous} N m2 s"):
+                cg.Finger(rod=ROD, damping=damping)
