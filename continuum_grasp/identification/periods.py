@@ -224,13 +224,11 @@ class Periods:
 
         def missed(numbers: Array) -> Array:
             time, delay = np.abs(numbers)
-            pole, ratio = math.exp(-period / time), period / time
-            after = [0.0, 1.0 - pole * (1.0 + ratio), pole * (pole - 1.0 + ratio)]
             columns = []
             for commanded, seen in pairs:
                 begin = seen[np.isfinite(seen)][0]
-                acts = begin + lfilter(after, [1.0, -2.0 * pole, pole**2], commanded - begin)
-                columns.append(np.where(shown, np.nan_to_num(np.interp(t - delay, t, acts) - seen), 0.0))
+                acts = begin + _lagged(commanded - begin, period, float(time), t - delay)
+                columns.append(np.where(shown, np.nan_to_num(acts - seen), 0.0))
             return np.array(columns).T
 
         stated = np.array([scene.lag, max(delay_periods(scene), 0.5) * period])
@@ -244,6 +242,22 @@ class Periods:
         if not spread < time:
             return [unknown]
         return [unknown._replace(logged=time, low=time - spread, high=time + spread)]
+
+
+def _lagged(commanded: Array, period: float, time: float, at: Array) -> Array:
+    """Answer of a critically damped lag at instants, at rest before zero, to commands (K,) that are held for a period.
+
+    At the periods by the filter with the same answer to steps, from there on by the solution for a held command.
+    """
+    pole, ratio = math.exp(-period / time), period / time
+    below = [1.0, -2.0 * pole, pole**2]
+    value = lfilter([0.0, 1.0 - pole * (1.0 + ratio), pole * (pole - 1.0 + ratio)], below, commanded)
+    rate = lfilter([0.0, pole * ratio / time, -pole * ratio / time], below, commanded)
+    k = np.clip(np.floor(at / period).astype(int), 0, len(commanded) - 1)
+    since = np.maximum(at - period * k, 0.0)
+    away = value[k] - commanded[k]
+    fades = np.exp(-since / time)
+    return np.where(at < 0.0, 0.0, commanded[k] + (away + (rate[k] + away / time) * since) * fades)
 
 
 def _step(slopes: Array, residuals: Array) -> tuple[Array, float]:

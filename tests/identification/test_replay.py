@@ -8,13 +8,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.periods import Periods
+from continuum_grasp.identification.periods import Periods, _lagged
 from continuum_grasp.identification.replayed import replay
 from continuum_grasp.scene import ControlScene
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
@@ -133,6 +134,27 @@ def test_the_interval_of_the_delay_has_the_plant_s(tmp_path, stamps, delay):
     thin = Periods(scene(), written(tmp_path / "thin.csv", log, range(0, log.t.size, 7), log.t))
     assert all(np.isnan(one.logged) for one in (thin.delay(), *thin.lag()))
     assert "not shown by the log" in str(thin.delay())
+
+
+def test_a_lag_answers_as_its_equation_does():
+    """y'' = (u - y) / time^2 - 2 y' / time, integrated from command to command."""
+    rng = np.random.default_rng(0)
+    u, period, time = rng.normal(size=12), 0.01, 0.017
+    at, state, true = np.sort(rng.uniform(0.0, 12 * period, 40)), np.zeros(2), []
+    for k, held in enumerate(u):
+        inside = at[(at >= k * period) & (at < (k + 1) * period)] - k * period
+        motion = solve_ivp(
+            lambda _, y, held=held: [y[1], (held - y[0]) / time**2 - 2.0 * y[1] / time],
+            (0.0, period),
+            state,
+            t_eval=[*inside, period],
+            rtol=1e-11,
+            atol=1e-13,
+        )
+        true += motion.y[0, :-1].tolist()
+        state = motion.y[:, -1]
+    assert _lagged(u, period, time, at) == pytest.approx(np.array(true), abs=1e-10)
+    assert not _lagged(u, period, time, np.array([-0.004])).any()
 
 
 TAMPERED = [

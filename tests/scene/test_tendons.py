@@ -150,7 +150,7 @@ def test_a_tension_per_tendon():
 
 
 def test_the_range_of_presliding_goes_with_the_finger():
-    """From 20 nm in a finger of 0.25 mm to 0.8 mm in one of 10 m; a length in other units is more than tendons slide."""
+    """From 20 nm at 0.25 mm to 0.8 mm at 10 m of length; a number in other units is more than tendons slide."""
     rough = {"friction": 0.1, "offset": 0.004 * LENGTH}
     for scale in (1e-3, 1.0, 40.0):
         rod = cg.Rod(length=scale * LENGTH, linear_density=0.1, bending_stiffness=1e-2)
