@@ -137,7 +137,7 @@ def test_the_interval_of_the_delay_has_the_plant_s(tmp_path, stamps, delay):
 
 
 def test_a_lag_answers_as_its_equation_does():
-    """y'' = (u - y) / time^2 - 2 y' / time, integrated from command to command."""
+    """Y'' = (u - y) / time^2 - 2 y' / time, integrated from command to command."""
     rng = np.random.default_rng(0)
     u, period, time = rng.normal(size=12), 0.01, 0.017
     at, state, true = np.sort(rng.uniform(0.0, 12 * period, 40)), np.zeros(2), []
