@@ -16,6 +16,10 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
 
 
+_PER_ROUNDING = 10.0
+"""Displacement before slip by default, per the rounding of the onset [1]: by the size of the roughness of both."""
+
+
 class ContactLaw(Value):
     """The force law of two surfaces that touch.
 
@@ -38,7 +42,7 @@ class ContactLaw(Value):
     derivative is continuous."""
     presliding: Annotated[Extent | None, Field(examples=[1e-4, "0.1 mm"])] = None
     """Displacement that would reach the friction cone, if it were elastic up to there [m]: a contact below it springs
-    back and does not creep. None: 0.1 mm, where no ``slip_speed`` is given."""
+    back and does not creep. None: ten times ``rounding``, where no ``slip_speed`` is given."""
     slip_speed: Annotated[float, Field(ge=1e-9, le=1e3), Unit("m/s")] | None = None
     """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
     limit at this one [m/s]. It needs no state, but what it holds creeps."""
@@ -58,8 +62,7 @@ class ContactLaw(Value):
         # A friction force that is a function of the slip speed alone needs no state.
         if self.slip_speed is not None:
             return None
-        # 1e-4: displacement before slip by default [m]
-        return 1e-4 if self.presliding is None else self.presliding
+        return _PER_ROUNDING * self.rounding if self.presliding is None else self.presliding
 
 
 class Table(Value):
