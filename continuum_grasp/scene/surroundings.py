@@ -15,7 +15,6 @@ from continuum_grasp.scene.supports import Place, Wall
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
 
-
 _PER_ROUNDING = 10.0
 """Displacement before slip by default, per the rounding of the onset [1]: by the size of the roughness of both."""
 

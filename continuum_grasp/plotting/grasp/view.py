@@ -198,5 +198,6 @@ def plot_object(body: ObjectBody, *, ax: Axes | None = None) -> Axes:
     ax.plot(*body.com, "+", color=INK, markersize=9, zorder=9)
     wide, high = 1e3 * np.ptp(points, axis=0)
     count = sum(len(corner) for corner in corners)
-    ax.set_title(f"{count} corners, {len(pieces)} convex pieces, {wide:.4g} mm x {high:.4g} mm", fontsize=9)
+    title = f"{count} corners, {len(pieces)} convex pieces, {wide:.4g} mm x {high:.4g} mm"
+    ax.set_title(axes.wrapped(title, ax.figure.bbox.width / ax.figure.dpi), fontsize=9)
     return ax
