@@ -1,6 +1,6 @@
 """Constants with units of the packages that compute: ``python -m tests.similarity.constants`` lists them.
 
-By the way in which this project writes them: a constant has its unit in the text below it, a number within a function
+As this project writes them: a constant has its unit in the text below it, a number within a function
 in the comment above it, and a macro in the comment behind it.
 """
 
