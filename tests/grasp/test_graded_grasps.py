@@ -190,7 +190,8 @@ def test_a_tapered_finger_with_friction_of_both_kinds_is_held_and_certified(driv
     assert grasp.certificate.passed
     margins = grasp.robustness.robust.margins
     assert np.nanmin(margins) > 0.2
-    assert np.isnan(margins).sum() <= 1  # of one draw the solver may not know
+    # On a drive of lengths the solver gives up on one draw.
+    assert np.isnan(margins).sum() <= (drive is not None and drive["kind"] == "length")
     assert grasp.certificate.model_error.greatest < 2e-3 * LENGTH
 
 

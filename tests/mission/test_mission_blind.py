@@ -56,8 +56,12 @@ def test_a_finger_that_is_blind_before_the_lift_lets_go(since, spoilt, why, monk
     assert verdict.drop is None
     assert since + 0.2 < verdict.refused.time < since + 0.4
     assert tension(run).max() < tension(well, until=verdict.refused.time).max() + 2.0
-    # What is left is the noise of the tensions that are read, where these still close the loop.
-    assert tension(run, verdict.refused.time + 0.5).max() < 2.5
+    left = tension(run, verdict.refused.time + 0.5)
+    if why == "no sensor shows the shape":
+        # The tensions that are read still close the loop, with their noise.
+        assert left.max() < 2.5
+    else:
+        assert left == pytest.approx(1.0)
     assert [name for _, name in run.events][-2:] == ["release", "end"]
     assert "lift" not in dict(map(reversed, run.events))
 
