@@ -124,7 +124,7 @@ class ChainSystem(Functions):
         for k, name in enumerate([*(f"finger.{k + 1}" for k in range(len(ways))), "finger.tip"]):
             m = self._motion[:, k]
             stations.append(Station(name, Vec(m[0], m[1]), float(half(self.places[k])), Vec(m[2], m[3]), m[5]))
-        touched = self._touched = Contacts(scene, stations, object_parameters, mass=scene.finger.rod.mass)
+        touched = self._touched = Contacts(scene, stations, object_parameters, rod=scene.finger.rod)
         self.touch_names = [pair.name for pair in touched.pairs]
         self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
         self._others = ca.vertcat(self._states, touched.states)

@@ -304,13 +304,13 @@ class Prediction(Remade):
         the model's numbers are not finite.
         """
         symbols = [self.x, self.u, self.p]
-        law = None if self.system.surroundings is None else self.system.surroundings.contact_law
-        if law is None:
+        touch_law = self.system.touch_law
+        if touch_law is None:
             jacobian = ca.jacobian(self.dynamics(*symbols), self.x)
         else:
             # As if every contact were pressed, wherever the finger is: open contacts are not stiff.
             gap = self.system.touch(*self.arguments)[0]
-            pressed = gap + (law.rounding + PRESSED / law.stiffness)
+            pressed = gap + (touch_law.rounding + PRESSED / touch_law.law.stiffness)
             jacobian = self.system.pressed_linearization(*self.arguments, pressed)
         linearized, n = ca.Function("jacobian", symbols, [jacobian]), self.system.n
         of_system = ca.Function("of_system", symbols, [*self._of_system])

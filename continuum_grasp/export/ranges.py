@@ -190,7 +190,8 @@ def contact_depth(system: System, given: Sequence[float] | None) -> float:
     Steps are as short as contacts up to that depth ask for; friction of one that bears more is stiffer.
     """
     around, model = system.surroundings, system.finger_model
-    if around is None or around.object is None or around.contact_law is None:
+    touch_law = system.touch_law
+    if around is None or around.object is None or touch_law is None:
         return 0.0
     if given is not None:
         low, force = _given(CONTACT_FORCE, given)
@@ -205,7 +206,7 @@ def contact_depth(system: System, given: Sequence[float] | None) -> float:
         # 2.0: greatest force of a contact that is taken, per that with which drives and weight press at rest: a load
         # that sets in at once makes twice its force
         force = 2.0 * (moment / min((*model.contacts, rod.length)) + weight)
-    return max(force / around.contact_law.stiffness, 2.0 * around.contact_law.rounding)
+    return max(force / touch_law.law.stiffness, 2.0 * touch_law.rounding)
 
 
 @dataclass(frozen=True)

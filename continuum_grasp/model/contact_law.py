@@ -16,6 +16,7 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.surroundings import ContactLaw
 
 _SPRINGS_BACK = 0.2
@@ -24,23 +25,42 @@ hand does not creep; the same is the share of itself that an open contact forget
 second on pads of 2 and 20 N/mm."""
 
 
+_ROUNDINGS = 18000.0
+"""Lengths of the rounding of the onset in that of a finger, by default [1]: 10 um of 180 mm."""
+_DISPLACEMENTS = 1800.0
+"""Displacements before slip in the length of a finger, by default [1]: 0.1 mm of 180 mm."""
+
+
 @dataclass(frozen=True)
 class TouchLaw:
-    """Forces of surfaces that touch, by a contact law; ``mass`` [kg] is that of the finger whose surface it is."""
+    """Forces of surfaces that touch, by a contact law; what the law leaves open has the scale of a finger's rod."""
 
     law: ContactLaw
-    mass: float
+    rod: Rod
 
     @cached_property
     def time(self) -> float:
-        """Time in which the mass on the contact's spring moves by one radian [s]: 0.6 ms of 6 g on 20 N/mm."""
-        return math.sqrt(self.mass / self.law.stiffness)
+        """Time in which the rod's mass on the contact's spring moves by one radian [s]: 0.6 ms of 6 g on 20 N/mm."""
+        return math.sqrt(self.rod.mass / self.law.stiffness)
+
+    @property
+    def rounding(self) -> float:
+        """Gap at which the force begins, and depth from which on it is linear [m]."""
+        return self.rod.length / _ROUNDINGS if self.law.rounding is None else self.law.rounding
+
+    @property
+    def displacement(self) -> float | None:
+        """Displacement before slip [m]; None where friction has no state."""
+        # A friction force that is a function of the slip speed alone needs no state.
+        if self.law.slip_speed is not None:
+            return None
+        return self.rod.length / _DISPLACEMENTS if self.law.presliding is None else self.law.presliding
 
     def normal_force(self, gap: Scalar, gap_rate: Scalar) -> Scalar:
         """Normal force [N], zero or positive, of a gap [m], negative where the surfaces overlap, and its rate [m/s]."""
         # The spring's slope rises smoothly, as 3 t^2 - 2 t^3, over a gap from +rounding to -rounding: derivatives for
         # implicit steps and optimizers stay continuous.
-        law, rounding = self.law, self.law.rounding
+        law, rounding = self.law, self.rounding
         t, beyond = self._onset(gap)
         depth = 2.0 * rounding * t**3 * (1.0 - 0.5 * t) + beyond
         if law.dissipation == 0.0:
@@ -51,7 +71,7 @@ class TouchLaw:
 
     def stored_energy(self, gap: Scalar) -> Scalar:
         """Energy of the spring in normal direction [J]."""
-        rounding = self.law.rounding
+        rounding = self.rounding
         t, beyond = self._onset(gap)
         return self.law.stiffness * (
             (2.0 * rounding) ** 2 * t**4 * (0.25 - 0.1 * t) + beyond * (0.5 * beyond + rounding)
@@ -59,7 +79,7 @@ class TouchLaw:
 
     def _onset(self, gap: Scalar) -> tuple[ca.SX, ca.SX]:
         """Share of the onset, 0 to 1, and the depth beyond it [m]."""
-        rounding = self.law.rounding
+        rounding = self.rounding
         t = ca.fmin(ca.fmax((0.5 / rounding) * (rounding - gap), 0.0), 1.0)
         return ca.SX(t), ca.SX(ca.fmax(-gap - rounding, 0.0))
 
@@ -71,7 +91,7 @@ class TouchLaw:
         """
         law = self.law
         # Without states: Coulomb's law rounded off at the slip speed, which creeps under any load.
-        if law.displacement is None:
+        if self.displacement is None:
             size = ca.sqrt(_square(v) + (law.slip_speed**2 if law.slip_speed else 0.0))
             return [each / size for each in v]
         if law.dissipation == 0.0:
@@ -97,16 +117,16 @@ class TouchLaw:
         fast one it is |v|, so that the state is linear in z, and takes the contact's time at least to turn. Either way
         z stays in the unit disc and turns into the direction of a steady slip. An open contact forgets.
         """
-        law = self.law
-        if law.displacement is None:
+        displacement, rounding = self.displacement, self.rounding
+        if displacement is None:
             return []
         # Zero at a gap of three times the rounding, one from where there is a force.
-        near = ca.fmin(ca.fmax((0.5 / law.rounding) * (3.0 * law.rounding - gap), 0.0), 1.0)
+        near = ca.fmin(ca.fmax((0.5 / rounding) * (3.0 * rounding - gap), 0.0), 1.0)
         touching = near * near * (3.0 - 2.0 * near)
         fast, speed = self._fast(v)
         # One displacement of slip turns the state at any slow speed; a fast one takes at least the contact's time: the
         # rate of the states would otherwise grow with the speed of slip, and set the step of explicit integrators.
-        pace = touching / (law.displacement + self.time * fast * speed)
+        pace = touching / (displacement + self.time * fast * speed)
         # An open contact forgets its tangential displacement, so that it touches without a stale force.
         fade = (1.0 - touching) * (_SPRINGS_BACK / self.time)
         elastic = self._elastic_velocity(z, v)
@@ -129,7 +149,7 @@ class TouchLaw:
         """Whether a slip is fast, from 0 to 1, and its speed [m/s]."""
         # Fourth powers: a sharp but smooth switch that needs no root of the speed. Slower ones spring back without
         # loss below the elastic share: a held object that swings slowly does not creep.
-        limit = _SPRINGS_BACK * (self.law.displacement or 0.0) / self.time
+        limit = _SPRINGS_BACK * (self.displacement or 0.0) / self.time
         square = _square(v)
         fourth = square * square
         return fourth / (fourth + limit**4), self.speed_of(v)
@@ -137,7 +157,7 @@ class TouchLaw:
     def speed_of(self, v: Sequence[Scalar]) -> Scalar:
         """Speed of a slip v [m/s] by direction, differentiable at rest [m/s]."""
         # 1e-9: of the speed that passes the rounding in the contact's time: far below any slip that matters
-        return ca.sqrt(_square(v) + (1e-9 * self.law.rounding / self.time) ** 2)
+        return ca.sqrt(_square(v) + (1e-9 * self.rounding / self.time) ** 2)
 
 
 def _square(values: Sequence[Scalar]) -> Scalar:

@@ -10,6 +10,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.surroundings import Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
@@ -30,8 +31,7 @@ class Contacts:
 
     Contacts at ``stations``, where the finger may touch, come first, then those of supports, then of the table.
     ``given`` are run-time arguments by name, of ``OBJECT_PARAMETERS`` and of ``friction_parameter``. Where contacts are
-    ``pressed``, gaps are smaller by run-time numbers ``press`` [m], one per contact. ``mass`` is that of the finger
-    [kg].
+    ``pressed``, gaps are smaller by run-time numbers ``press`` [m], one per contact. ``rod`` is the finger's.
     """
 
     def __init__(
@@ -40,14 +40,14 @@ class Contacts:
         stations: Sequence[Station],
         given: Mapping[str, Scalar],
         *,
-        mass: float,
+        rod: Rod,
         pressed: bool = False,
     ) -> None:
         self._stations = stations
         self._body = None if around is None or around.object is None else Body(around.object, around, given)
         pairs = list[Pair]()
         if around is not None and around.contact_law is not None and self._body is not None:
-            pairs = list(_pairs_of(self._body, around, TouchLaw(around.contact_law, mass), stations, given))
+            pairs = list(_pairs_of(self._body, around, TouchLaw(around.contact_law, rod), stations, given))
         self.pairs: list[Pair] = [pair.pressed() for pair in pairs] if pressed else pairs
         self.press = ca.vertcat(ca.SX(0, 1), *[pair.press for pair in self.pairs])
         of_body = [] if self._body is None else [self._body.pose, self._body.rates]

@@ -59,9 +59,7 @@ class Equations:
         self.p = structure.parameters.symbol
         parameters = {name: self._par[name] for name in structure.object_parameters}
         stations = [station for _, station in self._stations]
-        self.contacts = Contacts(
-            structure.around, stations, parameters, mass=structure.finger.rod.mass, pressed=pressed
-        )
+        self.contacts = Contacts(structure.around, stations, parameters, rod=structure.finger.rod, pressed=pressed)
         self.x, self.w = ca.vertcat(self.x, self.contacts.states), ca.vertcat(self.w, self.contacts.wrench)
         self.press = self.contacts.press
 

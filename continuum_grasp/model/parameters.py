@@ -142,13 +142,14 @@ def places_of(finger: Finger, keys: str) -> list[str]:
 def numbers_of(finger: Finger) -> dict[str, Number]:
     """Numbers of a finger that may be run-time arguments, by name."""
     rod, profile, tendons = finger.rod, finger.profile, finger.tendon_list
+    presliding = {tendon.presliding_length if tendon.friction else None for tendon in tendons}
     known = {
         "linear_density": 1.0 if profile.graded else rod.mass_per_length,
         "bending_stiffness": 1.0 if profile.graded else float(profile.bending_stiffness(0.0)),
         "rotary_inertia": 1.0 if profile.graded else rod.inertia_per_length,
         "rest_curvature": profile.rest_curvature.constant,
         "tip_mass": sum(mass.mass for mass in finger.masses if at_tip(mass.at, rod.length)),
-        **({} if all(tendon.friction for tendon in tendons) else {"tendon_presliding": None}),
+        "tendon_presliding": presliding.pop() if len(presliding) == 1 and finger.has_tendon_friction else None,
     }
     numbers = numbers_of_laws(finger)
     for name, (unit, key, least) in _KNOWN.items():

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
@@ -143,6 +144,12 @@ class System(Functions):
         more = {name: (OBJECT_PARAMETERS.get(name, "1"), values.get(name, 0.0)) for name in self.object_parameters}
         super().__init__(model.structure.beside(around, more))
         self.touch_names = [pair.name for pair in self._equations.contacts.pairs]
+
+    @property
+    def touch_law(self) -> TouchLaw | None:
+        """Law of the contacts; None where nothing touches by one."""
+        law = None if self.surroundings is None else self.surroundings.contact_law
+        return None if law is None else TouchLaw(law, self.finger_model.finger.rod)
 
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
         around = self.surroundings

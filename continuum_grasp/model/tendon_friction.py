@@ -74,7 +74,7 @@ def tendon_sets(
     """
     groups: dict[tuple[Curve, float, object], list[int]] = {}
     for k, (channel, tendon) in enumerate(zip(channels, tendons, strict=True)):
-        properties = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
+        properties = tendon.friction, tendon.friction_cells, tendon.presliding_length, tendon.conduit_bend
         has_friction = frictional or tendon.friction > 0.0
         groups.setdefault((channel.shape, abs(channel.arms[k]), properties if has_friction else None), []).append(k)
     sets = []
@@ -83,7 +83,7 @@ def tendon_sets(
         sides = tuple(1.0 if channels[k].arms[k] > 0.0 else -1.0 for k in group)
         cells = _cells(family, channels[group[0]], first.friction_cells if has_friction else 1, unit_rest)
         conduit = first.conduit_bend if has_friction else 0.0
-        sets.append(CellSet(tuple(group), sides, first.presliding, conduit, cells, has_friction))
+        sets.append(CellSet(tuple(group), sides, first.presliding_length, conduit, cells, has_friction))
     return tuple(sets)
 
 

@@ -63,7 +63,7 @@ class Pair:
     @cached_property
     def z(self) -> ca.SX:
         """Friction states, one per direction where the law has them."""
-        has_states = self.friction > 0.0 and self.law.law.displacement is not None and self.share is None
+        has_states = self.friction > 0.0 and self.law.displacement is not None and self.share is None
         return ca.SX.sym(self.name, len(self.slip) if has_states else 0)
 
     @property
@@ -144,7 +144,7 @@ def table_pair(body: Body, law: TouchLaw, table: Table) -> Pair:
     return Pair(
         name="table",
         # One that rests on it touches, whatever the law.
-        gap=-law.law.rounding if table.stays else body.pose[3] - body.wrench[3],
+        gap=-law.rounding if table.stays else body.pose[3] - body.wrench[3],
         gap_rate=0.0 if table.stays else body.climb,
         load=body.weight if table.stays else None,
         arm=table.friction_radius,

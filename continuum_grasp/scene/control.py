@@ -34,6 +34,8 @@ _OF_SCENARIOS = {
     "time_constant": ("drive_time_constant",),
 }
 """Model parameters behind the keys of ``controller.scenarios``."""
+_OF_TENDON = {"tendon_friction": "friction", "presliding": "presliding_length"}
+"""Attribute of a tendon behind those keys that have another name."""
 
 
 def _two_frictions(scene: ControlScene) -> bool:
@@ -124,7 +126,7 @@ class ControlScene(CommandedScene):
             jumps_alone=lambda s: _jumps(s) and not any(tendon.time_constant for tendon in s.finger.tendon_list),
             # Also where tendons do not have it.
             unlike=lambda s, name: (
-                len({getattr(t, name.removeprefix("tendon_")) for t in s.finger.tendon_list} | {None}) != 2
+                len({getattr(t, _OF_TENDON.get(name, name)) for t in s.finger.tendon_list} | {None}) != 2
             ),
             two_frictions=_two_frictions,
             unfelt=lambda s: (of := s.estimator) and of.measured.length and not of.measured.tension,

@@ -235,9 +235,9 @@ class Finger(Value):
             self.rod.check_inside(f"{key}.to", [tendon.to or 0.0])
             key, offset, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
             check_shorter(key, offset, self.rod.length)
-            if tendon.friction and offset and tendon.presliding > offset:
+            if tendon.friction and offset and (slides := tendon.presliding_length) > offset:
                 raise ValueError(
-                    f"{key.removesuffix('offset')}presliding is {tendon.presliding:g} m, more than the tendon slides "
+                    f"{key.removesuffix('offset')}presliding is {slides:g} m, more than the tendon slides "
                     f"({offset:g} m) where its finger bends by one radian"
                 )
             if (slope := abs(tendon.slope(self.rod.length))) > MOST_SLOPE:

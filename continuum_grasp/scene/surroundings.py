@@ -15,9 +15,6 @@ from continuum_grasp.scene.supports import Place, Wall
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
 
-_PER_ROUNDING = 10.0
-"""Displacement before slip by default, per the rounding of the onset [1]: by the size of the roughness of both."""
-
 
 class ContactLaw(Value):
     """The force law of two surfaces that touch.
@@ -36,12 +33,12 @@ class ContactLaw(Value):
     """Share by which the normal force grows per speed of approach [s/m] (Hunt and Crossley); the same damps the
     tangential displacement before slip. A body that lands with a small speed v leaves with about
     v (1 - 2/3 dissipation v)."""
-    rounding: Extent = 1e-5
+    rounding: Annotated[Extent | None, Field(examples=[2e-4, "0.2 mm"])] = None
     """The force begins at a gap of this much and is linear from a depth of this much on [m]; in between its second
-    derivative is continuous."""
+    derivative is continuous. None: the finger's length / 18000."""
     presliding: Annotated[Extent | None, Field(examples=[1e-4, "0.1 mm"])] = None
     """Displacement that would reach the friction cone, if it were elastic up to there [m]: a contact below it springs
-    back and does not creep. None: ten times ``rounding``, where no ``slip_speed`` is given."""
+    back and does not creep. None: the finger's length / 1800, where no ``slip_speed`` is given."""
     slip_speed: Annotated[float, Field(ge=1e-9, le=1e3), Unit("m/s")] | None = None
     """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
     limit at this one [m/s]. It needs no state, but what it holds creeps."""
@@ -52,16 +49,9 @@ class ContactLaw(Value):
     def _check(self) -> None:
         stiffness_why = "N/m is that of no fingertip (expected: N/m)"
         doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
-        doubt_outside("contact_law.rounding", self.rounding, 0.0, 1e-3, "m is more than a millimeter (expected: m)")
+        rounding_why = "m is more than a millimeter (expected: m)"
+        doubt_outside("contact_law.rounding", self.rounding or 0.0, 0.0, 1e-3, rounding_why)
         doubt_outside("contact_law.friction", self.friction, 0.0, 3.0, "is more than surfaces have")
-
-    @property
-    def displacement(self) -> float | None:
-        """Displacement before slip [m]; None where friction has no state."""
-        # A friction force that is a function of the slip speed alone needs no state.
-        if self.slip_speed is not None:
-            return None
-        return _PER_ROUNDING * self.rounding if self.presliding is None else self.presliding
 
 
 class Table(Value):

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 MOST_SLOPE = 0.3
 """Greatest change of a tendon's offset per length [1]: up to there the constant cosine of its law leaves errors of the
 tip below 5e-4 of the length."""
+_PER_OFFSET = 250.0
+"""Offset of a tendon per presliding by default [1]: 20 um of 5 mm, for strands in guides."""
 LEAST_OFFSET = 1e-6
 """Least offset at the base [m], to which the shape of the moment is scaled; as of a length."""
 
@@ -63,8 +65,9 @@ class _Tensions(Value):
     factor exp(friction * bend) against the sliding; where it sticks, by less."""
     friction_cells: Annotated[int, Field(ge=1, le=16)] = 2
     """Cells per element with a friction state each: one costs least, two follow loops within 1 %."""
-    presliding: Annotated[Extent, Field(examples=[20e-6, "20 um"])] = 20e-6
-    """Sliding within which friction turns from one direction to the other, halved [m]."""
+    presliding: Annotated[Extent | None, Field(examples=[20e-6, "20 um"])] = None
+    """Sliding within which friction turns from one direction to the other, halved [m]; None: the tendon's greatest
+    offset / 250."""
     conduit_bend: Annotated[NonNegative, Field(le=100.0), Unit("rad")] = 0.0
     """Bend of a sheath between drive and finger, whose friction the tendon passes first [rad]."""
     time_constant: TimeConstant | None = None
@@ -124,6 +127,11 @@ class Tendon(_Tensions):
     def greatest_offset(self) -> float:
         """Greatest distance from the backbone [m]."""
         return max(map(abs, ends(self.offset)))
+
+    @property
+    def presliding_length(self) -> float:
+        """Sliding within which friction turns, halved [m]: ``presliding``, or what stands for it."""
+        return self.greatest_offset / _PER_OFFSET if self.presliding is None else self.presliding
 
     def end(self, length: float) -> float:
         """End of the tendon along a finger of a length [m]."""

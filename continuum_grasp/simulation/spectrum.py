@@ -83,8 +83,7 @@ def representative_states(core: Core, states: Array, u: Array, w: Array) -> Arra
 
 def _full(system: System) -> float:
     """Depth from which on a contact has all of its stiffness [m]."""
-    law = system.surroundings.contact_law if system.surroundings else None
-    return 1.001 * law.rounding if law else 0.0  # beyond the end of the rounded onset
+    return 1.001 * system.touch_law.rounding if system.touch_law else 0.0  # beyond the end of the rounded onset
 
 
 def _at_rest(system: System, x: Array) -> Array:

@@ -11,14 +11,16 @@ from scipy.integrate import quad, solve_ivp
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.contact_law import TouchLaw
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.surroundings import ContactLaw
 
-EDGE, MASS = 1e-4, 0.006
+EDGE = 1e-4
+ROD = Rod(length=0.18, linear_density=0.006 / 0.18, bending_stiffness=0.02)
 LAW = ContactLaw(stiffness=2000.0, friction=0.4, dissipation=3.0, rounding=EDGE, presliding=2e-4)
 
 
 def force_of(law: ContactLaw = LAW) -> ca.Function:
-    gap, rate, touch = ca.SX.sym("gap"), ca.SX.sym("rate"), TouchLaw(law, MASS)
+    gap, rate, touch = ca.SX.sym("gap"), ca.SX.sym("rate"), TouchLaw(law, ROD)
     return ca.Function("force", [gap, rate], [touch.normal_force(gap, rate), touch.stored_energy(gap)])
 
 
@@ -27,7 +29,7 @@ class Friction:
 
     def __init__(self, count: int, law: ContactLaw = LAW) -> None:
         z, v = ca.SX.sym("z", count), ca.SX.sym("v", count)
-        gap, touch = ca.SX.sym("gap"), TouchLaw(law, MASS)
+        gap, touch = ca.SX.sym("gap"), TouchLaw(law, ROD)
         states, slips = ca.vertsplit(z), ca.vertsplit(v)
         share = ca.vertcat(*touch.friction_share(states, slips))
         rate = ca.vertcat(*touch.friction_rate(gap, states, slips))
@@ -154,7 +156,7 @@ def test_a_pull_above_the_cone_slips_with_what_is_left(share):
 
 
 def test_an_open_contact_forgets_and_a_touching_one_does_not():
-    friction, time = Friction(1), math.sqrt(MASS / LAW.stiffness)
+    friction, time = Friction(1), math.sqrt(ROD.mass / LAW.stiffness)
     for gap, rate in ((-EDGE, 0.0), (EDGE, 0.0), (3.0 * EDGE, -0.8 * 0.2 / time), (1.0, -0.8 * 0.2 / time)):
         assert friction([0.8], [0.0], gap)[1] == pytest.approx([rate], abs=1e-9)
 
@@ -164,8 +166,8 @@ def test_an_open_contact_forgets_and_a_touching_one_does_not():
 )
 def test_a_slip_speed_needs_no_state(speed, share):
     law = ContactLaw(stiffness=1.0e3, friction=0.4, slip_speed=1e-3)
-    assert law.displacement is None
-    touch = TouchLaw(law, MASS)
+    touch = TouchLaw(law, ROD)
+    assert touch.displacement is None
     assert float(ca.DM(touch.friction_share([], [ca.DM(speed)])[0])) == pytest.approx(share, abs=1e-6)
     assert touch.friction_rate(0.0, [], [0.0]) == []
 
@@ -189,3 +191,15 @@ def test_impossible_laws_are_refused(keys, words):
 def test_unlikely_laws_are_doubted(keys):
     with pytest.warns(UserWarning, match=f"contact_law.{next(iter(keys))}"):
         ContactLaw(**{"stiffness": 1e3, "friction": 0.5, **keys})
+
+
+@pytest.mark.parametrize("length", [0.003, 0.18, 2.0])
+def test_what_a_law_leaves_open_is_a_share_of_the_length(length):
+    """A soft onset alone does not let an object slide further before it slips: a held mug would sink."""
+    rod = Rod(length=length, linear_density=0.03, bending_stiffness=0.02)
+    law = ContactLaw(stiffness=1.0e3, friction=0.4)
+    touch = TouchLaw(law, rod)
+    assert (touch.rounding, touch.displacement) == pytest.approx((length / 18000.0, length / 1800.0))
+    soft = TouchLaw(law.replaced(rounding=0.002 * length), rod)
+    assert soft.rounding == 0.002 * length
+    assert soft.displacement == touch.displacement

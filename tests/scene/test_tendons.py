@@ -149,6 +149,12 @@ def test_a_tension_per_tendon():
         cg.Scene(**keys, actuation={"tensions": [0.0, 21.0, 0.0]})
 
 
+def test_presliding_is_a_share_of_the_offset_where_it_is_left_open():
+    for offset, slides in ((0.005, 20e-6), ((0.005, 0.010), 40e-6), (8e-5, 3.2e-7)):
+        (tendon,) = finger({"offset": offset, "friction": 0.1}).tendon_list
+        assert tendon.presliding_length == pytest.approx(slides, rel=1e-14)
+
+
 def test_the_range_of_presliding_goes_with_the_finger():
     """From 20 nm at 0.25 mm to 0.8 mm at 10 m of length; a number in other units is more than tendons slide."""
     rough = {"friction": 0.1, "offset": 0.004 * LENGTH}

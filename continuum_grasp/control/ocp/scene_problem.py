@@ -141,9 +141,9 @@ def _integration(
     """
     per_stage = math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
     # Longest implicit step in which no contact closes, from touching to a firm press, within one stage of it.
-    longest, around = math.inf, model.system.surroundings
-    if around is not None and (law := around.contact_law) is not None:
-        longest = (law.rounding + PRESSED / law.stiffness) / (_IMPLICIT_STAGE * _APPROACH)
+    longest, touch_law = math.inf, model.system.touch_law
+    if touch_law is not None:
+        longest = (touch_law.rounding + PRESSED / touch_law.law.stiffness) / (_IMPLICIT_STAGE * _APPROACH)
     closes_within = horizon.stage / per_stage > longest
     implicit = math.ceil(horizon.stage / longest) if closes_within else per_stage
     if horizon.method.startswith("sdirk2"):
