@@ -21,6 +21,7 @@ from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.log import ControlLog
+from continuum_grasp.control.parts import safe_ramp
 from continuum_grasp.control.prediction import start_state
 from continuum_grasp.control.status import Health, Status, spread
 from continuum_grasp.errors import InputError, Interrupted
@@ -293,8 +294,8 @@ class _Loop:
         """Go from the last command to the input at rest, period by period, also where the driver fails again."""
         period, first = self.controller.period, self._last
         command = self._command or self.controller.step(None, late=True)
-        # 0.5: time in which the last command goes to that at rest [s], as the safe ramp of controllers
-        count = max(1, math.ceil(0.5 * float(np.max(np.abs(first - self._rest) / self._range)) / period))
+        whole = safe_ramp(self.controller.scene.finger)
+        count = max(1, math.ceil(whole * float(np.max(np.abs(first - self._rest) / self._range)) / period))
         for k in range(count):
             try:
                 self._send(command, first + (k + 1) / count * (self._rest - first), Status.SAFE_RAMP)

@@ -160,7 +160,7 @@ class ControlRun(MotionResult):
     @cached_property
     def missed(self) -> tuple[str, ...]:
         """Quantities that end far from setpoints which stood long enough to be met, in words."""
-        return missed_setpoints(self.r_names, self.tracked, self.r, self.t, self.scene.reference, self.length)
+        return missed_setpoints(self.r_names, self.tracked, self.r, self.t, self.scene.reference, self.scene.finger.rod)
 
     def pairs(self) -> dict[str, str]:
         """Time, errors of what is tracked, times of the controller, counts."""

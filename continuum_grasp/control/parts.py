@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
-from continuum_grasp.control.estimation.excitation import quiet_sensitivities
+from continuum_grasp.control.estimation.excitation import memory_of, quiet_sensitivities
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
 from continuum_grasp.control.estimation.noise import Ranges, measurement_std, noise_of, ranges_of
 from continuum_grasp.control.ocp.bounds import ABSENT
@@ -25,6 +25,7 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.finger import Finger
 
 Settings = dict[str, ArrayLike]
 
@@ -34,12 +35,12 @@ def is_whole(values: ArrayLike) -> bool:
     return np.asarray(values).dtype.kind in "biu"
 
 
-_RAMP = 0.5
-"""Time in which the safe ramp crosses the whole range of an input [s]: longer than the period of the first mode of the
-shipped fingers (0.4 s), so that the ramp does not make them swing."""
-_WINDOW = 0.2
-"""Time over which mismatch and activity are averaged [s]: a shorter one reports noise, and a swinging loop is lost
-within a second."""
+_RAMP = 6.5
+"""Natural times of the finger in which the safe ramp crosses the whole range of an input [1]: 0.5 s of the hand finger,
+more than the period of its first mode (0.4 s), so that the ramp does not make it swing."""
+_WINDOW = 2.6
+"""Natural times of the finger over which mismatch and activity are averaged [1], 0.2 s of the hand finger: a shorter
+window reports noise, and a swinging loop is lost within five of them."""
 _LEAST_WINDOW = 20
 """Least number of calls of that window [1]: a mean over fewer exceeds the thresholds of ``c/supervisor.c`` by
 chance."""
@@ -55,9 +56,9 @@ noise in a row stay within it once in 1e60 cases, at a tenth of the declared noi
 _HELD = 3.0
 """Motion by drives that friction in the tendons, of which the model knows little, may hold, in standard deviations of a
 reading [1]: in configs/mpc/winches.yaml a tip that rests answers none of the 1 to 2 that the noise causes."""
-_CROSSING = 0.1
-"""Time in which a fully active command crosses its range where its rate has no tighter limit [s]: that of the shipped
-scenes (59 N at 600 N/s)."""
+_CROSSING = 1.3
+"""Natural times of the finger in which a fully active command crosses its range where its rate has no tighter limit
+[1]: as in the scenes of the hand finger (59 N at 600 N/s)."""
 _FAR = 0.1
 """Distance of the tip from its setpoint beyond which it is away, in finger lengths [1]: working loops stay below 0.09
 (configs/mpc/keep_out.yaml: 16 mm of 180 mm), lost ones reach 0.5."""
@@ -104,7 +105,7 @@ class ControlParts:
         touches = touches or any("contact" in name for name in unknown)
         return ControlParts(
             stages=stages,
-            calls=Calls(asked.step, np.array(scene.rest_input), _RAMP, *counts),
+            calls=Calls(asked.step, np.array(scene.rest_input), safe_ramp(scene.finger), *counts),
             ranges=ranges,
             rate=np.full(stages.nu, asked.input.rate_max or ABSENT),
             supervisor=_supervised(scene, stages, estimation, touches),
@@ -207,6 +208,11 @@ def _check_period(period: float, stages: Stages, key: str) -> None:
         )
 
 
+def safe_ramp(finger: Finger) -> float:
+    """Time in which the safe ramp crosses the whole range of an input [s]."""
+    return _RAMP * finger.rod.natural_time
+
+
 def delay_periods(scene: ControlScene) -> int:
     """Return the age of measurements in control periods."""
     return 0 if scene.estimator is None else round(scene.estimator.delay / scene.controller.step)
@@ -214,7 +220,7 @@ def delay_periods(scene: ControlScene) -> int:
 
 def _window(scene: ControlScene) -> int:
     """Return the number of calls over which a controller's supervisor averages."""
-    return max(_LEAST_WINDOW, math.ceil(_WINDOW / scene.controller.step - 1e-9))
+    return max(_LEAST_WINDOW, math.ceil(_WINDOW * scene.finger.rod.natural_time / scene.controller.step - 1e-9))
 
 
 def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation, ranges: Ranges) -> Settings:
@@ -252,7 +258,8 @@ def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: 
     if estimation.friction:
         settings["friction"] = estimation.friction
     if adapted:
-        settings |= {"adapted": adapted, "quiet": quiet_sensitivities(scene, model, estimation, substeps)}
+        settings |= {"adapted": adapted, "memory": memory_of(scene.finger)}
+        settings["quiet"] = quiet_sensitivities(scene, model, estimation, substeps)
     return settings
 
 
@@ -284,7 +291,8 @@ def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | No
     free = estimation is not None and not touches
     # Of what has no noise the reading of a finger at rest repeats itself.
     checks_frozen = scene.estimator is not None and scene.estimator.frozen and scene.plant.noise > 0.0
-    rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / _CROSSING)
+    crossing = _CROSSING * scene.finger.rod.natural_time
+    rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / crossing)
     return {
         "window": _window(scene) if asked.supervisor else 0,
         "delay": delay_periods(scene) + _SETTLING,

@@ -29,9 +29,6 @@ from continuum_grasp.simulation.spectrum import SLIDING, rates_sprung_back, samp
 
 _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""
-PRESSED = 10.0
-"""Normal force at which the stiffness of closed contacts is taken [N]: twice that of configs/mission/mug.yaml, 5.4 N;
-the damping of a contact, which sets the fastest rate, grows with it."""
 
 SLACK_STIFFNESS = 3e-3
 """Share of their stiffness that tendons of drives with slack keep while they are slack [1]. Without any, no derivative
@@ -308,9 +305,10 @@ class Prediction(Remade):
         if touch_law is None:
             jacobian = ca.jacobian(self.dynamics(*symbols), self.x)
         else:
-            # As if every contact were pressed, wherever the finger is: open contacts are not stiff.
+            # As if every contact were pressed, wherever the finger is: open contacts are not stiff, and their damping,
+            # which sets the fastest rate, grows with the force.
             gap = self.system.touch(*self.arguments)[0]
-            pressed = gap + (touch_law.rounding + PRESSED / touch_law.law.stiffness)
+            pressed = gap + (touch_law.rounding + self.system.greatest_press / touch_law.law.stiffness)
             jacobian = self.system.pressed_linearization(*self.arguments, pressed)
         linearized, n = ca.Function("jacobian", symbols, [jacobian]), self.system.n
         of_system = ca.Function("of_system", symbols, [*self._of_system])

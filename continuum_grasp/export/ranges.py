@@ -189,23 +189,15 @@ def contact_depth(system: System, given: Sequence[float] | None) -> float:
 
     Steps are as short as contacts up to that depth ask for; friction of one that bears more is stiffer.
     """
-    around, model = system.surroundings, system.finger_model
     touch_law = system.touch_law
-    if around is None or around.object is None or touch_law is None:
+    if touch_law is None:
         return 0.0
     if given is not None:
         low, force = _given(CONTACT_FORCE, given)
         if low != 0.0 or force <= 0.0:
             raise InputError(f"expected 0 and a force above it, got {low:g}:{force:g}", key=f"ranges.{CONTACT_FORCE}")
     else:
-        rod, tendons = model.finger.rod, model.finger.tendon_list
-        moments = [tendon.greatest_offset * tendon.max_tension for tendon in tendons]
-        moment = max(moments, default=rod.stiffness * max(model.ranges) / rod.length)
-        # 9.81: acceleration by which an object weighs [m/s2], whichever way it is held
-        weight = 9.81 * around.object.mass if around.object_moves else 0.0
-        # 2.0: greatest force of a contact that is taken, per that with which drives and weight press at rest: a load
-        # that sets in at once makes twice its force
-        force = 2.0 * (moment / min((*model.contacts, rod.length)) + weight)
+        force = system.greatest_press
     return max(force / touch_law.law.stiffness, 2.0 * touch_law.rounding)
 
 

@@ -103,6 +103,10 @@ class Parameters:
         """Nominal values of ``p``."""
         return [value for name in self.names for value in self._nominal[name]]
 
+    def nominal_of(self, name: str) -> list[float]:
+        """Nominal entries of one parameter."""
+        return list(self._nominal[name])
+
     @property
     def labels(self) -> list[str]:
         """Name and unit of each entry of ``p``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Unpack
@@ -150,6 +151,22 @@ class System(Functions):
         """Law of the contacts; None where nothing touches by one."""
         law = None if self.surroundings is None else self.surroundings.contact_law
         return None if law is None else TouchLaw(law, self.finger_model.finger.rod)
+
+    @property
+    def greatest_press(self) -> float:
+        """Normal force that a contact bears at most [N]: twice that with which drives and weight press at rest, as of a
+        load that sets in at once.
+        """
+        model, around = self.finger_model, self.surroundings
+        rod, tendons = model.finger.rod, model.finger.tendon_list
+        moments = [tendon.greatest_offset * tendon.max_tension for tendon in tendons]
+        moment = max(moments, default=rod.stiffness * max(model.ranges) / rod.length)
+        weight = 0.0
+        if around is not None and around.object is not None and around.object_moves:
+            weight = around.object.mass * math.hypot(
+                *model.structure.parameters.nominal_of("gravity"), around.out_of_plane_gravity
+            )
+        return 2.0 * (moment / min((*model.contacts, rod.length)) + weight)
 
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
         around = self.surroundings

@@ -167,7 +167,7 @@ class Motion:
         t = np.linspace(0.0, duration, len(x))
         outputs = np.array(self.outputs(x.T, u.T, parameters_over_time(self.scene, self.prediction, t).T)).T
         return missed_setpoints(
-            self.tracked.names, outputs, self._setpoints.rows(t), t, self.scene.reference, self.length
+            self.tracked.names, outputs, self._setpoints.rows(t), t, self.scene.reference, self.scene.finger.rod
         )
 
     @cached_property

@@ -126,7 +126,7 @@ class ControlScene(CommandedScene):
             jumps_alone=lambda s: _jumps(s) and not any(tendon.time_constant for tendon in s.finger.tendon_list),
             # Also where tendons do not have it.
             unlike=lambda s, name: (
-                len({getattr(t, _OF_TENDON.get(name, name)) for t in s.finger.tendon_list} | {None}) != 2
+                len({getattr(t, _OF_TENDON.get(name) or name) for t in s.finger.tendon_list} | {None}) != 2
             ),
             two_frictions=_two_frictions,
             unfelt=lambda s: (of := s.estimator) and of.measured.length and not of.measured.tension,

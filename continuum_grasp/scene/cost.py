@@ -72,10 +72,12 @@ class Cost(Value):
     """World position of an object that moves [1/m2]."""
     object_angle: Annotated[Weighted, Field(examples=[100.0]), Unit("1/rad2")] | None = None
     """World angle of an object that moves [1/rad2]."""
-    effort: Annotated[NonNegative, Field(examples=[1e-3]), Unit("per square of the input's unit")] | None = None
-    """Input away from ``reference.input`` [per square of the input's unit], such as 1/N2 of tensions."""
-    input_rate: Annotated[NonNegative, Field(examples=[5e-4]), Unit("s2 per square of the input's unit")] | None = None
-    """Change of the input per time, towards zero [s2 per square of the input's unit]."""
+    effort: Annotated[NonNegative, Field(examples=[1e-3]), Unit("per second and square of the input's unit")] | None = (
+        None
+    )
+    """Input away from ``reference.input`` [per second and square of the input's unit], such as 1/(s N2) of tensions."""
+    input_rate: Annotated[NonNegative, Field(examples=[5e-4]), Unit("s per square of the input's unit")] | None = None
+    """Change of the input per time, towards zero [s per square of the input's unit]."""
 
     def _check(self) -> None:
         *others, last = [name for name in Cost.model_fields if name in Reference.model_fields]

@@ -220,8 +220,8 @@ class Estimator(Value):
     disturbances: Disturbed = Disturbed()
     """Unknowns that are estimated with the state."""
     spread: Spread = Spread()
-    """Standard deviations of unknowns from their nominal values at the start; by default as far as they drift in a
-    second. A stiffness that one plant has and another has not is a wide spread with a slow drift."""
+    """Standard deviations of unknowns from their nominal values at the start; by default as far as they drift in 100
+    control periods. A stiffness that one plant has and another has not is a wide spread with a slow drift."""
     adapt: Adapt | None = None
     """Model parameters that are estimated while it runs; None: none."""
     contact_detection: ContactDetection | None = None
@@ -232,7 +232,8 @@ class Estimator(Value):
     """Unmodeled acceleration of an object that moves, each coordinate [m/s2 s^0.5]; of its turning, as much at its
     radius of gyration."""
     initial_std: Annotated[Positive, Unit("rad")] = 0.05
-    """Standard deviation of each bending angle at the start [rad]; of their rates ten times that per second."""
+    """Standard deviation of each bending angle at the start [rad]; of their rates 0.76 times that per natural
+    time of the finger, sqrt(m L^3 / E I)."""
     delay: Annotated[float, Field(ge=0.0, le=1.0), Unit("s")] = 0.0
     """Known age of a measurement when it arrives, a whole number of control periods [s]."""
     outlier: Annotated[float, Field(ge=2.0, le=100.0, examples=[8.0]), Unit("1")] = 8.0

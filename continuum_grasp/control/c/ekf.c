@@ -151,12 +151,12 @@ static void ekf_shrink(const ekf_state *state, const ekf_settings *settings, rea
 /* What of the sensitivities of a step noise does not explain. */
 static void ekf_excite(ekf_state *state, const ekf_work *work, const ekf_settings *settings, real h)
 {
-  if (state->age < (real)EKF_MEMORY) state->age += h;
+  if (state->age < settings->memory) state->age += h;
   for (int k = 0; k < EKF_NA; ++k) {
     const real *column = work->F + EKF_NZ * settings->adapted[k];
     real size = 0;
-    if (state->age < (real)EKF_MEMORY) continue; /* the error of the start, large and soon gone, passes for motion too */
-    for (int i = 0; i < EKF_NX; ++i) state->motion[k][i] += h / ((real)EKF_MEMORY + h) * (column[i] - state->motion[k][i]);
+    if (state->age < settings->memory) continue; /* the error of the start, large and soon gone, passes for motion too */
+    for (int i = 0; i < EKF_NX; ++i) state->motion[k][i] += h / (settings->memory + h) * (column[i] - state->motion[k][i]);
     for (int i = 0; i < EKF_NX; ++i) {
       real sum = 0;
       for (int j = 0; j < EKF_NX; ++j) sum += settings->quiet[k][i][j] * state->motion[k][j];

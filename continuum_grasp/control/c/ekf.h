@@ -21,7 +21,7 @@
  * of them, 1 - variance / initial variance, so that the variance of one that does not show stays that of the start, and
  * returns to it where nothing shows any longer, while the estimate stays: linear forgetting towards what is known before.
  * Their sensitivities, the columns of F, G and H, are shrunk by the share that noise of the estimate may have in their
- * mean over EKF_MEMORY, to zero where it explains all: at rest, noise passed for motion, and moved the lag to its least
+ * mean over `memory`, to zero where it explains all: at rest, noise passed for motion, and moved the lag to its least
  * value within 3 s.
  *
  * Dimensions are set before this file is read: EKF_NZ, EKF_NX (states without the disturbances), EKF_NU, EKF_NP, EKF_NY
@@ -49,9 +49,6 @@
 #define EKF_NIS_CAP 30.0        /* cap of a row's squared normalized innovation in `nis`: one sample alone must not look
                                    like a wrong sensor */
 
-#define EKF_MEMORY 0.05         /* time over which sensitivities are averaged [s]: a fifth of the period of a finger's first
-                                   mode, over which noise averages out and motion does not */
-
 enum {                        /* result of a step */
   EKF_OK = 0,
   EKF_RESTARTED = 1,          /* the estimate was not finite or beyond its limits: restarted from its last sound prediction, or
@@ -76,6 +73,7 @@ typedef struct {
 #endif
 #if EKF_NA > 0
   int adapted[EKF_NA];        /* indices of adapted parameters */
+  real memory;                /* time over which their sensitivities are averaged [s] */
   real quiet[EKF_NA][EKF_NX][EKF_NX];   /* L of a sensitivity s of a step: |L s| = 1 is the most that noise explains */
 #endif
   int drive[EKF_NX];          /* whether a state is the position, tension or moment of a drive */
@@ -95,7 +93,7 @@ typedef struct {
   real before[EKF_NY], bias[EKF_NY];    /* normalized innovations: of the last call, slow means */
   real moved[EKF_NY];         /* motion of drives at the last call, in deviations */
 #if EKF_NA > 0
-  real age;                   /* since the start, up to EKF_MEMORY [s] */
+  real age;                   /* since the start, up to the memory [s] */
   real motion[EKF_NA][EKF_NX];          /* mean sensitivity of the states to each adapted parameter, over a step */
   real excited[EKF_NA];       /* share of the sensitivity to each adapted parameter that noise does not explain */
 #endif

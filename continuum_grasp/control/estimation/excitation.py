@@ -12,6 +12,7 @@ from continuum_grasp.control.estimation.noise import noise_of
 from continuum_grasp.control.prediction import Prediction, start_state
 from continuum_grasp.errors import SolverError
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Initial
 
 _AWAY = 1e-3
@@ -19,8 +20,9 @@ _AWAY = 1e-3
 linear over it, and rounding of 1e-16 does not show."""
 _SETTLED = 300
 """Periods after which the filter at rest is taken [1]: 3 s at 10 ms."""
-_MEMORY = 0.05
-"""``EKF_MEMORY`` of ``c/ekf.h`` [s]."""
+_MEMORY = 0.65
+"""Natural times of the finger over which sensitivities are averaged [1]: a fifth of the period of its first mode, over
+which noise averages out and motion does not; 50 ms of the hand finger."""
 _EXCITED = 3.0
 """Deviations of noise by which a sensitivity must exceed it [1]: with none, the lag of a finger at rest drifted to its
 least value within 3 s; in motion of the hand finger at 1 Hz it is 17 in the median for lag and payload, 170 for the
@@ -32,17 +34,22 @@ _BENT = 0.15
 finger."""
 
 
+def memory_of(finger: Finger) -> float:
+    """Time over which sensitivities are averaged [s]."""
+    return _MEMORY * finger.rod.natural_time
+
+
 def quiet_sensitivities(scene: ControlScene, model: Prediction, estimation: Estimation, substeps: int) -> Array:
     """Find what noise may explain of the sensitivities of a step to each adapted parameter, (NA, nx, nx).
 
     Matrices L: noise of the measurements alone moves the estimate of a finger at rest such that the mean s of
-    sensitivities over ``EKF_MEMORY`` has a root mean square |L s| of 1 / _EXCITED. By the filter's stationary gain with
-    disturbances known, straight and bent, whose covariances add.
+    sensitivities, over ``memory_of`` the finger, has a root mean square |L s| of 1 / _EXCITED. By the filter's
+    stationary gain with disturbances known, straight and bent, whose covariances add.
     """
     _, initial, measured = noise_of(scene, model, estimation)
     period, p, nx = scene.controller.step, np.array(model.p_nominal), estimation.nx
     scale, columns = np.sqrt(initial[:nx]), [adapted_state.state for adapted_state in estimation.adapted]
-    share = period / (_MEMORY + period)
+    share = period / (memory_of(scene.finger) + period)
     covariances = np.zeros((len(columns), nx, nx))
     for rest, u in _rests(scene, model):
         z = np.concatenate([rest, np.zeros(estimation.nz - nx)])

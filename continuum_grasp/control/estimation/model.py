@@ -23,6 +23,8 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.estimator import Estimator, Measured
 from continuum_grasp.scene.methods import INTEGRATORS
 
+_DRIFTING = 100.0
+"""Control periods over which a disturbance drifts as far as it may be off at the start by default [1]."""
 _DISTURBANCES = (
     ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),
     ("tip_force", r"(tip_[xy]) \[N\]", r"unknown_\1 [N]"),
@@ -105,7 +107,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     """Build the model of a scene's estimator, with the integrator of the stages by name."""
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
-    disturbances = _disturbances(scene.estimator, model)
+    disturbances = _disturbances(scene.estimator, model, scene.controller.step)
     d = ca.SX.sym("d", len(disturbances))
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
     full = ca.SX(p)
@@ -208,8 +210,9 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     )
 
 
-def _disturbances(asked: Estimator, model: Prediction) -> list[_Disturbance]:
+def _disturbances(asked: Estimator, model: Prediction, period: float) -> list[_Disturbance]:
     """List the disturbances that are estimated."""
+    usual = math.sqrt(_DRIFTING * period)
     relative = ("bending_stiffness", "tendon_friction", "drive_time_constant")
     drifts, spreads, adapted = dict(asked.disturbances), dict(asked.spread), {}
     if asked.adapt is not None:
@@ -218,7 +221,7 @@ def _disturbances(asked: Estimator, model: Prediction) -> list[_Disturbance]:
         drifts |= {name: std / math.sqrt(asked.adapt.forgetting_time) for name, std in adapted.items()}
         spreads |= adapted
     return [
-        _Disturbance(match.expand(name), index, drift, spreads.get(key) or drift, key in relative, key in adapted)
+        _Disturbance(match.expand(name), index, drift, spreads.get(key) or usual * drift, key in relative, key in adapted)
         for key, parameter, name in _DISTURBANCES
         if (drift := drifts.get(key)) is not None
         for index, label in enumerate(model.p_names)

@@ -23,6 +23,9 @@ _DRIVE = 0.01
 times the noise of the tension sensors in configs/mpc, so that the filter trusts these more than the model."""
 _DRIVE_AT_START = 0.1
 """Noise of the drive at the start [1], where the tensions before are unknown."""
+_SWINGING = 0.764
+"""Rate of a bend at the start, per its deviation and in a natural time of the finger [1]: a fifth of the angular
+frequency of the first mode of a uniform rod, 10 per second of the hand finger."""
 _MARGIN = 1.5
 """Limits of estimates and measurements as multiples of those of the model [1]: an estimate may overshoot by noise, but
 the model's series are accurate within its range only."""
@@ -88,8 +91,8 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     per_angle = 1.0 / np.sqrt((j**2).sum(axis=0))
     process[n : 2 * n] = (asked.acceleration_std * per_angle) ** 2
     initial[:n] = (asked.initial_std * per_angle) ** 2
-    # A mode that swings by that deviation has a rate of its angular frequency times that: 16 rad/s for a 60 cm rod.
-    initial[n : 2 * n] = (10.0 * asked.initial_std * per_angle) ** 2
+    swinging = _SWINGING / scene.finger.rod.natural_time
+    initial[n : 2 * n] = (swinging * asked.initial_std * per_angle) ** 2
     for drive in model.driven:
         # Under white noise s a lag of time T has the variance s^2 T / 2, a critically damped one s^2 T^3 / 4.
         wanted, rate, lag = (_DRIVE * drive.most) ** 2, [*drive.rate], drive.lag

@@ -14,9 +14,9 @@ from continuum_grasp.control.ocp.bounds import HARD, Row, state_bounds
 from continuum_grasp.control.ocp.control_problem import ControlProblem
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.stages import Scenarios, Stages
-from continuum_grasp.control.prediction import PRESSED, Prediction
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Horizon
+from continuum_grasp.scene.controller import Controller
 from continuum_grasp.scene.methods import INTEGRATORS
 
 _TARGET = 1.5
@@ -25,14 +25,12 @@ only."""
 _EXPLICIT_UP_TO = 4
 """Steps of RK4 per stage [1] up to which it is used: an implicit step evaluates the slope as often, but is of order 2.
 In modes that it does not resolve it errs by a tenth and more, and where nothing else calms the loop, commands swing."""
-_IMPLICIT_STEP = 0.010
-"""Longest implicit step [s]: ten per period of a mode of 10 Hz, four times the first one of a 60 cm rod."""
 _IMPLICIT_STAGE = 0.29
 """Length of the stages of sdirk2, as a share of the step [1]."""
-_APPROACH = 0.3
-"""Speed at which surfaces meet [m/s]: that of configs/mission/mug.yaml, whose setpoints end 3 mm before the touch, with
-what a plan of a few iterations overshoots. Of its plants with contacts of 20 kN/m 5 of 20 held the mug with one step of
-10 ms, 16 with what follows from this."""
+_APPROACH = 1.0 / 60.0
+"""Finger lengths per control period at which surfaces meet [1]: 0.3 m/s in configs/mission/mug.yaml, whose setpoints
+end 3 mm before the touch, with what a plan of a few iterations overshoots. Of its plants with contacts of 20 kN/m 5 of
+20 held the mug with one step of 10 ms, 16 with what follows from this."""
 
 
 @check_arguments
@@ -114,7 +112,7 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
     plants = scenarios_of(scene, model)
     nominal = np.array(model.p_nominal)
     parameters = [nominal] if plants is None else list(plants.scale * nominal + plants.shift)
-    method, substeps = _integration(horizon, model, least, greatest, parameters)
+    method, substeps = _integration(scene.controller, model, least, greatest, parameters)
     return ControlProblem(
         states=model.x,
         inputs=model.u,
@@ -134,16 +132,20 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
 
 
 def _integration(
-    horizon: Horizon, model: Prediction, u_min: Array, u_max: Array, parameters: list[Array]
+    asked: Controller, model: Prediction, u_min: Array, u_max: Array, parameters: list[Array]
 ) -> tuple[str, int]:
     """Choose method and steps per stage; where the scene has ``auto`` from the stiffness, the greatest of all
     parameters (np). Rounding adds no step.
     """
-    per_stage = math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
+    horizon = asked.horizon
+    # An implicit step per control period: what its user takes as short beside the finger's motion.
+    per_stage = math.ceil(horizon.stage / asked.step - 1e-9)
     # Longest implicit step in which no contact closes, from touching to a firm press, within one stage of it.
     longest, touch_law = math.inf, model.system.touch_law
     if touch_law is not None:
-        longest = (touch_law.rounding + PRESSED / touch_law.law.stiffness) / (_IMPLICIT_STAGE * _APPROACH)
+        approach = _APPROACH * touch_law.rod.length / asked.step
+        pressed = touch_law.rounding + model.system.greatest_press / touch_law.law.stiffness
+        longest = pressed / (_IMPLICIT_STAGE * approach)
     closes_within = horizon.stage / per_stage > longest
     implicit = math.ceil(horizon.stage / longest) if closes_within else per_stage
     if horizon.method.startswith("sdirk2"):

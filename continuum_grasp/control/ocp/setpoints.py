@@ -19,6 +19,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
 from continuum_grasp.scene.loads import Samples
 from continuum_grasp.scene.reach import check_reach
+from continuum_grasp.scene.rod import Rod
 from continuum_grasp.simulation.signals import interpolate
 
 Function: TypeAlias = Callable[[float], ArrayLike]
@@ -28,8 +29,11 @@ SETPOINTS = {term.reference: term.key for term in TERMS if term.reference}
 """Weight in ``controller.cost`` by the name of its setpoint in ``reference``."""
 FINAL = 0.1
 """Last share of the run over which the final error is averaged: noise averages out, and a step has settled."""
-_STOOD = 0.5
-"""Time for which a setpoint has to stand for its error at the end to count [s]: some periods of a finger's sway."""
+_STOOD = 6.5
+"""Natural times of a finger for which a setpoint has to stand for its error at the end to count [1]: some periods of
+its sway, 0.5 s of the hand finger."""
+_LEAST_FORCE = 5.0
+"""Least size that a setpoint of a force counts with, per E I / L^2 of the finger [1]: 0.9 N of the hand finger."""
 _OFF = 0.05
 """Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
 moves the tip as far; of forces twice that share of them, or of a newton, as of weighted goals of plans."""
@@ -230,7 +234,7 @@ def tracking_of(group: Tracked, error: Array) -> Tracking:
 
 
 def missed_setpoints(
-    names: Sequence[str], tracked: Array, r: Array, t: Array, reference: Reference, length: float
+    names: Sequence[str], tracked: Array, r: Array, t: Array, reference: Reference, rod: Rod
 ) -> tuple[str, ...]:
     """Say what ends how far from setpoints r (K + 1, nr) which stood long enough to be met, by names of columns."""
     messages = []
@@ -240,10 +244,10 @@ def missed_setpoints(
         stood = t[-1] - t[others[-1] + 1 if others.size else 0]
         # Zeros that are not stated are a default, and no aim.
         aim = rows.any() or getattr(reference, group.reference) is not None
-        force = max(1.0, float(np.abs(rows[-1]).max()))
-        limit = {"m": _OFF * length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
+        force = max(_LEAST_FORCE * rod.stiffness / rod.length**2, float(np.abs(rows[-1]).max()))
+        limit = {"m": _OFF * rod.length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
         # Instants are sums of rounded periods.
-        if aim and off > limit and stood >= max(_STOOD, FINAL * t[-1]) * (1.0 - 1e-9):
+        if aim and off > limit and stood >= max(_STOOD * rod.natural_time, FINAL * t[-1]) * (1.0 - 1e-9):
             earlier = tracking_of(group, (tracked - r[-1])[: -max(1, round(FINAL * len(r)))]).final
             cause = (
                 "it is still on its way, and needs more time or less damping"
