@@ -69,14 +69,14 @@ class Settings:
         # An array without entries has one in C, which has no arrays of length zero.
         arrays = [(name, real, (max(len(value), 1),)) for name, value in nominal.items()]
         numbers: list[Any] = [("stage", real), ("substeps", np.intc), ("iterations", np.intc)]
-        numbers += [("tolerance", real), ("regularization", real)]
+        numbers += [("tolerance", real), ("regularization", real, stages.u_min.shape)]
         robust = rti.scenario_settings(stages)
         numbers += [(name, real, value.shape) for name, value in robust.items()]
         layout = np.dtype([*arrays, *numbers], align=True)
         memory = np.zeros((), layout)
         tolerance = rti.TOLERANCE["double" if np.dtype(real) == np.float64 else "float"]
         own = {"stage": stages.stage, "substeps": stages.substeps, "iterations": _ITERATIONS, "tolerance": tolerance}
-        own |= {"regularization": rti.REGULARIZATION}
+        own |= {"regularization": rti.regularization(stages.u_min, stages.u_max)}
         fields = {name: memory[name] for name in layout.names or ()}
         fields |= {name: fields[name][: len(value)] for name, value in nominal.items()}
         self.__dict__.update(_memory=memory, _fields=fields, size=layout.itemsize)

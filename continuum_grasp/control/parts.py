@@ -169,7 +169,7 @@ class ControlParts:
         iteration: Settings = {name: getattr(s, name) for name in rti.SETTINGS}
         iteration |= {"stage": s.stage, "substeps": s.substeps, "iterations": calls.iterations}
         iteration |= {"tolerance": float(real(rti.TOLERANCE[precision]))}
-        iteration |= {"regularization": float(real(rti.REGULARIZATION)), **rti.scenario_settings(s)}
+        iteration |= {"regularization": rti.regularization(s.u_min, s.u_max), **rti.scenario_settings(s)}
         limits = {"applied": ranges.applied, "r": ranges.r, "p": ranges.p, "x": ranges.x}
         settings: Settings = {"period": calls.period, "u_rate": self.rate, "u_safe": calls.safe}
         # The C refuses a rate of zero, which an input that cannot move would have.

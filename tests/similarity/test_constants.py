@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from tests.similarity.constants import constants
 
-TIMES = "still chosen on a hand of 180 mm: to become a share of the finger's natural time"
 LEFT = {
     ("model/surfaces/offset_polygon.py", "SHARP"): "radius of an edge without one",
     ("model/surfaces/offset_polygon.py", "_SKIN"): "rounding of positions",
@@ -12,16 +11,6 @@ LEFT = {
     ("control/c/contact_detector.h", "CONTACT_MOST"): "beyond all forces",
     ("control/estimation/contact_detector.py", "_MOST"): "the same",
     ("closed_loop/chain_system.py", "1e-9"): "no tension",
-    ("control/c/ekf.h", "EKF_MEMORY"): TIMES,
-    ("control/estimation/excitation.py", "_MEMORY"): TIMES,
-    ("control/ocp/scene_problem.py", "_IMPLICIT_STEP"): TIMES,
-    ("control/ocp/scene_problem.py", "_APPROACH"): "speed of shipped missions: to become one of the reference",
-    ("control/ocp/setpoints.py", "_STOOD"): TIMES,
-    ("control/parts.py", "_RAMP"): TIMES,
-    ("control/parts.py", "_WINDOW"): TIMES,
-    ("control/parts.py", "_CROSSING"): TIMES,
-    ("control/prediction.py", "PRESSED"): "force of shipped missions: to become one of the grasp",
-    ("closed_loop/hardware.py", "0.5"): TIMES,
 }
 
 

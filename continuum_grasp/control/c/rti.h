@@ -61,7 +61,7 @@ typedef struct {
   int substeps;               /* Runge-Kutta steps per stage */
   int iterations;             /* greatest number of factorizations of a QP, beyond that of the preparation */
   real tolerance;             /* of the solution, relative */
-  real regularization;        /* added to the Hessian's diagonal of the inputs */
+  real regularization[RTI_NU];        /* added to the Hessian's diagonal of the inputs */
 #ifdef RTI_ROBUST
   real share[RTI_SCENARIOS];  /* weights of the plants, RTI_SCENARIOS in sum */
   real scale[RTI_SCENARIOS][RTI_SIZE(RTI_NP)], shift[RTI_SCENARIOS][RTI_SIZE(RTI_NP)];  /* parameters: scale p + shift */

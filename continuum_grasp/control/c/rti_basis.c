@@ -115,9 +115,9 @@ static int rti_settings_valid(const rti_settings *s)
 {
   const real limit = RTI_R(1e38); /* just below the largest float, 3.4e38 */
   int good = rti_between(s->stage, RTI_R(1e-30), limit) && s->substeps > 0 && s->iterations >= 0
-      && rti_between(s->tolerance, RTI_R(1e-30), 1) && rti_between(s->regularization, 0, limit)
+      && rti_between(s->tolerance, RTI_R(1e-30), 1)
       && rti_finite(s->u_min, RTI_NU) && rti_finite(s->u_max, RTI_NU);
-  for (int j = 0; good && j < RTI_NU; ++j) good = s->u_min[j] <= s->u_max[j];
+  for (int j = 0; good && j < RTI_NU; ++j) good = s->u_min[j] <= s->u_max[j] && rti_between(s->regularization[j], 0, limit);
   for (int i = 0; good && i < RTI_NR; ++i)
     good = rti_finite(&s->weights[i], 1) && rti_finite(&s->terminal_weights[i], 1);
   for (int i = 0; good && i < RTI_NC; ++i)

@@ -114,7 +114,7 @@ static void rti_linearize(rti_work *o, const rti_settings *settings, const real 
       for (int i = 0; !driven && i < RTI_NX; ++i) o->defect[at][i] = RTI_AT(x[i], l) - o->x[node + 1][i];
       for (int i = 0; i < RTI_NZ; ++i) o->g[node][i] = RTI_AT(g[i], l);
       for (int i = 0; i < RTI_NC; ++i) o->c[node][i] = RTI_AT(c[i], l);
-      for (int j = RTI_NX; j < RTI_NZ; ++j) o->H[node][j][j] += settings->regularization;
+      for (int j = RTI_NX; j < RTI_NZ; ++j) o->H[node][j][j] += settings->regularization[j - RTI_NX];
     }
   }
 }

@@ -212,7 +212,7 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
 
 def _disturbances(asked: Estimator, model: Prediction, period: float) -> list[_Disturbance]:
     """List the disturbances that are estimated."""
-    usual = math.sqrt(_DRIFTING * period)
+    root = math.sqrt(_DRIFTING * period)  # [s^0.5]
     relative = ("bending_stiffness", "tendon_friction", "drive_time_constant")
     drifts, spreads, adapted = dict(asked.disturbances), dict(asked.spread), {}
     if asked.adapt is not None:
@@ -221,7 +221,9 @@ def _disturbances(asked: Estimator, model: Prediction, period: float) -> list[_D
         drifts |= {name: std / math.sqrt(asked.adapt.forgetting_time) for name, std in adapted.items()}
         spreads |= adapted
     return [
-        _Disturbance(match.expand(name), index, drift, spreads.get(key) or usual * drift, key in relative, key in adapted)
+        _Disturbance(
+            match.expand(name), index, drift, spreads.get(key) or root * drift, key in relative, key in adapted
+        )
         for key, parameter, name in _DISTURBANCES
         if (drift := drifts.get(key)) is not None
         for index, label in enumerate(model.p_names)

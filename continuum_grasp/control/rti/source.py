@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.calls import straight_function, straight_functions
@@ -23,9 +24,9 @@ from continuum_grasp.errors import InputError
 TOLERANCE = {"double": 1e-8, "float": 1e-4}
 """Relative tolerance of the QP's solution [1]: about the square root of the machine epsilon in double; in single
 precision a thousand times the epsilon, since gradients are sums of some hundred rounded terms."""
-REGULARIZATION = 1e-9
-"""Added to the inputs' Hessian [cost per input squared]: keeps Riccati pivots positive where an input has no effect;
-the least shipped weight, effort 1e-3 over 10 ms, is 1e4 times larger."""
+_REGULARIZATION = 3.6e-6
+"""Added to the Hessian of an input that crosses its whole range [cost]: keeps Riccati pivots positive where an input
+has no effect, and is 5e-7 or less of the weights of all shipped loops."""
 
 Pattern = NDArray[np.bool_]
 
@@ -34,6 +35,13 @@ _ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_inter
 
 SETTINGS = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
 """Arrays of ``rti_settings``, in its order and with the names of ``Stages``."""
+
+
+def regularization(low: Array, high: Array) -> Array:
+    """Entries that are added to the inputs' Hessian [cost per input squared], by their limits (nu)."""
+    wide = high - low
+    # One that cannot move needs no size.
+    return np.where(wide > 0.0, _REGULARIZATION / np.square(np.where(wide > 0.0, wide, 1.0)), 1.0)
 
 
 class SharedSlope(NamedTuple):
