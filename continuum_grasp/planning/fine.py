@@ -28,8 +28,12 @@ LEFT = 1e-3
 """Share of a bound's scale by which a plan may leave it between the places where the problem has it."""
 _FINER_OFF = 0.01
 """Deviation of tip or object on a finer model, per finger length, from which on there is a warning."""
-_AFTER = 0.5
-"""Time after the end in which it is seen whether bounds still hold [s]: two periods of the slowest fingers here."""
+_AFTER = 6.5
+"""Natural times of the finger after the end in which it is seen whether bounds still hold [1]: 0.5 s of the hand
+finger."""
+_STAYS = 1.3
+"""Natural times of the finger after the end in which one that is held must stay where it is [1]: ten times as long as
+it settles."""
 
 
 def simulated(
@@ -196,8 +200,7 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Dev
         return ""
     # Rest may be asked of the drives alone, and friction may let go: the finger has to stay.
     u = plan.u[-1]
-    # 0.1: time after the end in which a finger that is held must stay where it is [s]: ten times as long as it settles
-    path = Path(plan.x[-2:], np.tile(u, (2, 1)), 0.1)
+    path = Path(plan.x[-2:], np.tile(u, (2, 1)), _STAYS * scene.finger.rod.natural_time)
     after = np.stack([states[-1], simulated(scene, model, path, states[-1], 1)[-1]])
     first, last = places(model, after, np.tile(u, (2, 1)))[:, 0]
     drift = float(np.hypot(*(last - first)))
@@ -219,14 +222,15 @@ def _left_after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
     if scene.goal.end == "held" or scene.load_varies:
         return ""
     interval = plan.duration / (len(plan.t) - 1)
-    u = np.tile(plan.u[-1], (math.ceil(_AFTER / interval) + 1, 1))
+    after = _AFTER * scene.finger.rod.natural_time
+    u = np.tile(plan.u[-1], (math.ceil(after / interval) + 1, 1))
     path = Path(np.zeros((len(u), 0)), u, (len(u) - 1) * interval)
     try:
         left = _left(motion, simulated(scene, motion.prediction, path, last))
     except NumericalError:
         return ""
     keeps = f"end: {scene.goal.end} keeps bounds up to the end alone, end: held stays there"
-    return left and f"within {_AFTER:g} s after the end, under its last input, {left}: {keeps}"
+    return left and f"within {after:.2g} s after the end, under its last input, {left}: {keeps}"
 
 
 def _deviation(name: str, model: Prediction, plan: Plan, planned: Array, states: Array) -> Deviation:

@@ -125,7 +125,8 @@ def test_sensitivities_at_rest_are_weighed_by_the_deviation_of_their_mean(monkey
     # Sensitivities of a state, slope z^2 / 2, at 1 and at 2.
     step = lambda z, *_: (z, np.array([[1.0, slope * z[0] ** 2 / 2.0], [0.0, 1.0]]))  # noqa: E731
     estimation = SimpleNamespace(nx=1, nz=2, adapted=[SimpleNamespace(state=1)], step=step)
-    scene = SimpleNamespace(controller=SimpleNamespace(step=0.01))
+    rod = SimpleNamespace(natural_time=0.05 / 0.65)
+    scene = SimpleNamespace(controller=SimpleNamespace(step=0.01), finger=SimpleNamespace(rod=rod))
     monkeypatch.setattr(excitation, "noise_of", lambda *_: (None, np.ones(2), np.array([std**2])))
     monkeypatch.setattr(excitation, "_rests", lambda *_: [(np.array([at]), None) for at in (1.0, 2.0)])
     monkeypatch.setattr(excitation, "_stationary", lambda *_: (np.array([[a]]), np.array([[g]])))

@@ -181,18 +181,18 @@ def test_the_plan_goes_on_as_long_as_it_lasts_and_then_the_input_goes_down():
     control = given()
     control.reset(u=[0.28])
     plan = control.step([0.9, 0.9, 0.0, 0.0], REFERENCE).plan.u.ravel()
-    commands = [control.step(None, REFERENCE) for _ in range(80)]
+    commands = [control.step(None, REFERENCE) for _ in range(200)]
     kinds = [c.status for c in commands]
-    assert kinds == [Status.PREVIOUS_PLAN] * (N - 1) + [Status.SAFE_RAMP] * (81 - N)
+    assert kinds == [Status.PREVIOUS_PLAN] * (N - 1) + [Status.SAFE_RAMP] * (201 - N)
     inputs = np.array([c.u[0] for c in commands])
     assert inputs[: N - 1] == pytest.approx(plan[1:], abs=1e-8)  # the rate limit is satisfied to the last digit
     ramp = np.diff(inputs[N - 2 :])
-    assert np.abs(ramp).max() == pytest.approx(2.0 * MOST / 0.5 * 0.01)
+    assert np.abs(ramp).max() == pytest.approx(2.0 * MOST / (6.5 * control.scene.finger.rod.natural_time) * 0.01)
     assert inputs[-1] == 0.0
     assert commands[N - 1].anomaly == Anomaly.MISSING
     assert Anomaly.BLIND in commands[N].anomaly
     assert control.step([0.0] * 4, REFERENCE).status == Status.SOLVED
-    assert control.statistics["fallbacks"] == 80
+    assert control.statistics["fallbacks"] == 200
 
 
 def test_without_any_measurement_an_estimator_is_trusted_for_a_horizon():

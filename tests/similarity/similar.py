@@ -51,11 +51,12 @@ def larger(value: Any, sizes: Mapping[str, int], *, unit: str | None = None, of_
 
 def _in_words(own: str | None, outer: str | None, of_input: str) -> str | None:
     """Unit of a field: its own, that of what it is given for, or in words that of an error or of the commands."""
+    squared = " ".join(f"{one}2" for one in of_input.split())
     words = {
         "per second and square of the error's unit": f"{outer}/s",
         "per square of the error's unit": outer,
-        "per second and square of the input's unit": f"1/{of_input}2/s",
-        "s per square of the input's unit": f"s/{of_input}2",
+        "per second and square of the input's unit": f"1/{squared}/s",
+        "s per square of the input's unit": f"s/{squared}",
         "unit of the input per second": f"{of_input}/s",
         "unit of the input": of_input,
         "N or N m": of_input,

@@ -58,3 +58,14 @@ def test_a_grasp_is_that_of_another_size(name, sizes):
         if key.endswith("backbone"):
             places = np.asarray(value)[..., :3] * 2.0 ** units["pose"]  # beside them angles
             assert np.abs(other.arrays[key][..., :3] - places).max() < 1e-6 * np.abs(places).max()
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("sizes", [{**SMALL, "T": -4}, {**LARGE, "T": 2}], ids=["small", "large"])
+def test_a_plan_is_that_of_another_size(sizes):
+    """As far as its solver goes: the fastest motion to a point is flat about its optimum."""
+    scene = load(ROOT / "configs/plan/tip_to_point.yaml")
+    one, other = cg.plan(scene), cg.plan(larger(scene, sizes))
+    assert other.status == one.status
+    assert other.duration * 2.0 ** -sizes["T"] == pytest.approx(one.duration, rel=2e-4)
+    assert other.u * 2.0 ** -power("N", sizes) == pytest.approx(one.u, abs=2e-3 * np.abs(one.u).max())
