@@ -211,7 +211,7 @@ def test_faults_are_reported_and_end_in_the_safe_state(fault):
     assert set(np.array(found.status)[after]) == {"safe_ramp"}
     # At the rate of the ramp, 59 N in half a second, down to the least tensions.
     change = np.diff(found.u[after], axis=0)
-    assert np.abs(change).max() <= 59.0 / (6.5 * scene.finger.rod.natural_time) * found.period * (1 + 1e-9)
+    assert np.abs(change).max() <= 59.0 / (6.5 * found.scene.finger.rod.natural_time) * found.period * (1 + 1e-9)
     assert np.all(change <= 1e-12)
     assert found.u[-1] == pytest.approx([1.0, 1.0]) or found.t[-1] < first(found, "tripped") + 0.5
 
