@@ -264,10 +264,16 @@ def tension_of(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
 def force_text(arrays: Mapping[str, Array], force: float) -> str:
     """Write a force [N] of a grasp with so many decimals that its greatest one has four digits, wherever it is written.
 
-    The greatest is that of the sum of tensions and the components of contact forces; two to six decimals.
+    The greatest is that of the sum of tensions and the components of contact forces, of which the greatest has two
+    digits at least; two to nine decimals.
     """
     total = sum(float(np.sum(value)) for name, value in arrays.items() if name.endswith(".tensions"))
-    greatest = max(total, float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0)))
-    decimals = 3 - math.floor(math.log10(greatest)) if math.isfinite(greatest) and greatest > 0.0 else 2
-    text = f"{force:.{min(max(decimals, 2), 6)}f}"
+    of_contacts = float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0))
+    decimals = max(2, _decimals(max(total, of_contacts), 4), _decimals(of_contacts, 2))
+    text = f"{force:.{min(decimals, 9)}f}"
     return text.removeprefix("-") if not text.strip("-0.") else text  # no -0.00
+
+
+def _decimals(value: float, digits: int) -> int:
+    """Decimals with which a positive value has so many digits; none where it is not one."""
+    return digits - 1 - math.floor(math.log10(value)) if math.isfinite(value) and value > 0.0 else 0
