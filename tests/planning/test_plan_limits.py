@@ -67,6 +67,7 @@ def verdict(monkeypatch, states, *, drift=0.0, method="collocation", end="held",
     own, other = model_of(("x", "y", "friction_1 [1]", "")) if friction else model_of(), model_of()
     check = SimpleNamespace(tolerance=TOLERANCE, finer="finer" if finer else None, contact_law=None)
     scene = SimpleNamespace(transcription=method, goal=SimpleNamespace(end=end), check=check, contact_law=None)
+    scene.finger = SimpleNamespace(rod=SimpleNamespace(natural_time=0.1 / 1.3))
     scene.model_copy = lambda update: scene
 
     def simulated(scene, model, path, x0, parts=PARTS):
