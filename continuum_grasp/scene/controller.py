@@ -234,11 +234,11 @@ class Horizon(Value):
     method: Method = "auto"
     """rk4: explicit steps of order 4; sdirk2: L-stable steps of order 2, for stiff models such as those in contact;
     sdirk2_contact: the same with a third Newton iteration; auto: rk4 unless the stiffness requires more than four
-    steps per stage, or more than ``substeps``, then sdirk2, or sdirk2_contact for contacts that close within a step of
-    10 ms (from about 14 kN/m). A step of either takes the same time; the modes that one of sdirk2 does not resolve
-    can make a loop swing whose ``cost.input_rate`` is small."""
+    steps per stage, or more than ``substeps``, then sdirk2, or sdirk2_contact for contacts that close within a
+    control period (of a hand from about 14 kN/m). A step of either takes the same time; the modes that one of sdirk2
+    does not resolve can make a loop swing whose ``cost.input_rate`` is small."""
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
-    """Steps per stage; None: as many as the stiffness requires (implicit methods: one per 10 ms, two or more with
+    """Steps per stage; None: as many as the stiffness requires (implicit methods: one per control period, more with
     contacts that close within one)."""
 
 
