@@ -66,7 +66,8 @@ class Controller(CompiledController):
     Where an argument of ``step`` cannot be used, an iteration fails, or the last command was late, the controller
     follows the previous plan to its end (N stages). After that, and where nothing was measured for as long, the command
     ramps to the least tensions (the moment to zero): the whole range in 6.5 natural times of the finger, 0.5 s of a
-    hand's, or slower by ``input.rate_max``. A command is always finite and within the scene's limits of the input and of its rate. Narrower limits that
+    hand's, or slower by ``input.rate_max``. A command is always finite and within the scene's limits of the input and
+    of its rate. Narrower limits that
     ``change`` moves past the last command are approached at that rate.
 
     A supervisor checks whether sensors, model and call rate agree (``Command.health``). Where they do not and the
