@@ -6,6 +6,7 @@ are translated, everything else of the scene stays.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import accumulate
@@ -37,6 +38,10 @@ _FEW = 4
 of eight 12 s."""
 _NOTICED = 0.01
 """Error at rest per length beyond which a motion has a warning [1]."""
+
+_LONG = 5.0
+"""Time from which on a finer motion is announced [s], which does not change what is computed."""
+_LOG = logging.getLogger(__name__)
 
 _HALVED = Consumer("accuracy in space", {"initial.friction_states": "belongs to these elements"})
 
@@ -98,15 +103,23 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
         # 1e-10: least error in time that can be asked for, per length
         steps = min(scene.time.tolerance, max(0.1 * tolerance, 1e-10))
         scene = scene.replaced(time=scene.time.replaced(tolerance=steps))
+    started = perf_counter()
     motion = simulate(scene, progress=progress)
     if tolerance is None and not (scene.time and scene.time.space_error):
         return at_both_ends(motion)
     began = perf_counter()
+    # 4.0: time of a motion per that with half its elements, where none was measured yet
+    last, growth, reached = began - started, 4.0, ""
     while True:
         finer: Trajectory | None = None
         error, trouble = np.inf, ""
+        if growth * last > _LONG:
+            count = 2 * len(motion.model.lengths)
+            _LOG.info("%snext a motion of %d elements, about %.0f s", reached, count, growth * last)
         try:
+            before = perf_counter()
             finer = simulate(refined(motion.scene, motion.model), progress=progress)
+            growth, last = (perf_counter() - before) / last, perf_counter() - before
             error = _whole(motion.model) * apart(motion, finer)
         except Interrupted as stop:
             raise Interrupted("interrupted after the end of the motion", result=motion) from stop
@@ -123,6 +136,7 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
                 f"{tolerance:g}): the motion is too sensitive for more; take a shorter duration, or a greater tolerance"
             )
             break
+        reached = f"{len(motion.model.lengths)} elements leave {error:.2g} of the length, more than {tolerance:g}: "
         motion = finer
     statistics = {**motion.statistics, "space_error_s": perf_counter() - began}
     return replace(motion, statistics=statistics, warnings=(*motion.warnings, *([trouble] if trouble else [])))

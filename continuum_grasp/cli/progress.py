@@ -46,9 +46,12 @@ def shown(progress: Progress) -> Iterator[None]:
 def _lines(progress: Progress, done: threading.Event) -> None:
     """A line at first, with each tenth of the work, and after a while without one."""
     tenth, last, wait = -1, -_SILENCE, _PATIENCE
-    first: tuple[float, float] | None = None  # when a share was known, and that: work may go on from an earlier run
+    # When a share was known, and that: work may go on from an earlier run, or begin once more.
+    first: tuple[float, float] | None = None
     while not done.wait(wait):
         wait, now, share = 1.0, time.monotonic() - progress.start, progress.share
+        if first and share is not None and share < first[1]:
+            tenth, first = -1, None
         if now - last < _SILENCE and int(10.0 * (share or 0.0)) <= tenth:
             continue
         tenth, last = int(10.0 * (share or 0.0)), now

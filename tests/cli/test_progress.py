@@ -54,6 +54,27 @@ def test_the_time_left_is_that_of_this_run_where_work_goes_on(monkeypatch, capsy
     ]
 
 
+def test_work_that_begins_once_more_has_a_time_of_its_own(monkeypatch, capsys):
+    """As a motion with finer elements."""
+    work = Work(1.0, False)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: work.now))
+
+    def wait(seconds):
+        work.now += seconds
+        work.progress((work.now if work.now < 10.0 else (work.now - 10.0) / 4.0) / 10.0)
+        return work.now > 48.0
+
+    monkeypatch.setattr(work, "wait", wait)
+    progress._lines(work.progress, work)
+    said = capsys.readouterr().err.splitlines()
+    assert said[6:9] == [
+        "working: 80 %, 8 s, about 2 s left",
+        "working: 90 %, 9 s, about 1 s left",
+        "working: 0 %, 10 s",
+    ]
+    assert "working: 50 %, 30 s, about 20 s left" in said
+
+
 def test_long_work_shows_a_line_every_ten_seconds(monkeypatch, capsys):
     assert lines(monkeypatch, capsys, 25.0, False) == ["working: 2 s", "working: 12 s", "working: 22 s"]
     assert lines(monkeypatch, capsys, 2000.0, True)[:3] == [
