@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
+from continuum_grasp.control.ocp.setpoints import LEAST_FORCE
 from continuum_grasp.control.prediction import Prediction, start_state
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.planning.goal import GoalPart
@@ -24,6 +25,9 @@ _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
 _BALANCE, _BALANCE_HELD = 0.1, 10.0
 """Weight of balance against that of the goal in the final posture: little, unless the plan has to end in balance."""
+_GRASPED = 3e5
+"""Weight of half the squared error of the contact forces of a grasp, per its greatest force [1]: elements of a plan
+need not reach them."""
 _PRESSED = 0.25
 """Share of the greatest force of a grasp within which its forces count as reached [1]. A finger at rest has one moment,
 by which it presses soft pads in two places in another ratio than the grasp presses rigid ones: the best of
@@ -222,9 +226,9 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Posture | N
     middle = sorted(place for contact, place in of_finger.items() if contact.startswith(f"{name}."))
     backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"].tolist(), data["object.pose"].tolist()
     forces = (*(force for _, force in middle), tip)
-    # 1e4: weight of half the squared error of the contact forces of a grasp [1/N2]: elements of a plan need not reach
-    # them
-    aim = RowAim(value=forces, weight=1e4, tolerance=_PRESSED * max(1.0, *forces))
+    rod = scene.finger.rod
+    greatest = max(LEAST_FORCE * rod.stiffness / rod.length**2, *forces)
+    aim = RowAim(value=forces, weight=_GRASPED / greatest**2, tolerance=_PRESSED * greatest)
     closed = scene.replaced(
         grasp=None,
         finger=scene.finger.replaced(base=BasePose(position=tuple(base[:2]), angle=base[2])),

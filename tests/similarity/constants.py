@@ -14,7 +14,7 @@ from itertools import pairwise
 from tests.rods import ROOT
 
 PACKAGES = ("model", "simulation", "control", "closed_loop", "grasp", "core", "planning")
-UNIT = r"\[(?:[1mNs]|kg|Pa|W|J|Hz|rad)(?: ?[mNs]|/[ms]2?|[2-4])*\]"
+UNIT = r"\[(?:1/|[1mNs]|kg|Pa|W|J|Hz|rad)(?: ?[mNs]|/[ms]2?|[2-4])*\]"
 COMMENT = re.compile(rf"# (-?[0-9][0-9.e-]*): [^\n]*?({UNIT})")
 MACRO = re.compile(rf"#define ([A-Z_]+) +[0-9.e-]+ +/\*[^\n]*?({UNIT})")
 NONE = {"[1]", "[rad]"}

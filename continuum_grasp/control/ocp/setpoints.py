@@ -32,7 +32,7 @@ FINAL = 0.1
 _STOOD = 6.5
 """Natural times of a finger for which a setpoint has to stand for its error at the end to count [1]: some periods of
 its sway, 0.5 s of the hand finger."""
-_LEAST_FORCE = 5.0
+LEAST_FORCE = 5.0
 """Least size that a setpoint of a force counts with, per E I / L^2 of the finger [1]: 0.9 N of the hand finger."""
 _OFF = 0.05
 """Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
@@ -244,7 +244,7 @@ def missed_setpoints(
         stood = t[-1] - t[others[-1] + 1 if others.size else 0]
         # Zeros that are not stated are a default, and no aim.
         aim = rows.any() or getattr(reference, group.reference) is not None
-        force = max(_LEAST_FORCE * rod.stiffness / rod.length**2, float(np.abs(rows[-1]).max()))
+        force = max(LEAST_FORCE * rod.stiffness / rod.length**2, float(np.abs(rows[-1]).max()))
         limit = {"m": _OFF * rod.length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
         # Instants are sums of rounded periods.
         if aim and off > limit and stood >= max(_STOOD * rod.natural_time, FINAL * t[-1]) * (1.0 - 1e-9):
