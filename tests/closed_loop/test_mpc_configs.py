@@ -235,3 +235,10 @@ def test_a_finger_presses_a_post_with_its_middle_and_lets_go():
     assert found.contacts.normal_force[during, middle] == pytest.approx(3.0, rel=0.15)
     assert np.abs(found.contacts.gap[during, list(found.contacts.names).index("finger.tip")]).max() < 0.005
     assert found.contacts.normal_force[-5:].max() == 0.0
+
+
+def test_a_trunk_of_two_meters_comes_to_its_setpoints():
+    found = checked(run("trunk_2m", 7.5, "plant.noise=0.0", ARCS))
+    off = np.linalg.norm(found.tracked[:, :2] - found.r[:, :2], axis=1)
+    # Standing for 1.5 s or more, before it foresees the next setpoint: within a hundredth of the length.
+    assert off[120:130].max() < 0.02
