@@ -269,7 +269,9 @@ def force_text(arrays: Mapping[str, Array], force: float) -> str:
     """
     total = sum(float(np.sum(value)) for name, value in arrays.items() if name.endswith(".tensions"))
     of_contacts = float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0))
-    decimals = max(2, _decimals(max(total, of_contacts), 4), _decimals(of_contacts, 2))
+    # 1e-5: contact forces per tension below which they are what a solver leaves of zero
+    presses = of_contacts > 1e-5 * total
+    decimals = max(2, _decimals(max(total, of_contacts), 4), _decimals(of_contacts, 2) if presses else 0)
     text = f"{force:.{min(decimals, 9)}f}"
     return text.removeprefix("-") if not text.strip("-0.") else text  # no -0.00
 

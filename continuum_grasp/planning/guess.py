@@ -16,7 +16,7 @@ from continuum_grasp.control.ocp.setpoints import LEAST_FORCE
 from continuum_grasp.control.prediction import Prediction, start_state
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.planning.goal import GoalPart
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.motion import Motion, objective_scale
 from continuum_grasp.scene.finger import BasePose
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.plan import PlanScene, RowAim
@@ -25,9 +25,9 @@ _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
 _BALANCE, _BALANCE_HELD = 0.1, 10.0
 """Weight of balance against that of the goal in the final posture: little, unless the plan has to end in balance."""
-_GRASPED = 3e5
-"""Weight of half the squared error of the contact forces of a grasp, per its greatest force [1]: elements of a plan
-need not reach them."""
+_GRASPED = 26.7
+"""Cost of half the squared error of the contact forces of a grasp, per its greatest force and per the scale of the
+objective [1]: elements of a plan need not reach them."""
 _PRESSED = 0.25
 """Share of the greatest force of a grasp within which its forces count as reached [1]. A finger at rest has one moment,
 by which it presses soft pads in two places in another ratio than the grasp presses rigid ones: the best of
@@ -228,7 +228,7 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Posture | N
     forces = (*(force for _, force in middle), tip)
     rod = scene.finger.rod
     greatest = max(LEAST_FORCE * rod.stiffness / rod.length**2, *forces)
-    aim = RowAim(value=forces, weight=_GRASPED / greatest**2, tolerance=_PRESSED * greatest)
+    aim = RowAim(value=forces, weight=_GRASPED * objective_scale(scene) / greatest**2, tolerance=_PRESSED * greatest)
     closed = scene.replaced(
         grasp=None,
         finger=scene.finger.replaced(base=BasePose(position=tuple(base[:2]), angle=base[2])),

@@ -66,8 +66,7 @@ class Motion:
         self.nx, self.nu = model.nx, model.nu
         self.input_unit = unit_of(model.u_names[0])
         self.ns = self.nx + (self.nu if self.linear else 0)
-        # A duration that is to be found is known by its order of magnitude: the middle of its logarithms.
-        self.first_duration = float(np.sqrt(np.prod(scene.duration_range)))
+        self.first_duration = first_duration(scene)
         # Greatest coordinates (n) of shapes within half the bending range; 16 shapes for its order of magnitude.
         self.reach = np.abs(model.shapes(16)).max(axis=0)
         self.scales = scales = self._scales()
@@ -76,15 +75,7 @@ class Motion:
 
     def _scales(self) -> _Scales:
         """Scales by which unknowns, defects and objective are of the order of one, as IPOPT's tolerances assume."""
-        scene, time = self.scene, self.first_duration
-        least, greatest = (np.array(limit) for limit in scene.input_limits)
-        u = greatest - np.maximum(least, 0.0)  # a moment's range is symmetric
-        objective = {
-            "least_time": time,
-            "least_effort": float(u @ u) * time,
-            "least_input_rate": float(u @ u) / time,
-            "tracking": 1.0,
-        }[scene.objective]
+        time, u, objective = self.first_duration, input_scale(self.scene), objective_scale(self.scene)
         x = np.array([self._unit(k, time) for k in range(self.nx)])
         for drive in self.prediction.driven:
             x[[drive.state, *drive.rate]] = drive.most, *[drive.most / drive.lag] * len(drive.rate)
@@ -277,6 +268,24 @@ class Motion:
         if cost.input_rate and self.linear:
             return ca.vertcat(weighted, np.sqrt(cost.input_rate) * rate)
         return weighted
+
+
+def first_duration(scene: PlanScene) -> float:
+    """Duration with which a search begins [s]: the given one, or the middle of the logarithms of what may be."""
+    return float(np.sqrt(np.prod(scene.duration_range)))
+
+
+def input_scale(scene: PlanScene) -> Array:
+    """Sizes of the inputs (nu): their ranges, of a moment half of it."""
+    least, greatest = (np.array(limit) for limit in scene.input_limits)
+    return np.asarray(greatest - np.maximum(least, 0.0))
+
+
+def objective_scale(scene: PlanScene) -> float:
+    """Size of the objective, in its unit."""
+    time, effort = first_duration(scene), float(input_scale(scene) @ input_scale(scene))
+    scales = {"least_time": time, "least_effort": effort * time, "least_input_rate": effort / time, "tracking": 1.0}
+    return scales[scene.objective]
 
 
 def _with_given_friction(flow: Term, names: Sequence[str]) -> Term:

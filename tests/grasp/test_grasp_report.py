@@ -284,12 +284,22 @@ def test_a_force_is_written_alike_everywhere():
         (0.0123, 0.0123, "0.01230"),
         (12345.0, 2.25, "2.25"),
         (0.0, 0.0, "0.00"),
-        (2e-9, 2e-9, "0.000000"),
+        (2e-9, 2e-9, "0.000000002"),
+        (2e-12, 2e-12, "0.000000000"),
     ],
 )
 def test_the_greatest_force_has_four_digits(most, force, text):
     assert force_text({"finger.tensions": np.array([most, 0.0])}, force) == text
     assert force_text({"contact_forces": np.array([[0.0, -most, 0.0]])}, force) == text
+
+
+def test_contact_forces_have_two_digits_beside_tensions_unless_nothing_presses():
+    """Of a gripper of millimeters, whose tensions bend its fingers; and of an attempt that touches nothing."""
+    tensions = {"left.tensions": np.array([0.0193, 0.005]), "right.tensions": np.array([0.005, 0.0193])}
+    pressed = {**tensions, "contact_forces": np.array([[3.68e-5, 1.5e-5, 0.0]])}
+    assert force_text(pressed, 3.68e-5) == "0.000037"
+    idle = {**tensions, "contact_forces": np.array([[2e-9, 0.0, 0.0]])}
+    assert (force_text(idle, 2e-9), force_text(idle, 0.0193)) == ("0.00000", "0.01930")
 
 
 def test_lift_is_drawn_beside_friction_in_the_plane():

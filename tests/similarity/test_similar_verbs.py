@@ -62,11 +62,14 @@ def test_a_grasp_is_that_of_another_size(name, sizes):
 
 @pytest.mark.deep
 @pytest.mark.parametrize("sizes", [{**SMALL, "T": -4}, {**LARGE, "T": 2}], ids=["small", "large"])
-@pytest.mark.parametrize(("name", "of_input"), [("tip_to_point", "N"), ("past_a_post", "m"), ("release", "N m")])
-def test_a_plan_is_that_of_another_size(name, of_input, sizes):
-    """As far as its solver goes: the fastest motion to a point is flat about its optimum."""
+@pytest.mark.parametrize(
+    ("name", "of_input", "flat"),
+    [("tip_to_point", "N", 1e-3), ("past_a_post", "m", 2e-4), ("release", "N m", 4e-3)],
+)
+def test_a_plan_is_that_of_another_size(name, of_input, flat, sizes):
+    """As far as its solver goes: an optimum is flat, of the share ``flat`` of the greatest input."""
     scene = load(ROOT / f"configs/plan/{name}.yaml")
     one, other = cg.plan(scene), cg.plan(larger(scene, sizes, of_input=of_input))
     assert other.status == one.status
     assert other.duration * 2.0 ** -sizes["T"] == pytest.approx(one.duration, rel=2e-4)
-    assert other.u * 2.0 ** -power(of_input, sizes) == pytest.approx(one.u, abs=4e-3 * np.abs(one.u).max())
+    assert other.u * 2.0 ** -power(of_input, sizes) == pytest.approx(one.u, abs=flat * np.abs(one.u).max())
