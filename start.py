@@ -31,7 +31,7 @@ TOOLS = {
 }
 """What is no verb of continuum-grasp: the extra that it needs, the command that gets its options, and in which folder."""
 STARTED_BY = "CONTINUUM_GRASP_STARTED_BY"
-"""Variable by which the package names commands as they are typed; continuum_grasp/shell.py reads it."""
+"""Variable by which the package names commands as they are typed; continuum_grasp/base/shell.py reads it."""
 
 
 def main(arguments):

@@ -19,9 +19,9 @@ import numpy as np
 from benchmarks.report import Report, begun
 from benchmarks.rod_shapes import RODS, ShapeRod
 from continuum_grasp.accuracy.choice import Choice, Errors, errors_of
-from continuum_grasp.accuracy.motion import Motion, evaluation_ns, pace, reference_motion, rms
+from continuum_grasp.accuracy.motion import TipMotion, evaluation_ns, pace, reference_motion, rms
 from continuum_grasp.accuracy.truth import find_truth
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 from tests.rods import HANGING, HORIZONTAL, NITINOL, UNIT, UPRIGHT, force, rod_scene
@@ -81,7 +81,7 @@ class Case:
 
     def __init__(self, given: Scene) -> None:
         self.scene, self.truth = given, find_truth(given)
-        self.motion: Motion | None = reference_motion(given, self.truth) if given.time is not None else None
+        self.motion: TipMotion | None = reference_motion(given, self.truth) if given.time is not None else None
 
     def lengths(self, elements: int) -> tuple[float, ...]:
         """Lengths of so many elements [m]: of equal parts of the local wavelength, where contacts do not divide it."""

@@ -20,15 +20,11 @@ os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
 from benchmarks.harness import CONFIGS, ROOT
 from benchmarks.report import begun
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.errors import ContinuumGraspError
-from continuum_grasp.identification.commissioning import Commissioning, commission
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Camera, Connection, Mounting
-from continuum_grasp.scene.load import load
+from continuum_grasp.base import ContinuumGraspError
+from continuum_grasp.closed_loop import Plant, PlantModel, run_closed_loop
+from continuum_grasp.control import Controller
+from continuum_grasp.identification import Commissioning, commission
+from continuum_grasp.scene import Camera, Connection, ControlScene, Mounting, load
 
 SCENES = {"sagging": ROOT / "benchmarks/commission_sagging.yaml", "flat": CONFIGS / "mpc/steady_tip.yaml"}
 """A finger that sags in the plane of its camera, and one that lies flat."""

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Report, begun
-from continuum_grasp.control import Contact, ContactDetector
+from continuum_grasp.control import ContactDetector, ResidualContact
 from tests.contact_cases import EXACT, RADIUS, PairPlant, pair_scene, plant, scene, trial, wander
 
 TRIAL = {0.05: (19, 69), 0.1: (38, 137), 0.2: (76, 275), 0.3: (115, 413)}
@@ -66,7 +66,7 @@ def pushes(friction: float, name: str, place: str) -> list[list[Any]]:
             late = 1.2 if first is None else first[0] - 0.8 - 3.0 * threshold / speed
             words = name, str(friction), place, "releasing" if back else "pulling", "helps" if way > 0 else "opposes"
             felt, *forces = [np.nan] * 3 if first is None else 1e3 * np.array([first[1], *first[2].forces[at]])
-            alarms = sum(feels.contact is not Contact.FREE for feels in free)
+            alarms = sum(feels.contact is not ResidualContact.FREE for feels in free)
             rows.append([", ".join(words), 1e3 * threshold, felt, 1e3 * late, *forces, alarms])
     return rows
 
@@ -86,8 +86,8 @@ def free_motion(steps: int, seed: int) -> tuple[int, int, float]:
     found = wander(own, plant_, steps, rng)
     use = max(float((feels.residual[:, None] / feels.bounds).max()) for feels in found)
     return (
-        sum(feels.contact is Contact.DETECTED for feels in found),
-        sum(feels.contact is Contact.UNCERTAIN for feels in found),
+        sum(feels.contact is ResidualContact.DETECTED for feels in found),
+        sum(feels.contact is ResidualContact.UNCERTAIN for feels in found),
         use,
     )
 

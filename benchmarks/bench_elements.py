@@ -22,10 +22,10 @@ import numpy as np
 
 from benchmarks.harness import Timing, compiled, compiler, defines, linked, one_core, race, run
 from benchmarks.report import Report, begun
-from continuum_grasp.core.source import generated as package_source
-from continuum_grasp.model import FingerModel, pattern
-from continuum_grasp.model.equations import Equations
-from continuum_grasp.scene.finger import BasePose, Damping, Finger, PointMass, Rod
+from continuum_grasp.core import generated as package_source
+from continuum_grasp.model import Equations, FingerModel, pattern
+from continuum_grasp.scene import BasePose, Finger, PointMass
+from continuum_grasp.scene.finger import Damping, Rod
 
 FAMILIES = ("matched_clothoid", "arc")
 ELEMENTS = (1, 2, 4, 8, 16, 32, 64, 128)

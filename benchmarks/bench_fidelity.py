@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import begun
+from continuum_grasp.accuracy import Chosen, choose_fidelity
 from continuum_grasp.accuracy.choice import COUNTS, assess, choices, coordinates_near, open_families
-from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, choose_fidelity
-from continuum_grasp.errors import SolverError
-from continuum_grasp.rod.elastica import solve_elastica
+from continuum_grasp.accuracy.choose import allowed_accuracies
+from continuum_grasp.base import SolverError
+from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import equilibrium
 

@@ -36,15 +36,11 @@ from fmpy.validation import validate_fmu
 import continuum_grasp as cg
 from benchmarks.harness import CONFIGS
 from benchmarks.report import Report, begun
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import setpoints
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.base import ContinuumGraspError
+from continuum_grasp.closed_loop import PlantModel
+from continuum_grasp.control import Outputs, Prediction, setpoints
 from continuum_grasp.export import FunctionalMockupUnit, export_c, export_fmu
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import ControlScene, Scene, load
 from tests.export_cases import shared_library
 from tests.fmu_cases import Instance
 

@@ -18,7 +18,7 @@ from benchmarks.grasp_oracle.truth import answers
 from benchmarks.grasp_outcomes import CLOSE, Outcome, outcome
 from benchmarks.harness import spread
 from benchmarks.report import REMARK, RESULTS, Report, arguments
-from continuum_grasp.workers import cores
+from continuum_grasp.base import cores
 
 ONE = 1000
 """Answers of one finger that are looked at while the optimizer is worked on; those beyond are fresh."""

@@ -26,8 +26,8 @@ from benchmarks.grasp_oracle.search import Search
 from benchmarks.grasp_outcomes import solved
 from benchmarks.harness import spread
 from benchmarks.report import Report, begun
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.workers import cores
+from continuum_grasp.base import cores
+from continuum_grasp.scene import GraspScene
 
 EQUAL, LITTLE, WORSE = 1e-6, 1e-6, 1e-2
 """Relative difference of equal tensions; tension that is none, per the greatest; part by which one is worse."""

@@ -21,16 +21,14 @@ import numpy as np
 
 from benchmarks.harness import CONFIGS
 from benchmarks.report import Report, begun, plain
-from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.assignment import LARGEST, Assignment
+from continuum_grasp.mission import Assignment, Outcome, PlantVariation, assign, run_mission, run_trials
+from continuum_grasp.mission.assignment import LARGEST
 from continuum_grasp.mission.budget import held_resistance, plant_friction, plant_mass
 from continuum_grasp.mission.causes import FALLEN
-from continuum_grasp.mission.outcomes import Outcome
-from continuum_grasp.mission.plant import Variation, reserve
-from continuum_grasp.mission.run import run_mission, run_trials
-from continuum_grasp.scene.load import load
+from continuum_grasp.mission.plant import reserve
+from continuum_grasp.scene import load
 
 SCENE = CONFIGS / "mission/pinch.yaml"
 SEED = 20274
@@ -107,7 +105,7 @@ def carried_out(changes: dict[str, Any]) -> tuple[list[Any], bool | None]:
     return [*row, verdict.pulled_margin, verdict.fallbacks, before], verdict.succeeded
 
 
-def holds(assignments: Sequence[Assignment], variation: Variation) -> str:
+def holds(assignments: Sequence[Assignment], variation: PlantVariation) -> str:
     """Entry of ``HOLDS`` for a plant; squeezing scales all contact forces alike, as if loads were smaller."""
     of, mission = assignments[0], assignments[0].mission
     names = [contact.name for contact in of.grasp.contacts]

@@ -27,8 +27,8 @@ from benchmarks.mpc.peers import FORMS, acados_loops, acados_words, converged, d
 from benchmarks.mpc.world import World
 from benchmarks.real_time_iteration import RealTimeIteration
 from benchmarks.report import Report, begun
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.controller import Controller
+from continuum_grasp.base import Array
+from continuum_grasp.control import Controller
 from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 
 OURS = ("ours, scalar", "ours, lanes", "ours, lanes, float")

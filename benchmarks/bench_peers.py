@@ -18,12 +18,9 @@ from benchmarks.baselines.release_ours import OwnRun, front, own_runs, rms_error
 from benchmarks.baselines.release_peers import HINGES, ChainRun, ReleasePeers, describe_rod
 from benchmarks.harness import CONFIGS, Timing, one_core, quartiles, race
 from benchmarks.report import Report, begun
-from continuum_grasp.accuracy.motion import Motion, reference_motion
+from continuum_grasp.accuracy.motion import TipMotion, reference_motion
 from continuum_grasp.accuracy.truth import Truth, find_truth
-from continuum_grasp.scene import Actuation, Rod
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.simulate import Initial, Scene
-from continuum_grasp.scene.tendons import Tendon
+from continuum_grasp.scene import Actuation, Initial, Rod, Scene, Tendon, load
 
 FRAME = 0.2
 """Span that counts as one evaluation [s]; whole numbers of all steps."""
@@ -67,7 +64,7 @@ class Release:
     graded: bool = False
     """Whether fewer settings and rounds do: six scenes in one run."""
     truth: Truth = field(init=False)
-    reference: Motion = field(init=False)
+    reference: TipMotion = field(init=False)
     rod: dict[str, Any] = field(init=False)
 
     def prepare(self) -> None:

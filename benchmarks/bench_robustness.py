@@ -18,14 +18,9 @@ import continuum_grasp as cg
 from benchmarks.harness import CONFIGS
 from benchmarks.report import Report, begun
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.control.command import Command
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import setpoints
-from continuum_grasp.errors import NumericalError
+from continuum_grasp.base import Array, NumericalError
+from continuum_grasp.closed_loop import ControlRun, run_closed_loop
+from continuum_grasp.control import Command, Controller, Outputs, setpoints
 
 LOOPS = tuple(path.stem for path in sorted((CONFIGS / "mpc").glob("*.yaml")) if cg.load(path).reference.tip is not None)
 """Those whose tip has a setpoint, by which they are judged."""

@@ -14,7 +14,7 @@ from benchmarks.report import begun
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import NLP, Attempt, Budget, Solver, Start
 from continuum_grasp.planning import plan
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 
 PLANS = ("tip_to_point", "past_a_post")
 GRASPS = ("mug", "pinch", "wrap", "mug_arcs", "mug_robust", "box_edge", "table_peg", "preshaped")

@@ -8,8 +8,9 @@ import numpy as np
 
 from benchmarks.report import begun
 from continuum_grasp import equilibrium, modes
-from continuum_grasp.accuracy.space import apart, motion_within
-from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.accuracy import motion_within
+from continuum_grasp.accuracy.space import apart
+from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import simulate

@@ -14,7 +14,7 @@ import shapely
 from shapely.affinity import rotate, translate
 
 from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED, _finger, _object, _scene
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene import GraspScene
 
 Data = dict[str, Any]
 

@@ -17,8 +17,8 @@ from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.grasp import GraspResult, Status, optimize_grasp
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.grasp import GraspResult, GraspStatus, optimize_grasp
+from continuum_grasp.scene import GraspScene
 
 LITTLE = 1e-4
 """Part of the greatest tensions that is added to both before they are compared."""
@@ -61,7 +61,7 @@ class Outcome:
     @property
     def refused(self) -> bool:
         """Whether the scene was called infeasible."""
-        return self.status == Status.INFEASIBLE.value
+        return self.status == GraspStatus.INFEASIBLE.value
 
 
 def outcome(kind: str, row: dict[str, Any], effort: str = "") -> Outcome:

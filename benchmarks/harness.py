@@ -22,8 +22,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.core.compiler import Compiler, find_compiler
-from continuum_grasp.workers import ProcessPool
+from continuum_grasp.base import ProcessPool
+from continuum_grasp.core import Compiler, find_compiler
 
 ROOT = Path(__file__).parents[1]
 CONFIGS = ROOT / "configs"

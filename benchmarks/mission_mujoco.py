@@ -21,26 +21,18 @@ import numpy as np
 from benchmarks.baselines import Peer
 from benchmarks.report import Table as ReportTable
 from benchmarks.report import arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant_model import plant_scene
-from continuum_grasp.control.controller import Controller
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.closed_loop import plant_scene
+from continuum_grasp.control import Controller, measurement_std
 from continuum_grasp.control.estimation.model import OBJECT_POSE
-from continuum_grasp.control.estimation.noise import measurement_std
-from continuum_grasp.errors import InputError
+from continuum_grasp.export import export_mjcf
 from continuum_grasp.export.mjcf.text import numbers
-from continuum_grasp.export.mjcf.write import export_mjcf
-from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission import Assignment, PlantVariation, Timetable, assign
 from continuum_grasp.mission.budget import plant_mass
 from continuum_grasp.mission.causes import FALLEN
 from continuum_grasp.mission.lift import LiftCheck
-from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.run import variations
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.objects import Box
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.surroundings import Table
+from continuum_grasp.scene import Box, MissionScene, Scene, Table, load
 
 HINGES = 24
 STEP = 5e-5
@@ -49,7 +41,7 @@ PAD_MASS = 5e-4
 """Of the face of a pad [kg]."""
 
 
-def scene_of_plant(of: Assignment, variation: Variation) -> Scene:
+def scene_of_plant(of: Assignment, variation: PlantVariation) -> Scene:
     """The plant's finger and surroundings, as a mission has them, without friction in the tendons."""
     mission, control = of.mission, of.control
     own = mission.plant.replaced(
@@ -145,7 +137,7 @@ def _link_at(world: ET.Element, at: float) -> tuple[ET.Element, float]:
     return found, begin
 
 
-def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variation) -> dict[str, Any]:
+def carry_out(of: Assignment, control: Controller, peer: Peer, variation: PlantVariation) -> dict[str, Any]:
     """The mission on one plant: what became of the object, read off MuJoCo."""
     check, scene = LiftCheck([of]), scene_of_plant(of, variation)
     chain = export_mjcf(scene, hinges=HINGES)

@@ -12,11 +12,11 @@ import sys
 import numpy as np
 
 from benchmarks.harness import CONFIGS
-from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control import Prediction
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.plant import MissionPlant, Timetable, Variation, mission_plant_model
-from continuum_grasp.scene.load import load
+from continuum_grasp.mission import PlantVariation, Timetable, assign, mission_plant_model
+from continuum_grasp.mission.plant import MissionPlant
+from continuum_grasp.scene import load
 
 MUG = CONFIGS / "mission/mug.yaml"
 
@@ -27,7 +27,7 @@ def main(program: str, *changes: str) -> int:
     (task,) = assign(mission, optimize_grasp(mission.grasp))
     table, model = Timetable(task), mission_plant_model(task)
     names = [span.name for span in table.phases()]
-    plant = MissionPlant(task, table, Prediction(task.control), Variation(), model)
+    plant = MissionPlant(task, table, Prediction(task.control), PlantVariation(), model)
     poses, before = {}, ""
     with subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1) as controller:
         while before != "end":

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Numbers as Array
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.rti import source as rti
-from continuum_grasp.errors import SolverError
+from continuum_grasp.base import Numbers as Array
+from continuum_grasp.base import SolverError
+from continuum_grasp.control import Stages
+from continuum_grasp.control.iteration import source as rti
 
 STATUS = {
     0: "solved",

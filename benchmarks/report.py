@@ -16,7 +16,8 @@ from typing import Any
 
 from benchmarks.harness import CFLAGS, compiler, run
 from continuum_grasp import __version__
-from continuum_grasp.results.record import created_now, machine, versions
+from continuum_grasp.results import created_now, versions
+from continuum_grasp.results.record import machine
 
 RESULTS = Path(__file__).with_name("results")
 REMARK = (str, "on this run, such as what ran beside it")

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.rod.dense_rod import Mesh, panel_edges, with_places
+from continuum_grasp.base import Array
+from continuum_grasp.rod import PanelMesh, RodEquations, panel_edges, with_places
 from continuum_grasp.rod.dimensionless import read_problem
-from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.frequencies import mass_matrix
 from continuum_grasp.scene import Scene
 
@@ -80,7 +79,7 @@ class ShapeRod:
         self.joints[-1] = 1.0
         problem = read_problem(scene)
         places = with_places(problem.breaks, self.joints)
-        self.equations = RodEquations(problem, Mesh(panel_edges(places, _PANEL), _NODES))
+        self.equations = RodEquations(problem, PanelMesh(panel_edges(places, _PANEL), _NODES))
         self.shapes = self._arcs() if family == "arc" else self._linear(family == "moment", matched)
         self.n = self.shapes.basis.shape[1]
 

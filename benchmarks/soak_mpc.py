@@ -23,9 +23,8 @@ from benchmarks.harness import CONFIGS, spread
 from benchmarks.mpc import cases as mpc_cases
 from benchmarks.mpc.world import World
 from benchmarks.report import Report, begun
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.status import Anomaly, Health, Status
+from continuum_grasp.base import Array
+from continuum_grasp.control import Anomaly, CommandStatus, Controller, Health
 
 SCENES = {
     "circle": ("mpc/tip_circle.yaml", "double", 0.25),
@@ -271,11 +270,11 @@ class Soak:
             if not anomaly & EVENTS[name][0]:
                 counts.unseen[name] += 1
                 counts.fault("injected and not in the status", f"{name}, {command.anomalies}")
-        counts.statuses[Status(command.status).name.lower()] += 1
+        counts.statuses[CommandStatus(command.status).name.lower()] += 1
         counts.health[command.health.name.lower()] += 1
-        if command.health == Health.TRIPPED and command.status is not Status.SAFE_RAMP:
+        if command.health == Health.TRIPPED and command.status is not CommandStatus.SAFE_RAMP:
             counts.fault("tripped, but no safe ramp", str(command))
-        self.old = self.old + 1 if command.status is Status.PREVIOUS_PLAN else 0
+        self.old = self.old + 1 if command.status is CommandStatus.PREVIOUS_PLAN else 0
         if self.old * self.control.period > stages.stages * stages.stage + 1e-9:
             counts.fault("plan used beyond its end", f"for {self.old} steps")
         for bit in anomaly:
@@ -310,7 +309,7 @@ def add(report: Report, found: dict[str, Counts], nominal: bool) -> None:
     report.claim("broken promises (commands, statuses, restored states)", broken, "<=", 0)
     injected, unseen = (sum(getattr(c, name).total() for c in found.values()) for name in ("injected", "unseen"))
     report.claim(f"injected anomalies that no status shows, of {injected}", unseen, "<=", 0)
-    columns = ["scene", "steps", "broken", "injected", *(s.name.lower() for s in Status), "jumps reported"]
+    columns = ["scene", "steps", "broken", "injected", *(s.name.lower() for s in CommandStatus), "jumps reported"]
     columns += ["plant resets", "restored", "us per step"]
     note = (
         "jumps reported: of measurements that jump within their range, those that the status calls outliers, which an "
@@ -318,7 +317,7 @@ def add(report: Report, found: dict[str, Counts], nominal: bool) -> None:
     )
     table = report.table("Steps", columns, note=note)
     for name, counts in found.items():
-        statuses = [counts.statuses[status.name.lower()] for status in Status]
+        statuses = [counts.statuses[status.name.lower()] for status in CommandStatus]
         row = [name, counts.steps, counts.broken.total(), counts.injected.total(), *statuses]
         seen = f"{counts.outliers_seen}/{counts.outliers}"
         table.add(*row, seen, counts.plant_resets, counts.restored, 1e6 * counts.seconds / counts.steps)

@@ -11,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.base import Array
+from continuum_grasp.closed_loop import Plant, PlantModel
+from continuum_grasp.control import Controller
+from continuum_grasp.scene import ControlScene
 
 FAULT = 1.0
 """When sensors fail [s]: after the first motion."""

@@ -16,19 +16,19 @@ def main() -> None:
     if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
         _signal.signal(_signal.SIGINT, end)
 
-    from continuum_grasp import interrupt
+    from continuum_grasp.base import INTERRUPTED, interruptible, leave_interrupted
 
-    with interrupt.computing(command=True):
+    with interruptible(command=True):
         try:
             from continuum_grasp.cli import main as command
 
             command()
         except KeyboardInterrupt:
             os.write(2, b"interrupted\n")
-            interrupt.leave()
+            leave_interrupted()
         except SystemExit as ended:
-            if ended.code == interrupt.STATUS:
-                interrupt.leave()
+            if ended.code == INTERRUPTED:
+                leave_interrupted()
             raise
 
 

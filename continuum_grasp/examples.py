@@ -13,8 +13,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import nearest
+from continuum_grasp.base import InputError, nearest
 
 __all__ = ["Example", "copy_example", "copy_notebooks", "example", "examples", "shipped_folder"]
 
@@ -38,14 +37,14 @@ class Example:
     @property
     def verb(self) -> str:
         """The command that runs it; a finger alone can only be checked."""
-        from continuum_grasp.scene.kinds import KINDS
+        from continuum_grasp.scene import KINDS
 
         return KINDS[self.kind].command or "validate"
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
         """Every file that it needs, its own first, then the fingers, grasps and data that it names, and schemas."""
-        from continuum_grasp.scene.kinds import DEFINITIONS
+        from continuum_grasp.scene import DEFINITIONS
 
         root = shipped_folder()
         files = dict.fromkeys([self.path, *(file for file in _named(self.path) if isinstance(file, Path))])
@@ -76,7 +75,7 @@ def shipped_folder() -> Path:
 @cache
 def examples() -> dict[str, Example]:
     """All shipped examples by name, in the order of their kinds."""
-    from continuum_grasp.scene.kinds import KINDS
+    from continuum_grasp.scene import KINDS
 
     shipped = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
     return {entry.name: entry for entry in sorted(shipped, key=lambda entry: list(KINDS).index(entry.kind))}
@@ -116,7 +115,7 @@ def copy_notebooks(folder: Path) -> list[Path]:
 
 def _copy(files: Iterable[Path], folder: Path) -> list[Path]:
     """Copy shipped files into a folder; nothing is written where one is there with other content."""
-    from continuum_grasp.results.atomic import replacing
+    from continuum_grasp.results import replacing
 
     root = shipped_folder()
     contents = {folder / file: (root / file).read_bytes() for file in files}
@@ -155,7 +154,7 @@ def _summary(text: str) -> str:
 
 def _named(path: Path) -> Iterator[Path | str]:
     """Files that a configuration names, and those that they name; of data that are not there, the name."""
-    from continuum_grasp.scene.yaml_loader import read_yaml
+    from continuum_grasp.scene import read_yaml
 
     for text in _texts(read_yaml(path).value):
         if text.endswith(".yaml"):

@@ -8,13 +8,12 @@ from os import PathLike
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp import simulation
-from continuum_grasp.arguments import check_arguments
+from continuum_grasp.base import check_arguments
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.loads import Load
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Load, Scene, scene_of
 from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
+from continuum_grasp.simulation import equilibrium as equilibrium_of
+from continuum_grasp.simulation import modes as modes_of
 
 
 @check_arguments
@@ -58,7 +57,7 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
     >>> motion.t.shape, motion.tip.shape, motion.x_names[0]
     ((51,), (51, 2), 'kappa_0 [1/m]')
     """
-    from continuum_grasp.accuracy.space import motion_within
+    from continuum_grasp.accuracy import motion_within
 
     asked = scene_of(scene)
     chosen, note = resolved(asked)
@@ -119,7 +118,7 @@ def equilibrium(
     (True, (2,), (20, 2))
     """
     chosen = scene_of(scene) if model is not None else resolved(scene)[0]
-    return simulation.equilibrium(chosen, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
+    return equilibrium_of(chosen, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
 
 
 @check_arguments
@@ -158,7 +157,7 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     True
     """
     chosen = scene_of(scene) if about is not None else resolved(scene, vibrates=True)[0]
-    return simulation.modes(chosen, about=about, points=points)
+    return modes_of(chosen, about=about, points=points)
 
 
 def resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> tuple[Scene, str]:
@@ -166,6 +165,6 @@ def resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> t
     scene = scene_of(given)
     if scene.fidelity.tolerance is None:
         return scene, ""
-    from continuum_grasp.accuracy.choose import resolve_fidelity
+    from continuum_grasp.accuracy import resolve_fidelity
 
     return resolve_fidelity(scene, vibrates=vibrates)

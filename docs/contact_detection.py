@@ -15,14 +15,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from continuum_grasp.control import Contact, ContactDetector
+from continuum_grasp.control import ContactDetector, ResidualContact
 from tests.contact_cases import NOISE, STEP, plant, scene
 
 PUSH = 0.8, 1.1
 """When it is pushed [s]."""
 FORCE = 0.25
 """Greatest force across the tip [N]."""
-COLORS = {Contact.UNCERTAIN: "#f2d16b", Contact.DETECTED: "#e07a5f"}
+COLORS = {ResidualContact.UNCERTAIN: "#f2d16b", ResidualContact.DETECTED: "#e07a5f"}
 
 
 def course(asked, **wrong):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.closed_loop import ControlRun
 
 SEEDS = (0, 1)
 MOMENT, RISE = 0.05, 0.2

@@ -30,8 +30,7 @@ from PIL import Image, ImageSequence
 import continuum_grasp as cg
 from continuum_grasp.examples import Example, examples
 from continuum_grasp.identification import data_folder
-from continuum_grasp.results.atomic import write_text
-from continuum_grasp.results.plain import digest
+from continuum_grasp.results import digest, write_text
 
 ROOT = Path(__file__).absolute().parents[1]
 RECORD, PAGE, PICTURES = (ROOT / "docs" / name for name in ("gallery.json", "gallery.md", "pictures"))

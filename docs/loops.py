@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.closed_loop import ControlRun, run_closed_loop
 from continuum_grasp.plotting.control import plot_control_path, plot_inputs
 from continuum_grasp.plotting.drawing.axes import new_figure, quiet
 from continuum_grasp.results import save_picture

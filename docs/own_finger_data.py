@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.rod.elastica import solve_elastica
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.rod import solve_elastica
+from continuum_grasp.scene import Scene
 
 FOLDER = Path("configs/identify")
 SCENE = FOLDER / "own_finger.yaml"

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Fit, Poses, Reading, data_folder, read_table
+from continuum_grasp.identification import Fit, Poses, Reading, data_folder
+from continuum_grasp.scene import read_table
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "identify"
 
@@ -311,7 +312,7 @@ def pictures() -> None:
     """The loops of the probe."""
     from matplotlib.figure import Figure
 
-    from continuum_grasp.results.animation import save_picture
+    from continuum_grasp.results import save_picture
 
     target = Path(__file__).parent / "pictures"
     where = folder() / "tee_probe_hysteresis"

@@ -11,12 +11,26 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import linprog
 
-from continuum_grasp.scene.finger import BasePose, PointMass, Rod, Tendons
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGravity, OutOfPlaneGravity, PlanarGravity
-from continuum_grasp.scene.objects import Box, Circle, Freedom, Union
-from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import Line, Palm, Point, VGroove
+from continuum_grasp.scene import (
+    BasePose,
+    Box,
+    Circle,
+    Fidelity,
+    Freedom,
+    GraspContacts,
+    GraspFinger,
+    GraspScene,
+    Line,
+    NoGravity,
+    OutOfPlaneGravity,
+    Palm,
+    PlanarGravity,
+    Point,
+    PointMass,
+    Union,
+    VGroove,
+)
+from continuum_grasp.scene.finger import Rod, Tendons
 
 X, W = np.polynomial.legendre.leggauss(40)
 X60, W60 = np.polynomial.legendre.leggauss(60)

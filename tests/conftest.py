@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from tests.tiers import (  # noqa: F401 - hooks of pytest, found here by their names
     pytest_addoption,
     pytest_collection_modifyitems,

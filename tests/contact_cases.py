@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 import continuum_grasp as cg
+from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.closed_loop.integration import ChainIntegration
-from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control import ContactDetector, DetectedContact
 from tests.tendon_cases import CABLE, LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
 from tests.truth.servo import ServoedChain

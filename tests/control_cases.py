@@ -6,10 +6,9 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.scene import Damping, Fidelity, Finger, Tendons
+from continuum_grasp.control import Prediction
+from continuum_grasp.scene import ControlScene, Damping, Fidelity, Finger, Tendons
 from continuum_grasp.scene import Rod as RodValue
-from continuum_grasp.scene.control import ControlScene
 from tests.tendon_cases import PASSIVE
 
 ROD = Finger(

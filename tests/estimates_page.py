@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from continuum_grasp.identification.unknowns import _OWN, ADDED
+from continuum_grasp.model import numbers_of
 from continuum_grasp.model.laws import _LAWS
-from continuum_grasp.model.parameters import _VECTORS, numbers_of
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.model.parameters import _VECTORS
+from continuum_grasp.scene import Finger
 from tests.results_page import table
 
 PAGE = Path(__file__).parents[1] / "docs" / "real_rods.md"

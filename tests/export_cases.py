@@ -13,9 +13,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import ControlScene, Finger, load
 from tests.contact_cases import short_scene
 from tests.control_cases import driven_scene, hand_scene
 from tests.model.test_many_elements import model_of

@@ -13,22 +13,16 @@ from typing import Any
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.accuracy.choose import resolve_fidelity
-from continuum_grasp.errors import InputError
+from continuum_grasp.accuracy import resolve_fidelity
+from continuum_grasp.base import InputError
+from continuum_grasp.grasp import ProblemSpec
 from continuum_grasp.grasp.problem.problem import GraspProblem
-from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.identification import Poses, Reading
 from continuum_grasp.identification.path_block import block_of
 from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.search import PlanSearch
+from continuum_grasp.scene import ControlScene, GraspScene, IdentifyScene, MissionScene, PlanScene, Scene, Value
 from continuum_grasp.scene.consumer import CONSUMERS
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.identify import IdentifyScene
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.value import Value
 from tests import scene_products as products
 
 CONFIGS = Path(__file__).parents[1] / "configs"
@@ -251,7 +245,7 @@ def _motion(scene: Scene) -> Iterator[object]:
 
 def _sought(scene: PlanScene) -> Iterator[object]:
     """What a plan begins from; of one with an object by collocation, since few intervals refuse its sub-steps."""
-    yield Search(scene if scene.object is None else scene.changed({"method": "collocation"})).x0
+    yield PlanSearch(scene if scene.object is None else scene.changed({"method": "collocation"})).x0
 
 
 def _resolved(make: Callable[[Any], Iterator[object]]) -> Callable[[Any], Iterator[object]]:

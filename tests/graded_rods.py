@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from benchmarks.rod_shapes import RODS, sections, taper
-from continuum_grasp.scene import Scene
-from continuum_grasp.scene.profile import Channel, Curve
+from continuum_grasp.scene import Channel, Curve, Scene
 from tests.closed_forms.graded import stepped_frequencies, tapered_frequencies
 
 SPIRAL = {

@@ -5,12 +5,20 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from continuum_grasp.scene.finger import BasePose, PointMass, Rod, Tendons
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspContacts, GraspFinger, NoGravity, OutOfPlaneGravity, PlanarGravity
-from continuum_grasp.scene.objects import Circle
-from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import Palm
+from continuum_grasp.scene import (
+    BasePose,
+    Circle,
+    Fidelity,
+    GraspContacts,
+    GraspFinger,
+    GraspScene,
+    NoGravity,
+    OutOfPlaneGravity,
+    Palm,
+    PlanarGravity,
+    PointMass,
+)
+from continuum_grasp.scene.finger import Rod, Tendons
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "grasp"
 PLANAR = PlanarGravity(mode="planar", vector=(0.0, -9.81))

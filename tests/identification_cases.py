@@ -7,11 +7,11 @@ import math
 import numpy as np
 from scipy.integrate import solve_bvp
 
-from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.data import Poses, Reading, TipPath
+from continuum_grasp.identification import Poses, Reading, TipPath
+from continuum_grasp.identification.blocks import MeasuredBlock
 from continuum_grasp.identification.inference import infer
-from continuum_grasp.identification.numbers import Measured, MeasuredColumn
-from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.numbers import MeasuredColumn, MeasuredSet
+from continuum_grasp.identification.problem import FitProblem
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.scene import Scene
 from tests.rods import HORIZONTAL, WEIGHT, rod_scene
@@ -89,10 +89,12 @@ def rung(*frequencies, decays=(), conditions=None) -> Poses:
     return Poses(by_mode, conditions or {})
 
 
-def level_set(name: str, values: np.ndarray, sigma: float | None = None, group: str = "levels", **more) -> Measured:
+def level_set(name: str, values: np.ndarray, sigma: float | None = None, group: str = "levels", **more) -> MeasuredSet:
     """A set of numbers of one kind, row by row; ``more`` is of the set."""
     known = {"fitted": np.ones(len(values), dtype=bool)} | more
-    return Measured(name, (MeasuredColumn(name, group, "m", sigma),), np.arange(len(values)), values[:, None], **known)
+    return MeasuredSet(
+        name, (MeasuredColumn(name, group, "m", sigma),), np.arange(len(values)), values[:, None], **known
+    )
 
 
 def path_of(trajectory, scene: Scene, noise: float, rng: np.random.Generator) -> TipPath:
@@ -101,11 +103,11 @@ def path_of(trajectory, scene: Scene, noise: float, rng: np.random.Generator) ->
     return TipPath(trajectory.t[1:], at_tip(*tip[1:].T), scene=scene, name=str(scene.name))
 
 
-def built_once(block: Block) -> Block:
+def built_once(block: MeasuredBlock) -> MeasuredBlock:
     """The block, whose models with other unknowns are built once, whatever is measured."""
-    build, built = block.again, dict[tuple[str, ...], Block]()
+    build, built = block.again, dict[tuple[str, ...], MeasuredBlock]()
 
-    def again(unknowns, **other) -> Block:
+    def again(unknowns, **other) -> MeasuredBlock:
         key = tuple(one.name for one in unknowns)
         if key not in built:
             built[key] = build(unknowns, **other)
@@ -116,10 +118,10 @@ def built_once(block: Block) -> Block:
 
 
 def coverage(
-    blocks: list[Block], unknowns: list[Unknown], truth: list[float], noise: float, repeats: int
+    blocks: list[MeasuredBlock], unknowns: list[Unknown], truth: list[float], noise: float, repeats: int
 ) -> np.ndarray:
     """Per unknown, how many of so many fits to noisy copies of exact data have the truth in their intervals."""
-    problem, rng = Problem(blocks, unknowns), np.random.default_rng(7)
+    problem, rng = FitProblem(blocks, unknowns), np.random.default_rng(7)
     clean, hits = problem.measured.copy(), np.zeros(len(truth))
     for _ in range(repeats):
         problem.measured = clean + noise * rng.standard_normal(clean.size)
@@ -130,7 +132,7 @@ def coverage(
     return hits
 
 
-def slope_error(block: Block, values: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+def slope_error(block: MeasuredBlock, values: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Per unknown, the largest deviation of the derivative from central differences, relative to its largest entry."""
     slopes, found = block.predict(values)[1], []
     for k, size in enumerate(sizes):

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.values import Reason, Status
-from continuum_grasp.scene.load import load
+from continuum_grasp.grasp import GraspResult, GraspStatus, Reason
+from continuum_grasp.scene import load
 
 ROOT = Path(__file__).parents[1]
 REASON = Reason("mass", "object.mass", "kg", 1.5, 0.46, "the object is too heavy", "lower object.mass to 0.46 kg")
@@ -72,10 +71,12 @@ def made_up(scene, curvature=12.0):
 def held(name="mug", /, **changes):
     scene = scene_of(name, **changes)
     statistics = {"solver_seconds": 0.25, "interrupted": False, "attempts": [{"start": "a", "seconds": 0.1}]}
-    return GraspResult(scene, Status.OPTIMAL, "held", made_up(scene), statistics=statistics)
+    return GraspResult(scene, GraspStatus.OPTIMAL, "held", made_up(scene), statistics=statistics)
 
 
 def failed(name="heavy_bottle", /, arrays=True, **changes):
     scene = scene_of(name, **changes)
     numbers = made_up(scene) if arrays else {}
-    return GraspResult(scene, Status.INFEASIBLE, "too heavy", numbers, None, ("lift: 3.2 N",), (REASON,), "Use two.")
+    return GraspResult(
+        scene, GraspStatus.INFEASIBLE, "too heavy", numbers, None, ("lift: 3.2 N",), (REASON,), "Use two."
+    )

@@ -8,16 +8,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from continuum_grasp.control.status import Anomaly, Health, Sight, Status, Trip
+from continuum_grasp.control import Anomaly, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission import PlantVariation, assign
 from continuum_grasp.mission.lift import LiftCheck
-from continuum_grasp.mission.plan import Plan
-from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.plan import PhasePlan
 from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import Phases
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.scene import Phases, load
+from continuum_grasp.simulation import ContactHistory
 from tests.rods import ROOT
 
 MUG, PINCH, CUP, BLOCK = (ROOT / f"configs/mission/{name}.yaml" for name in ("mug", "pinch", "cup_lying", "turn_block"))
@@ -37,7 +35,7 @@ def runner(name, *changes):
 @lru_cache
 def carried(name, *changes, shift=(0.0, 0.0)):
     """Its run in Python, on an object that stands elsewhere by ``shift`` [m]."""
-    return runner(name, *changes).run(Variation(shift=shift))
+    return runner(name, *changes).run(PlantVariation(shift=shift))
 
 
 CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
@@ -51,12 +49,12 @@ def planned(table, names, t):
     """Setpoints by names at instants of the plan."""
     count, limits = len(names), np.ones(len(table.of.held))
     stages = SimpleNamespace(r_names=tuple(names), weights=np.ones(count), u_min=-limits, u_max=limits)
-    return Plan(table, stages, np.zeros(0)).rows(np.asarray(t), of_plan=True)
+    return PhasePlan(table, stages, np.zeros(0)).rows(np.asarray(t), of_plan=True)
 
 
 def begun(table, stages, plant):
     """Weights and limits, by the phases that set them."""
-    found, plan = {}, Plan(table, stages, np.zeros(0))
+    found, plan = {}, PhasePlan(table, stages, np.zeros(0))
     for k, phase in enumerate(plan.names):
         said = SimpleNamespace(change=lambda name=phase, **new: found.update({name: new}))
         plan.enter(0.0, said, plant, k)
@@ -114,7 +112,7 @@ def commanded(force, *, std=0.1, u=None, **seen):
         "trip": Trip.NONE,
         "anomaly": Anomaly(0),
         "health": Health.OK,
-        "status": Status.SOLVED,
+        "status": CommandStatus.SOLVED,
         "sight": Sight.SEES,
         "suspect": None,
         "mismatch": 1.0,
@@ -154,4 +152,4 @@ def carried_out(of, forces, *, height=lambda t: 0.0, seen=lambda t: {}, **comman
 def pressed(names, normal, friction):
     """Forces of contacts (T, C), of which nothing else is asked."""
     zero, force = np.zeros_like(normal), np.stack([normal, friction], axis=1)  # normals along x
-    return ContactForces(names, zero, normal, friction, zero, force, np.zeros_like(force))
+    return ContactHistory(names, zero, normal, friction, zero, force, np.zeros_like(force))

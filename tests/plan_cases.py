@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import expm
 
 import continuum_grasp as cg
-from continuum_grasp.planning.motion import Motion
-from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.planning.motion import PlannedMotion
+from continuum_grasp.scene import PlanScene
 from tests.truth.differences import differences
 
 ROD = {"length": 0.3, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}
@@ -42,7 +42,7 @@ def two_arcs(**changes) -> PlanScene:
 
 def linearized(scene: PlanScene) -> tuple[np.ndarray, np.ndarray]:
     """A and B of the straight finger at rest, by central differences."""
-    model = Motion(scene).prediction
+    model = PlannedMotion(scene).prediction
     p, n = np.array(model.p_nominal), model.nx
 
     def rate(x, u):

@@ -9,13 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
+from continuum_grasp.model import Family, Scalar, collocation, node_count
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Family, Rod, mean
-from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.quadrature import collocation, node_count
+from continuum_grasp.model.family import RodProperties, mean
+from continuum_grasp.scene import Curve
 from continuum_grasp.scene.methods import CurvatureFamily
-from continuum_grasp.scene.profile import Curve
 
 NAME = "quadratic"
 ENTRY = CurvatureFamily("tests.quadratic_family:QuadraticFamily", one_turn=True)
@@ -67,7 +66,7 @@ class QuadraticFamily(Family):
         rest = [mean(self.mesh, k, self.mesh.rest) for k in range(self.elements)]
         return (curvatures - np.array(rest)[:, None]).ravel()
 
-    def link(self, element: int, local: Sequence[Scalar], rod: Rod, end_mass: float) -> QuadraticLink:
+    def link(self, element: int, local: Sequence[Scalar], rod: RodProperties, end_mass: float) -> QuadraticLink:
         reach = self.mesh.ranges[element]
         nodes = node_count(reach, self.accuracy or self.default_accuracy) + 2
         rest = mean(self.mesh, element, self.mesh.rest) if rod.rest is None else rod.rest

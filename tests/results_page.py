@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from continuum_grasp.accuracy.report import AccuracyReport
-from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.accuracy import AccuracyReport
+from continuum_grasp.closed_loop import ControlRun
 from continuum_grasp.design import DesignResult
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.identification.commissioning import Commissioning
-from continuum_grasp.identification.comparison import Comparison
-from continuum_grasp.identification.experiments import ExperimentPlan
-from continuum_grasp.identification.fit import Fit
-from continuum_grasp.identification.replayed import Replay
-from continuum_grasp.mission.outcomes import TrialsResult
-from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.planning import Plan
+from continuum_grasp.grasp import GraspResult
+from continuum_grasp.identification import Commissioning, Comparison, ExperimentPlan, Fit, Replay
+from continuum_grasp.mission import MissionRun, TrialsResult
+from continuum_grasp.planning import MotionPlan
 from continuum_grasp.results import Dimension, Result, Stored
 from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
 from continuum_grasp.sweeps import SweepTable
@@ -28,7 +23,7 @@ MADE_BY = {
     Modes: "`cg.modes`, `continuum-grasp modes`",
     GraspResult: "`cg.optimize_grasp`, `continuum-grasp grasp`",
     DesignResult: "`cg.optimize_design`, `continuum-grasp design`",
-    Plan: "`cg.plan`, `continuum-grasp plan`",
+    MotionPlan: "`cg.plan`, `continuum-grasp plan`",
     ControlRun: "`cg.run_closed_loop`, `continuum-grasp mpc`",
     MissionRun: "`cg.run_mission`, `continuum-grasp mpc` of a mission",
     TrialsResult: "`cg.run_trials`, `continuum-grasp mpc --trials`",

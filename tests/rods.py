@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from continuum_grasp.core import core
-from continuum_grasp.core.compiler import why_no_compiler
+from continuum_grasp.core import core, why_no_compiler
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import initial_state

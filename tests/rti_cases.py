@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.real_time_iteration import RealTimeIteration
-from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages, cost_functions
+from continuum_grasp.control import ABSENT, Stages
+from continuum_grasp.control.ocp.stages import cost_functions
 
 LOOSE = (
     "-fassociative-math",

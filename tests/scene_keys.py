@@ -16,17 +16,20 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 import continuum_grasp as cg
+from continuum_grasp.scene import (
+    ControlScene,
+    Design,
+    GraspScene,
+    IdentifyScene,
+    KeyPath,
+    MissionScene,
+    PlanScene,
+    Scene,
+    Sweep,
+)
 from continuum_grasp.scene.assembly import apply_override, placed
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.design import Design
-from continuum_grasp.scene.document import KeyPath, dotted
 from continuum_grasp.scene.document import Place as Origin
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.identify import IdentifyScene
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.sweep import Sweep
+from continuum_grasp.scene.document import dotted
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 _CORNERS = [[0.02, -0.01], [0.02, 0.03], [-0.02, 0.02]]

@@ -14,54 +14,58 @@ import casadi as ca
 import numpy as np
 from pydantic import BaseModel
 
-from continuum_grasp.accuracy.choose import resolve_fidelity
+from continuum_grasp.accuracy import resolve_fidelity
 from continuum_grasp.accuracy.motion import timing_of_comparison
 from continuum_grasp.accuracy.truth import load_cases
+from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.closed_loop.plant import Sensors
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.ocp.setpoints import Setpoints
-from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control import Prediction, Setpoints
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
 from continuum_grasp.environments.sensing import observed_of, state_bounds
+from continuum_grasp.export import export_mjcf
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu import plant as plants
 from continuum_grasp.export.fmu.variable import Variable
-from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.export.ranges import input_fields
 from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
+from continuum_grasp.identification import Poses, Reading, TipPath, read_data
 from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.data import Poses, Reading, TipPath
 from continuum_grasp.identification.fitting import under_laws
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.read import choices_of, plain_scene, read_data
-from continuum_grasp.identification.segments import Design as Excited
+from continuum_grasp.identification.read import choices_of, plain_scene
+from continuum_grasp.identification.segments import CommandDesign as Excited
 from continuum_grasp.identification.segments import patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.mission import plant as mission_plant
-from continuum_grasp.mission.assign import _control_scene
+from continuum_grasp.mission.from_grasp import _control_scene
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.search import PlanSearch
 from continuum_grasp.rod.dimensionless import read_problem
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.design import Design
-from continuum_grasp.scene.design_space import design_space_of
-from continuum_grasp.scene.identify import Excitation, IdentifyScene, StaticPoses
-from continuum_grasp.scene.load import placed_scene_of
-from continuum_grasp.scene.loads import Actuation, Samples
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Initial, Scene
-from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.scene.sweep import Sweep
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.modes import modes
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.sweeps.plan import plan_of
+from continuum_grasp.scene import (
+    EXACT_ROD,
+    Actuation,
+    ControlScene,
+    Design,
+    Excitation,
+    Fidelity,
+    IdentifyScene,
+    Initial,
+    MissionScene,
+    PlanScene,
+    Samples,
+    Scene,
+    StaticPoses,
+    Surroundings,
+    Sweep,
+    design_space_of,
+    placed_scene_of,
+)
+from continuum_grasp.simulation import Signals, initial_state, modes
+from continuum_grasp.sweeps import plan_of
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 _AROUND = tuple(Surroundings.model_fields)
@@ -230,7 +234,7 @@ def page_of_loop(scene: ControlScene) -> Iterator[object]:
 
 def search(scene: PlanScene) -> Iterator[object]:
     """The problem of a plan, and what its solver and its check are given."""
-    made, options = Search(scene), scene.solver
+    made, options = PlanSearch(scene), scene.solver
     assembly = made.problem.assembly
     yield from (assembly.nlp.f, assembly.nlp.g, assembly.low, assembly.high, made.x0, made.first, made.problem.before)
     yield from ([(one.name, one.lower, one.upper, one.scale) for one in assembly.blocks], options.starts)

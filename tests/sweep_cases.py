@@ -13,8 +13,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from continuum_grasp.grasp.values import Reason
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.grasp import Reason
+from continuum_grasp.scene import GraspScene
 
 ROOT = Path(__file__).parents[1]
 MUG = ROOT / "configs" / "grasp" / "mug.yaml"

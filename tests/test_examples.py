@@ -10,8 +10,8 @@ import shutil
 import pytest
 
 from continuum_grasp import examples
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.load import load
+from continuum_grasp.base import InputError
+from continuum_grasp.scene import load
 from tests.commands import ROOT, run
 
 NAMES = list(examples.examples())

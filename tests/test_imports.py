@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Iterable
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "continuum_grasp"
 FILES = sorted(PACKAGE.rglob("*.py"))
-COMMON = {"arguments", "arrays", "errors", "labels", "_lazy", "interrupt", "shell", "workers", ""}
+TASKS = ("continuum_grasp.environments.tasks",)
+"""What registers environments with gymnasium, where that is installed."""
+COMMON = {"base", "lazy_loader", ""}
 """What all may import; the empty name is the package itself."""
 ALLOWED = {
     module: set(imported.split())
     for module, imported in {
-        **dict.fromkeys(("errors", "arguments", "arrays", "_lazy", "interrupt", "labels", "shell", "workers"), ""),
+        "base": "base",
         "scene": "scene",
         "rod": "rod scene",
         "model": "model scene",
@@ -58,6 +61,21 @@ OUTSIDE = {
 """Packages that a module does without."""
 
 
+def door(package: str) -> dict[str, str]:
+    """Names that a package lets through, each with the module that defines it: its ``__init__.pyi``."""
+    stub = PACKAGE / package / "__init__.pyi"
+    lines = ast.parse(stub.read_text(encoding="utf-8")).body if stub.exists() else []
+    return {
+        alias.name: f"continuum_grasp.{package}.{line.module}"
+        for line in lines
+        if isinstance(line, ast.ImportFrom)
+        for alias in line.names
+    }
+
+
+DOORS = {stub.parent.name: door(stub.parent.name) for stub in PACKAGE.glob("*/__init__.pyi")}
+
+
 def module_of(file: Path) -> str:
     """The first folder or file below the package."""
     return file.relative_to(PACKAGE).parts[0].removesuffix(".py").removeprefix("__init__")
@@ -66,7 +84,8 @@ def module_of(file: Path) -> str:
 def imports(file: Path) -> list[tuple[str, int, bool]]:
     """Modules that a file imports, with the line and whether that happens when the file is loaded.
 
-    What is only for the type checker is left out.
+    A name that comes through a door counts as the module that defines it;
+    what is only for the type checker is left out.
     """
     found: list[tuple[str, int, bool]] = []
 
@@ -77,7 +96,9 @@ def imports(file: Path) -> list[tuple[str, int, bool]]:
             found.extend((alias.name, node.lineno, at_load) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{file}:{node.lineno}: relative import"
-            found.append((node.module or "", node.lineno, at_load))
+            package = inside(node.module or "")
+            behind = DOORS.get(package or "", {}) if (node.module or "").count(".") == 1 else {}
+            found.extend((behind.get(alias.name, node.module or ""), node.lineno, at_load) for alias in node.names)
         for child in ast.iter_child_nodes(node):
             walk(child, at_load and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda))
 
@@ -142,10 +163,67 @@ def test_scenes_are_read_without_numpy():
     assert not broken(["scene"], loads)
 
 
-def test_the_package_itself_loads_nothing_but_its_own_beginnings():
-    for file in (PACKAGE / "__init__.py", PACKAGE / "scene" / "__init__.py"):
-        loaded = {module for module, _, at_load in imports(file) if at_load} - {"__future__", "typing"}
-        assert loaded == {"continuum_grasp._lazy"}
+def test_a_door_loads_nothing():
+    for file in [PACKAGE / "__init__.py", *(stub.with_suffix(".py") for stub in PACKAGE.glob("*/__init__.pyi"))]:
+        loaded = {module for module, _, at_load in imports(file) if at_load}
+        allowed = {"lazy_loader"} if file.parent.name != "environments" else {"lazy_loader", "importlib.util", *TASKS}
+        assert loaded <= allowed, file
+
+
+def test_packages_are_entered_through_their_doors():
+    """By names that the door lists, in texts of ``import_module`` too."""
+    wrong = []
+    for file in FILES:
+        here = module_of(file)
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+                given = node.args[0]
+                text = given.values[0] if isinstance(given, ast.JoinedStr) else given
+                there = inside(str(text.value).rstrip(".")) if isinstance(text, ast.Constant) else None
+                fine = there in (None, here)
+            elif isinstance(node, ast.ImportFrom) and (there := inside(node.module or "")) not in (None, "", here):
+                single = not (PACKAGE / str(there)).is_dir()
+                names = {alias.name for alias in node.names}
+                fine = single or ((node.module or "").count(".") == 1 and names <= DOORS.get(str(there), {}).keys())
+            elif isinstance(node, ast.ImportFrom) and node.module == "continuum_grasp":
+                fine = all(not (PACKAGE / alias.name).exists() for alias in node.names)
+            elif isinstance(node, ast.Import):
+                fine = all(inside(alias.name) in (None, "") for alias in node.names)
+            else:
+                continue
+            if not fine:
+                wrong.append(f"{file.relative_to(PACKAGE)}:{node.lineno}: {ast.unparse(node)}")
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", DOORS)
+def test_every_name_of_a_door_is_taken(package):
+    """By another package, or by users, whose names are in ``__all__``."""
+    taken = set(getattr(import_module(f"continuum_grasp.{package}"), "__all__", ()))
+    assert taken <= DOORS[package].keys()
+    for file in [PACKAGE / "__init__.pyi", *FILES]:
+        if module_of(file) == package:
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module in (package, f"continuum_grasp.{package}"):
+                taken |= {alias.name for alias in node.names}
+    assert not DOORS[package].keys() - taken
+
+
+def test_no_name_of_a_door_is_that_of_a_module():
+    """Importing the module would replace the name."""
+    for package, names in DOORS.items():
+        modules = {file.stem if file.is_file() else file.name for file in (PACKAGE / package).iterdir()}
+        assert not modules & names.keys(), package
+
+
+def test_a_class_name_exists_once():
+    homes: dict[str, set[str]] = {}
+    for file in FILES:
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                homes.setdefault(node.name, set()).add(str(file.relative_to(PACKAGE)))
+    assert not {name: files for name, files in homes.items() if len(files) > 1}
 
 
 def test_nothing_but_the_command_line_prints():
@@ -188,8 +266,10 @@ def test_there_are_no_circles():
         found = set()
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module:
-                inner = [f"{node.module}.{alias.name}" for alias in node.names]
-                found |= {name if name in by_name else node.module for name in inner}
+                behind = DOORS.get(inside(node.module) or "", {}) if node.module.count(".") == 1 else {}
+                for alias in node.names:
+                    inner = f"{node.module}.{alias.name}"
+                    found.add(behind.get(alias.name) or (inner if inner in by_name else node.module))
         return found & by_name.keys()
 
     left = {name: targets(file) - {name} for name, file in by_name.items()}

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 READY = """
     import os, signal, sys
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    from continuum_grasp import interrupt
+    from continuum_grasp.base import interrupt
 
     def press(*_):
         os.kill(os.getpid(), signal.SIGINT)
@@ -60,7 +60,7 @@ def test_in_a_type_check_of_casadi_it_is_raised_and_not_lost():
     lost = python(TYPE_CHECK + "    work()")
     assert lost.stdout.count("went on") == 3  # what this is about: Python's own handler, and CasADi drops it
     code = """
-    with interrupt.listening():
+    with interrupt.listening_for_interrupts():
         try:
             work()
         except KeyboardInterrupt:
@@ -73,7 +73,7 @@ def test_an_import_is_finished_first(tmp_path):
     (tmp_path / "half.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nwhole = True\n")
     code = """
         sys.path.insert(0, sys.argv[1])
-        with interrupt.listening():
+        with interrupt.listening_for_interrupts():
             try:
                 import half
                 print("went on")
@@ -92,7 +92,7 @@ def test_a_file_that_is_complete_gets_its_name_first(tmp_path, name):
             press()
             return real(*arguments)
         setattr(os, sys.argv[2], pressing)
-        with interrupt.listening():
+        with interrupt.listening_for_interrupts():
             try:
                 with replacing(sys.argv[1]) as temporary:
                     temporary.write_text("whole")
@@ -107,7 +107,7 @@ def test_a_file_that_is_complete_gets_its_name_first(tmp_path, name):
 def test_a_file_that_is_not_complete_is_not_there(tmp_path):
     code = """
         from continuum_grasp.results.atomic import replacing
-        with interrupt.listening():
+        with interrupt.listening_for_interrupts():
             try:
                 with replacing(sys.argv[1]) as temporary:
                     temporary.write_text("half")
@@ -123,18 +123,18 @@ def test_a_file_that_is_not_complete_is_not_there(tmp_path):
 def test_held_until_the_end_of_a_block(listening):
     code = """
         from contextlib import nullcontext
-        with interrupt.listening() if sys.argv[1] == "True" else nullcontext():
-            with interrupt.held(quietly=True) as pressed:
+        with interrupt.listening_for_interrupts() if sys.argv[1] == "True" else nullcontext():
+            with interrupt.interrupts_held(quietly=True) as pressed:
                 press()
                 print(pressed())
-            print(pressed(), interrupt.pressed())
+            print(pressed(), interrupt.interrupt_pressed())
             try:
-                with interrupt.held():
+                with interrupt.interrupts_held():
                     press()
                     print("within")
                 print("went on")
             except KeyboardInterrupt:
-                print("raised", interrupt.pressed())
+                print("raised", interrupt.interrupt_pressed())
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     """
     done = python(code, listening)
@@ -144,8 +144,8 @@ def test_held_until_the_end_of_a_block(listening):
 def test_pressed_again_before_it_could_be_raised_ends_a_command_at_once():
     code = """
         import time
-        with interrupt.listening(command=True):
-            with interrupt.held():
+        with interrupt.listening_for_interrupts(command=True):
+            with interrupt.interrupts_held():
                 press(), press()
                 print("one press", flush=True)
                 time.sleep(0.6)
@@ -161,8 +161,8 @@ def test_processes_that_are_started_never_see_it():
     code = """
         import subprocess
         child = "import time; print('here', flush=True); time.sleep(1.0); print('done')"
-        with interrupt.listening():
-            with interrupt.ignored_by_children():
+        with interrupt.listening_for_interrupts():
+            with interrupt.interrupts_ignored_by_children():
                 process = subprocess.Popen([sys.executable, "-c", child], stdout=subprocess.PIPE, text=True)
             process.stdout.readline()
             try:

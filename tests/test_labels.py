@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.scene.value import Value
+from continuum_grasp.scene import Value
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = sorted(path for path in (ROOT / "configs").glob("*/*.yaml") if path.parent.name not in ("fingers", "sweep"))

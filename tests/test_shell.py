@@ -12,7 +12,7 @@ import sys
 
 import pytest
 
-from continuum_grasp import shell
+from continuum_grasp.base import shell
 from tests.commands import ROOT, environment, run
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="lines are typed into a POSIX shell")
@@ -85,12 +85,12 @@ def test_start_installs_extras_that_there_are(clone):
 @pytest.mark.parametrize("on_path", [True, False])
 def test_an_installed_command_is_named_where_a_shell_finds_it(on_path, tmp_path):
     code = f"#!{sys.executable}\nfrom continuum_grasp.__main__ import main\nmain()\n"
-    program = script(tmp_path / "its bin" / shell.NAME, code)
+    program = script(tmp_path / "its bin" / shell.COMMAND, code)
     path = f"{program.parent}{os.pathsep}{os.environ['PATH']}" if on_path else os.environ["PATH"]
-    first = shlex.join([shell.NAME if on_path else f"its bin/{shell.NAME}", *NEW])
+    first = shlex.join([shell.COMMAND if on_path else f"its bin/{shell.COMMAND}", *NEW])
     lines = advice(typed(first, tmp_path, PATH=path))
     assert shlex.split(lines)[2:] == [
-        shell.NAME if on_path else str(program),
+        shell.COMMAND if on_path else str(program),
         "validate",
         "configs/fingers/hand_finger.yaml",
     ]

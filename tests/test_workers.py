@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, CancelledError
 
 import pytest
 
-from continuum_grasp.workers import ProcessPool
+from continuum_grasp.base import ProcessPool
 
 _given: list[int] = []
 

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from continuum_grasp.accuracy.choice import Choice, choices
-from continuum_grasp.accuracy.motion import Motion
+from continuum_grasp.accuracy.motion import TipMotion
 from continuum_grasp.accuracy.truth import Truth
+from continuum_grasp.base import NumericalError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import NumericalError
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.scene import Scene
+from continuum_grasp.simulation import Signals, initial_state
 
 FRAMES = 200
 """Instants of a reference motion in its second."""
@@ -31,7 +30,7 @@ CANDIDATES = {
 NAMES = {"matched_clothoid": "matched clothoids", "clothoid": "clothoids", "arc": "arcs"}
 
 
-def rms_error(tip: np.ndarray, reference: Motion) -> float:
+def rms_error(tip: np.ndarray, reference: TipMotion) -> float:
     """R.m.s. distance [m] of a tip (T, 2) at equally spaced instants from the reference; infinite where it is lost."""
     every = FRAMES // (len(tip) - 1)
     off = np.hypot(*(tip - reference.tip[::every]).T)
@@ -87,7 +86,7 @@ def front(runs: Iterable[OwnRun]) -> list[OwnRun]:
     return retained
 
 
-def own_runs(scene: Scene, truth: Truth, reference: Motion) -> Iterator[OwnRun]:
+def own_runs(scene: Scene, truth: Truth, reference: TipMotion) -> Iterator[OwnRun]:
     """All candidates with all numbers of steps with which they run through."""
     for family, (counts, accuracies) in CANDIDATES.items():
         for accuracy in accuracies:
@@ -96,7 +95,7 @@ def own_runs(scene: Scene, truth: Truth, reference: Motion) -> Iterator[OwnRun]:
                     yield from _with_steps(choice, reference)
 
 
-def _with_steps(choice: Choice, reference: Motion) -> list[OwnRun]:
+def _with_steps(choice: Choice, reference: TipMotion) -> list[OwnRun]:
     began = time.perf_counter()
     core = Core(choice.model)
     core.prepare_rollout("rk4")

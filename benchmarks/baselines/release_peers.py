@@ -18,10 +18,10 @@ import numpy as np
 from benchmarks.baselines import Peer
 from benchmarks.baselines.release_ours import rms_error
 from benchmarks.report import Table
-from continuum_grasp.accuracy.motion import Motion
+from continuum_grasp.accuracy.motion import TipMotion
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.export import export_mjcf
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Scene
 
 _SHEAR_RATIO = 1.0 / 2.6
 _PLACES = 2001
@@ -145,7 +145,7 @@ class ChainRun:
 
 
 def sweep(
-    peers: ReleasePeers, rod: Mapping[str, Any], hinges: int, reference: Motion, thin: bool = False
+    peers: ReleasePeers, rod: Mapping[str, Any], hinges: int, reference: TipMotion, thin: bool = False
 ) -> list[ChainRun]:
     """All settings that run through, for one number of hinges; every other time step where ``thin``."""
     found, layouts = [], ("middle", "clamp") if rod["uniform"] else ("middle",)
@@ -181,7 +181,7 @@ _SHORT = 1e-3
 """Span over which the true section's steps are timed [s]."""
 
 
-def check(peers: ReleasePeers, rod: Mapping[str, Any], reference: Motion) -> tuple[Table, str, PeerRun]:
+def check(peers: ReleasePeers, rod: Mapping[str, Any], reference: TipMotion) -> tuple[Table, str, PeerRun]:
     """Errors of PyElastica's rods, and what remains after extrapolation; name and motion of the rod that is timed."""
     rows: list[list[Any]] = []
 

@@ -17,7 +17,7 @@ from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.rod import trace
 from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene import GraspScene
 
 CAUSES = ("tension", "friction", "mass", "strain", "reach", "clearance", "tension", "friction", "mass", "bend")
 """Taken in turn."""

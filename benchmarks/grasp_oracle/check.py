@@ -11,8 +11,7 @@ import numpy as np
 from benchmarks.grasp_oracle.forces import basis, bending_work, weight_work
 from benchmarks.grasp_oracle.outline import Outline
 from benchmarks.grasp_oracle.rod import Array, Section, section, trace
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene import GraspScene, OutOfPlaneGravity, PlanarGravity
 
 LIMITS = {
     "equilibrium": 1e-6,

@@ -11,9 +11,7 @@ import numpy as np
 
 from benchmarks.grasp_oracle.outline import Outline
 from benchmarks.grasp_oracle.rod import Array
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
-from continuum_grasp.scene.parts import SuperellipsePart
+from continuum_grasp.scene import GraspScene, OutOfPlaneGravity, PlanarGravity, SuperellipsePart
 
 TOUCH = 1e-6
 """Gap, as a part of the object's size, up to which it lies against a wall."""

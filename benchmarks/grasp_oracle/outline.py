@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from benchmarks.grasp_oracle.rod import Array
-from continuum_grasp.scene.parts import Part, SuperellipsePart
+from continuum_grasp.scene import Part, SuperellipsePart
 
 CORNERS = 0.05
 """Least part of the turns that a corner takes up per radian, so that scans see what happens there."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene import GraspScene
 
 G = 9.81
 

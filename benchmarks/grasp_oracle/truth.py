@@ -27,7 +27,7 @@ from benchmarks.grasp_oracle.rod import trace
 from benchmarks.grasp_oracle.scenes import digest, scene_of
 from benchmarks.grasp_oracle.search import Search
 from benchmarks.report import arguments
-from continuum_grasp.workers import ProcessPool, cores
+from continuum_grasp.base import ProcessPool, cores
 
 FOLDER = Path(__file__).with_name("answers")
 SAVED = 20.0

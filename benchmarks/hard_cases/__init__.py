@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.base import InputError, NumericalError, SolverError
 from continuum_grasp.scene import Scene
 from tests.rods import NITINOL, force, rod_scene
 

@@ -24,13 +24,10 @@ from benchmarks.hard_cases import (
     nitinol,
     push,
 )
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Samples, Scene, VectorSamples
-from continuum_grasp.simulation import modes, simulate
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.simulation import Signals, Trajectory, initial_state, modes, simulate
 from tests.rods import HANGING, UPRIGHT
 
 METHODS = ("auto", "rk4", "rodas", "reference")

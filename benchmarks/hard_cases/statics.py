@@ -23,8 +23,8 @@ from benchmarks.hard_cases import (
     nitinol,
     push,
 )
-from continuum_grasp.arrays import Array
-from continuum_grasp.rod.elastica import Elastica, solve_elastica
+from continuum_grasp.base import Array
+from continuum_grasp.rod import Elastica, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Equilibrium, equilibrium
 from tests.closed_forms.rods import TipPose, bent_by_moment, bent_by_tip_force, buckled_column, euler_load

@@ -10,12 +10,9 @@ import numpy as np
 
 import continuum_grasp as cg
 from benchmarks.harness import CONFIGS
-from continuum_grasp.arrays import Array
-from continuum_grasp.control import ControlProblem
-from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.base import Array
+from continuum_grasp.control import ControlProblem, Prediction, Stages, stages_of
+from continuum_grasp.scene import ControlScene
 
 FINER = 4
 """Runge-Kutta steps of the plant for one of the controller's model."""

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from benchmarks.harness import compiled, defines, generated, linked, one_core, work_sizes
 from benchmarks.mpc.cases import Case
 from benchmarks.real_time_iteration import Settings
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.rti.source import iteration_source
+from continuum_grasp.base import Array
+from continuum_grasp.control import Stages
+from continuum_grasp.control.iteration.source import iteration_source
 
 FLAGS = ("-O3", "-march=native", "-ffast-math", "-fPIC", "-w")
 """Of every contestant."""

@@ -14,9 +14,8 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.mpc.cases import outside, whole_stage
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.base import Array
+from continuum_grasp.control import ABSENT, Stages
 
 
 @dataclass

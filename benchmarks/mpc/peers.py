@@ -25,7 +25,7 @@ from benchmarks.harness import defines, one_core, run, work_sizes
 from benchmarks.mpc.cases import Case
 from benchmarks.mpc.loop import FLAGS, FOLDER, CLoop, LoopRun, c_text
 from benchmarks.mpc.nlp import Nlp
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 
 FORMS = {
     "own": "derivatives by CasADi alone",

@@ -8,13 +8,12 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.mpc.cases import state_step
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.controller import Controller
+from continuum_grasp.base import Array
+from continuum_grasp.control import Controller, load_library
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.control.rti.source import load_library
-from continuum_grasp.core.call import Caller
-from continuum_grasp.core.source import generated
+from continuum_grasp.core import generated
+from continuum_grasp.core.caller import Caller
 
 FINER = 2
 """Runge-Kutta steps of the plant for one of the controller's model."""

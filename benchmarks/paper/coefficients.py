@@ -8,7 +8,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
-from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model import Scalar
 
 Reading = Literal["corrected", "printed", "unrotated"]
 """Which of the three values of a coefficient is taken."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from benchmarks.paper.slips import AsPrinted
-from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model import Scalar
 
 _RIGHT = AsPrinted()
 

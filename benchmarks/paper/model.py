@@ -15,15 +15,11 @@ from benchmarks.paper.kinematics import Terms, TwoArcs
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
 from continuum_grasp.accuracy.choice import Errors, errors_of
 from continuum_grasp.accuracy.truth import Truth
-from continuum_grasp.errors import InputError
-from continuum_grasp.model import FingerModel
+from continuum_grasp.base import InputError
+from continuum_grasp.model import Equations, FingerModel, Scalar, Structure, Vec
 from continuum_grasp.model.acting import Acting
-from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.planar import Rotation, Scalar, Vec
-from continuum_grasp.model.structure import Structure
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.model.planar import Rotation
+from continuum_grasp.scene import Finger, ForceLoad, Scene
 
 _CLOSED: dict[str, frozenset[str]] = {"closed_printed": DYNAMIC, "closed_corrected": frozenset()}
 _APPENDIX: dict[str, Reading] = {

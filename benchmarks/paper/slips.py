@@ -10,7 +10,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from fractions import Fraction
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 
 @dataclass(frozen=True)

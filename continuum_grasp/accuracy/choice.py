@@ -10,19 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from continuum_grasp.accuracy.truth import STATIONS, TrueCase, Truth
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, SolverError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.layout import MOST_ELEMENTS, SHORTEST, element_lengths
-from continuum_grasp.model.quadrature import RANGES
-from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.simulate import Fidelity, Scene
-from continuum_grasp.simulation.modes import modes
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.spectrum import spectral_radius
-from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium_under
+from continuum_grasp.model import MOST_ELEMENTS, RANGES, SHORTEST, FingerModel, element_lengths
+from continuum_grasp.scene import FAMILIES, Fidelity, Scene
+from continuum_grasp.simulation import Equilibrium, Signals, equilibrium_under, modes, spectral_radius
 
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 """Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound what is

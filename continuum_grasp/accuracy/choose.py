@@ -19,15 +19,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp import __version__, interrupt
+from continuum_grasp import __version__
 from continuum_grasp.accuracy.choice import ACCURACIES, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.truth import Truth, find_truth
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.core.cache import entry_for, hash_of_code
-from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.labels import Summarized, quoted
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
+from continuum_grasp.base import InputError, SolverError, Summarized, check_arguments, interruptible, quoted
+from continuum_grasp.core import entry_for, hash_of_code
+from continuum_grasp.scene import Fidelity, Initial, Scene, Timing, scene_of
 
 
 @dataclass(frozen=True)
@@ -67,7 +64,7 @@ class Chosen(Summarized):
         )
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None = None) -> Chosen:
     """Find the cheapest family, elements and terms with which a scene meets a tolerance.

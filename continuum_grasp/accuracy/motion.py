@@ -10,15 +10,11 @@ import numpy as np
 
 from continuum_grasp.accuracy.choice import choices
 from continuum_grasp.accuracy.truth import Truth
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, NumericalError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.methods import INTEGRATORS, default_family
-from continuum_grasp.scene.simulate import Scene, Timing
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.simulate import simulate
+from continuum_grasp.scene import INTEGRATORS, Scene, Timing, default_family
+from continuum_grasp.simulation import Signals, initial_state, simulate
 
 _FINE = (8, 12)
 """Clothoids of the two reference motions; their difference shows how good the second is, by the fourth order."""
@@ -29,7 +25,7 @@ _SUBSTEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 
 
 
 @dataclass(frozen=True)
-class Motion:
+class TipMotion:
     """Tip of the finger over time."""
 
     t: Array  # (T,) instants [s]
@@ -60,7 +56,7 @@ def timing_of_comparison(scene: Scene) -> Timing:
     return Timing(duration=span, step=span / INSTANTS, method="auto")
 
 
-def reference_motion(scene: Scene, truth: Truth) -> Motion:
+def reference_motion(scene: Scene, truth: Truth) -> TipMotion:
     """The motion with 12 free clothoids; its error is estimated from that with 8, and from longer steps.
 
     Steps are implicit where the elements are stiff: twelve of the hand's finger on winches change at 6e6 1/s.
@@ -76,7 +72,7 @@ def reference_motion(scene: Scene, truth: Truth) -> Motion:
     # Errors e and e (8/12)^4 differ by what is seen: e of the finer one is the difference times share / (1 - share).
     share = (_FINE[0] / _FINE[1]) ** 4
     error = rms(tips[1] - tips[0]) / scene.finger.rod.length * share / (1.0 - share)
-    return Motion(trajectory.t, tips[1], error + trajectory.time_error)
+    return TipMotion(trajectory.t, tips[1], error + trajectory.time_error)
 
 
 def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:

@@ -12,19 +12,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp import interrupt
 from continuum_grasp.accuracy.choice import Choice, assess, choices, open_families
-from continuum_grasp.accuracy.motion import Motion, evaluation_ns, pace, reference_motion, rms
+from continuum_grasp.accuracy.motion import TipMotion, evaluation_ns, pace, reference_motion, rms
 from continuum_grasp.accuracy.truth import Truth, find_truth
-from continuum_grasp.arguments import check_arguments, whole
-from continuum_grasp.errors import ContinuumGraspError, InputError
-from continuum_grasp.labels import unit_of
-from continuum_grasp.results.declared import File, Picture, Stored
-from continuum_grasp.results.record import begin_run
-from continuum_grasp.results.result import Result
-from continuum_grasp.results.tables import pareto
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Scene
+from continuum_grasp.base import ContinuumGraspError, InputError, check_arguments, interruptible, unit_of, whole
+from continuum_grasp.results import File, Picture, Result, Stored, begin_run, pareto
+from continuum_grasp.scene import EXACT_ROD, Fidelity, Scene, scene_of
 
 FRONTS = (
     ("evaluation [ns]", "tip / L"),
@@ -49,7 +42,7 @@ NOTE = (
 
 
 @dataclass(frozen=True)
-class Choices:
+class ChoiceFigures:
     """A row of figures for each choice."""
 
     rows: tuple[tuple[Any, ...], ...]  # texts and numbers; NaN where something does not apply
@@ -98,8 +91,8 @@ class AccuracyReport(Result):
 
     scene: Scene
     truth: Truth
-    reference: Motion | None  # the motion that others are compared with; None where the scene has no time
-    choices: Choices  # families and numbers of elements
+    reference: TipMotion | None  # the motion that others are compared with; None where the scene has no time
+    choices: ChoiceFigures  # families and numbers of elements
     status: str = "finished"
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
@@ -171,7 +164,7 @@ class AccuracyReport(Result):
         return target
 
 
-def row_of(choice: Choice, truth: Truth, reference: Motion | None) -> tuple[Any, ...] | None:
+def row_of(choice: Choice, truth: Truth, reference: TipMotion | None) -> tuple[Any, ...] | None:
     """Measure a choice: its row of the table; None where it cannot have as many nodes as its accuracy takes."""
     if not choice.open:
         return None
@@ -194,7 +187,7 @@ def row_of(choice: Choice, truth: Truth, reference: Motion | None) -> tuple[Any,
     return (name, len(model.lengths), model.n, *costs, assessment.tip, assessment.shape, *frequencies, motion)
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def accuracy_report(
     scene: Scene | str | PathLike[str],
@@ -257,4 +250,4 @@ def accuracy_report(
         rows.append(row_of(choice, truth, reference))
         if progress is not None:
             progress(k / len(listed))
-    return AccuracyReport(bare_scene, truth, reference, Choices(tuple(row for row in rows if row is not None)))
+    return AccuracyReport(bare_scene, truth, reference, ChoiceFigures(tuple(row for row in rows if row is not None)))

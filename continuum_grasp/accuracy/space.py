@@ -15,19 +15,24 @@ from time import perf_counter
 import numpy as np
 
 from continuum_grasp.accuracy.choice import COUNTS, coordinates_near, relative_errors
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.consumer import Consumer
-from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
-from continuum_grasp.simulation.contacts import greatest_motion
-from continuum_grasp.simulation.modes import Modes, modes
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.simulate import simulate
-from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium, equilibrium_at, statics_model
-from continuum_grasp.simulation.trajectory import Trajectory, backbones, error_text
+from continuum_grasp.scene import Consumer, Fidelity, Initial, Scene
+from continuum_grasp.simulation import (
+    Equilibrium,
+    Modes,
+    Signals,
+    Trajectory,
+    backbones,
+    equilibrium,
+    equilibrium_at,
+    error_text,
+    greatest_motion,
+    modes,
+    simulate,
+    statics_model,
+)
 
 _MOST = COUNTS[-1]
 """Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen."""

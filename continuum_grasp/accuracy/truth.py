@@ -10,13 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import SolverError
-from continuum_grasp.rod.elastica import Elastica, solve_elastica
-from continuum_grasp.rod.frequencies import natural_frequencies
-from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, VectorSamples
-from continuum_grasp.scene.simulate import SEVERAL_MODELS, Scene
-from continuum_grasp.simulation.signals import interpolate, value_of
+from continuum_grasp.base import Array, SolverError
+from continuum_grasp.rod import Elastica, natural_frequencies, solve_elastica
+from continuum_grasp.scene import SEVERAL_MODELS, Actuation, ForceLoad, Load, Samples, Scene, VectorSamples
+from continuum_grasp.simulation import interpolate, value_of
 
 _HELD = "held"
 """Name of the load case that holds the initial pose."""

@@ -1,5 +1,6 @@
 """The command line: one file per verb."""
 
-from continuum_grasp.cli.app import app, main
+from lazy_loader import attach_stub
 
 __all__ = ["app", "main"]
+__getattr__, __dir__, _ = attach_stub(__name__, __file__)

@@ -9,14 +9,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp import shell
+from continuum_grasp.base import (
+    InputError,
+    command_line,
+    command_words,
+    has_tool,
+    install_line,
+    quoted_line,
+    tool_words,
+)
 from continuum_grasp.cli.options import option, verb
 from continuum_grasp.cli.output import Output, named_path, out_option
-from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.examples import Example
-    from continuum_grasp.scene.document import Document
+    from continuum_grasp.scene import Document
 
 _FIRST = "grasp/mug"
 """The example of those who name none."""
@@ -52,7 +59,7 @@ def new(
     from continuum_grasp.examples import copy_example, copy_notebooks, example
 
     if notebooks:
-        files, command = copy_notebooks(folder), shell.tool("jupyterlab", "notebooks", folder=folder)
+        files, command = copy_notebooks(folder), tool_words("jupyterlab", "notebooks", folder=folder)
         output.say("Notebooks, and what they read:\n")
     else:
         files, command = copy_example(name, folder), _command(example(name), folder)
@@ -61,10 +68,10 @@ def new(
         output.say(f"  {file}")
     output.say("\nRun it:\n")
     if folder.resolve() != Path.cwd():
-        output.say(f"  {shell.line(['cd', str(folder)])}")
-    if notebooks and not shell.installs("jupyterlab"):
-        output.say(f"  {shell.installing('notebook')}")
-    output.say(f"  {shell.line(command)}")
+        output.say(f"  {quoted_line(['cd', str(folder)])}")
+    if notebooks and not has_tool("jupyterlab"):
+        output.say(f"  {install_line('notebook')}")
+    output.say(f"  {quoted_line(command)}")
     output.result(example=None if notebooks else name, folder=folder, files=files, command=command)
 
 
@@ -74,7 +81,7 @@ def _list(output: Output) -> None:
     all_ = examples().values()
     width = max(len(example.name) for example in all_)
     for command in dict.fromkeys(example.verb for example in all_):
-        output.say(shell.called(command))
+        output.say(command_line(command))
         for example in all_:
             if example.verb == command:
                 note = f" (not shipped: its data, {', '.join(example.missing)})" if example.missing else ""
@@ -86,7 +93,7 @@ def _list(output: Output) -> None:
 
 
 def _command(example: Example, folder: Path = Path()) -> list[str]:
-    return shell.command(*example.arguments, folder=folder)
+    return command_words(*example.arguments, folder=folder)
 
 
 def schema(
@@ -101,9 +108,8 @@ def schema(
     out: Annotated[Path | None, out_option("Write all schemas into this folder.")] = None,
 ) -> None:
     """JSON Schema of the configurations, for editors."""
-    from continuum_grasp.results.atomic import write_text
-    from continuum_grasp.scene.kinds import KINDS
-    from continuum_grasp.scene.schema import json_schema, schema_files, schema_text
+    from continuum_grasp.results import write_text
+    from continuum_grasp.scene import KINDS, json_schema, schema_files, schema_text
 
     output = Output()
     if (kind is None) == (out is None):
@@ -125,13 +131,9 @@ def validate(
     picture: Path | None = option("Draw the scene before anything is solved.", metavar="FILE", parser=named_path),
 ) -> None:
     """Check configurations. Whether a finger can be modeled so is part of it."""
-    from continuum_grasp.control.prediction import Prediction
+    from continuum_grasp.control import Prediction
     from continuum_grasp.model import FingerModel
-    from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.finger import Finger
-    from continuum_grasp.scene.kinds import kind_of_scene
-    from continuum_grasp.scene.load import load_placed
-    from continuum_grasp.scene.simulate import Scene
+    from continuum_grasp.scene import ControlScene, Finger, Scene, kind_of_scene, load_placed
 
     checked: list[dict[str, Any]] = []
     for file in files:
@@ -170,7 +172,7 @@ def _draw(loaded: Any, document: Document, file: Path, picture: Path) -> None:
     """Draw the scene of a configuration, of a sweep or design its base; of several files, the last one's stays."""
     from continuum_grasp.plotting import plot_scene
     from continuum_grasp.results import save_picture
-    from continuum_grasp.scene.variation import base_scene
+    from continuum_grasp.scene import base_scene
 
     save_picture(plot_scene(base_scene(loaded, document, file)), picture)
 
@@ -187,7 +189,7 @@ def doctor(output: Output) -> None:
     import casadi
 
     from continuum_grasp import __version__
-    from continuum_grasp.core.compiler import find_compiler
+    from continuum_grasp.core import find_compiler
 
     compiler = find_compiler()
     facts = {"continuum_grasp": __version__, "python": platform.python_version(), "platform": platform.platform()}

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from continuum_grasp.base import InputError
 from continuum_grasp.cli.options import option, resolved_scene, verb
 from continuum_grasp.cli.output import Output, one_of, out_option
-from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.export import FunctionalMockupUnit, HingeChain, Package, Page
@@ -76,12 +76,11 @@ def export(
 
 def _export(output: Output, to: str, options: dict[str, Any], clock: str | None) -> None:
     """Export by the function of ``to`` with the options that were given, and print what it wrote."""
-    from continuum_grasp import export as package
-    from continuum_grasp.results.atomic import hold_folder
-    from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.mission import MissionScene
+    import continuum_grasp
+    from continuum_grasp.results import hold_folder
+    from continuum_grasp.scene import ControlScene, MissionScene
 
-    write = getattr(package, f"export_{to}")
+    write = getattr(continuum_grasp, f"export_{to}")
     for key in options.keys() - inspect.signature(write).parameters.keys():
         raise InputError(f"has no effect on --to {to}", key=f"--{_SPELLED.get(key, key)}")
     rates = [] if clock is None else [_frequency(clock, "measured" in options)]
@@ -92,7 +91,7 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
     if rates and not isinstance(scene, more):
         raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
     if to == "fmu":
-        from continuum_grasp.export.fmu.write import identifier_of
+        from continuum_grasp.export import identifier_of
 
         options.setdefault("name", identifier_of(output.config, scene))
     hold_folder(output.folder)
@@ -128,7 +127,7 @@ _SPELLED = {"measured": "measure", "ranges": "range"}
 
 def _frequency(text: str, measured: bool) -> float:
     """Cycles of a clock per second [Hz]."""
-    from continuum_grasp.scene.units import to_si
+    from continuum_grasp.scene import to_si
 
     value = to_si(text, "Hz")
     if value is None or value <= 0.0:

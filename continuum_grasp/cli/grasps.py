@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from continuum_grasp.base import SolverError
 from continuum_grasp.cli.options import OF_RUNS, option, verb
 from continuum_grasp.cli.output import Output, one_of, out_option
-from continuum_grasp.errors import SolverError
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.values import Reason
+    from continuum_grasp.grasp import Reason
 
 _PICTURES = typer.Option("--pictures/--no-pictures", help="Draw a picture and write the HTML report.")
 
@@ -26,7 +26,7 @@ def grasp(
     ),
 ) -> None:
     """Find how fingers hold an object, or why they cannot."""
-    from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.scene import GraspScene
 
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]
     output = replace(output, changes=[*(output.changes or ()), *seeding])
@@ -95,11 +95,8 @@ def sweep(
     folder = output.folder
     output.check_folder(alone=False)  # a sweep locks its table, which may be drawn while it grows
     if plot_only:
-        from continuum_grasp.results.record import begin_run
-        from continuum_grasp.sweeps import sweep_table
-        from continuum_grasp.sweeps.folder import PLAN
-        from continuum_grasp.sweeps.plan import plan_of
-        from continuum_grasp.sweeps.table import CSV
+        from continuum_grasp.results import begin_run
+        from continuum_grasp.sweeps import CSV, PLAN, plan_of, sweep_table
 
         # The pictures are those that the configuration asks for now; those of before go.
         table = replace(sweep_table(folder), requested=plan_of(output.config, output.changes or []).pictures)

@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from continuum_grasp.base import InputError
 from continuum_grasp.cli.options import OF_RUNS, option, verb
 from continuum_grasp.cli.output import FAILED, Output
-from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.cli.progress import Progress
-    from continuum_grasp.identification.comparison import Predicted
-    from continuum_grasp.identification.experiments import ExperimentPlan
-    from continuum_grasp.identification.fit import Fit
-    from continuum_grasp.scene.simulate import FingerScene, Scene
+    from continuum_grasp.identification import ExperimentPlan, Fit, Predicted
+    from continuum_grasp.scene import FingerScene, Scene
 
 
 @verb(*OF_RUNS)
@@ -30,7 +28,7 @@ def compare(
     ] = None,
 ) -> None:
     """Compare a simulation with measurements. Nothing is estimated."""
-    from continuum_grasp.scene.simulate import Scene
+    from continuum_grasp.scene import Scene
 
     compared(output.scene(Scene), data, output)
 
@@ -38,7 +36,7 @@ def compare(
 def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
     """Compare a scene with measurements, and save that."""
     from continuum_grasp.identification import compare as run
-    from continuum_grasp.identification.read import located
+    from continuum_grasp.identification import located
 
     paths = list(data or located(scene, output.config.parent))
     prediction, files = output.run("comparing", lambda report: run(scene, paths, progress=report))
@@ -49,7 +47,7 @@ def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
 
 def show_channels(predicted: Predicted, output: Output) -> None:
     """Print the errors of each channel."""
-    from continuum_grasp.identification.comparison import HEADINGS
+    from continuum_grasp.identification import HEADINGS
 
     output.table(HEADINGS, *(channel.texts for channel in predicted.channels))
 
@@ -77,7 +75,7 @@ def identify(
 
     Exit status 1 where the data cannot be those of this finger, or no experiment shows one of the unknowns.
     """
-    from continuum_grasp.scene.identify import IdentifyScene
+    from continuum_grasp.scene import IdentifyScene
 
     scene = output.scene(IdentifyScene)
     if design and apply:
@@ -98,7 +96,7 @@ def identify(
         return
 
     from continuum_grasp.identification import identify as run
-    from continuum_grasp.identification.read import located
+    from continuum_grasp.identification import located
 
     paths = data or located(scene, output.config.parent)
     fit, files = output.run(
@@ -113,8 +111,7 @@ def identify(
 
 def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
     """Configurations into which estimates go."""
-    from continuum_grasp.scene.load import load
-    from continuum_grasp.scene.simulate import FingerScene
+    from continuum_grasp.scene import FingerScene, load
 
     targets: list[tuple[Path, FingerScene]] = []
     for path in paths:
@@ -152,8 +149,7 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
 
 def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
     """The file of a scene with the estimates in it, named after its configuration."""
-    from continuum_grasp.results.atomic import write_text
-    from continuum_grasp.results.plain import yaml_text
+    from continuum_grasp.results import write_text, yaml_text
 
     plain = scene.model_dump(mode="json", exclude_unset=True)
     return write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / f"{config.stem}_identified.yaml")
@@ -204,14 +200,14 @@ def commission(
     Without LOG it writes the commands that a bench plays; with one, the corrected configuration. Exit status 1 where
     the log does not tell all.
     """
-    from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene import ControlScene
 
     scene = output.scene(ControlScene)
     if plant and log is not None:
         raise InputError("--plant plays the plan itself: give no LOG, or no --plant")
 
-    from continuum_grasp.identification.commissioning import commission as run
-    from continuum_grasp.identification.commissioning import design_commissioning
+    from continuum_grasp.identification import commission as run
+    from continuum_grasp.identification import design_commissioning
 
     if log is None and not plant:
         design = replace(output, verb="experiments")
@@ -237,11 +233,11 @@ def replay(
 
     Names the sensor that disagrees, and noise, delay and lag of the log. Exit status 1 if sensors and model disagree.
     """
-    from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene import ControlScene
 
     scene = output.scene(ControlScene)
 
-    from continuum_grasp.identification.replayed import replay as run
+    from continuum_grasp.identification import replay as run
 
     prediction, files = output.run("replaying", lambda report: run(scene, log, progress=report))
     show_channels(prediction, output)

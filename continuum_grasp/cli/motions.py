@@ -7,15 +7,15 @@ from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 
+from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.cli.options import OF_RUNS, option, resolved_scene, verb
 from continuum_grasp.cli.output import Output, named_path, out_option
-from continuum_grasp.errors import InputError, SolverError
 
 
 @verb(*OF_RUNS, "animation")
 def simulate(output: Output) -> None:
     """Move a finger in time."""
-    from continuum_grasp.scene.simulate import Scene
+    from continuum_grasp.scene import Scene
 
     scene: Scene = output.scene(Scene)
     if scene.time is None:
@@ -43,7 +43,7 @@ def plan(
     speed: float = option("Seconds of motion per second of animation.", default=0.1, metavar="S"),
 ) -> None:
     """Plan a whole motion to a goal. Costs: time, effort, smoothness, tracking."""
-    from continuum_grasp.scene.plan import PlanScene
+    from continuum_grasp.scene import PlanScene
 
     scene = output.scene(PlanScene)
 
@@ -116,11 +116,11 @@ def accuracy(
     most: int = option("Greatest number of elements.", "--elements", default=16, metavar="N", min=1, max=32),
 ) -> None:
     """Compare speed and error of every choice of model. A tolerance is answered with its choice."""
-    from continuum_grasp.scene.simulate import Scene
+    from continuum_grasp.scene import Scene
 
     scene = output.scene(Scene)
 
-    from continuum_grasp.accuracy.report import COUNTS, accuracy_report
+    from continuum_grasp.accuracy import COUNTS, accuracy_report
 
     counts = [count for count in COUNTS if count <= most]
     comparison, files = output.run("measuring", lambda report: accuracy_report(scene, counts=counts, progress=report))

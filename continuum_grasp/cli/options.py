@@ -70,7 +70,7 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
 
 def resolved_scene(output: Output, *others: type, vibrates: bool = False) -> tuple[Any, str]:
     """A scene of ``simulate``, its tolerance turned into a model, or one of other kinds; what was chosen and why."""
-    from continuum_grasp.scene.simulate import Scene
+    from continuum_grasp.scene import Scene
     from continuum_grasp.verbs import resolved
 
     scene = output.scene(Scene, *others)

@@ -13,10 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
+from continuum_grasp.base import InputError, Interrupted, NumericalError, columns, interrupts_held
 from continuum_grasp.cli.progress import Progress, shown
-from continuum_grasp.errors import InputError, Interrupted, NumericalError
-from continuum_grasp.interrupt import held
-from continuum_grasp.labels import columns
 
 if TYPE_CHECKING:
     from continuum_grasp.results import MotionResult, Result
@@ -122,7 +120,7 @@ class Output:
 
         Where this run is to be ``alone`` in it, also one in which another run is at work.
         """
-        from continuum_grasp.results.atomic import check_folder, hold_folder
+        from continuum_grasp.results import check_folder, hold_folder
 
         check_folder(self.folder, self.verb)
         if alone:
@@ -130,7 +128,7 @@ class Output:
 
     def scene(self, *kinds: type) -> Any:
         """The scene of the configuration, of one of some kinds."""
-        from continuum_grasp.scene.load import scene_of
+        from continuum_grasp.scene import scene_of
 
         return scene_of(self.config, kinds, self.changes or ())
 
@@ -166,14 +164,14 @@ class Output:
     def result(self, **values: Any) -> None:
         """Print the one JSON object, where JSON is wanted."""
         if self.as_json:
-            from continuum_grasp.results.plain import plain
+            from continuum_grasp.results import plain
 
             _print(json.dumps(plain(values), indent=2, allow_nan=False))
 
     @contextmanager
     def saving(self) -> Iterator[None]:
         """Save what was computed, and let Ctrl-C wait for that."""
-        with held(quietly=True) as pressed:
+        with interrupts_held(quietly=True) as pressed:
             yield
         if pressed():
             raise KeyboardInterrupt(f"interrupted; the result is saved in {self.folder}")

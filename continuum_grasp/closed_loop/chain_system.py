@@ -18,19 +18,24 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop.links import guided_tendons, lump
-from continuum_grasp.errors import InputError
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.contacts import Contacts
-from continuum_grasp.model.functions import Functions, dense, named
-from continuum_grasp.model.planar import Scalar, Vec, column
-from continuum_grasp.model.system import System, columns
-from continuum_grasp.model.touching import Station
-from continuum_grasp.model.winches import Winch, winches_of
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, unknown_to
-from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.model import (
+    Contacts,
+    FingerModel,
+    Functions,
+    Scalar,
+    Station,
+    System,
+    Vec,
+    Winch,
+    column,
+    columns,
+    dense,
+    named,
+    winches_of,
+)
+from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ForceLoad, Initial, Scene, unknown_to
 
 OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """Numbers of the finger that may be changed without compiling anew."""

@@ -20,14 +20,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp import shell
-from continuum_grasp.arguments import check_arguments, whole
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, check_arguments, install_line, whole
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
-from continuum_grasp.control.command import Command
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import scene_of
+from continuum_grasp.control import Command
+from continuum_grasp.scene import ControlScene, scene_of
 
 
 class SimulatedBench:
@@ -99,7 +95,7 @@ class SerialBoard:
         try:
             import serial
         except ImportError:
-            raise InputError(f"a serial board needs pyserial: {shell.installing('serial')}") from None
+            raise InputError(f"a serial board needs pyserial: {install_line('serial')}") from None
         self._readings, self._sent = whole("readings", readings), 0
         self._rest, self._number = b"", -1
         self.damaged = self.missed = 0

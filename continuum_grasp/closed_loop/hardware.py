@@ -12,20 +12,30 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments, positive, within
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import (
+    Array,
+    InputError,
+    Interrupted,
+    check_arguments,
+    interruptible,
+    interrupts_held,
+    positive,
+    within,
+)
 from continuum_grasp.closed_loop.drivers import HangsError, RealTime, alarm, no_collection, real_time, wait_until
 from continuum_grasp.closed_loop.wiring import wiring_of
-from continuum_grasp.control.arguments import vector
-from continuum_grasp.control.command import Command
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.log import ControlLog
-from continuum_grasp.control.parts import safe_ramp
-from continuum_grasp.control.prediction import start_state
-from continuum_grasp.control.status import Health, Status, spread
-from continuum_grasp.errors import InputError, Interrupted
-from continuum_grasp.scene.simulate import Initial
+from continuum_grasp.control import (
+    Command,
+    CommandStatus,
+    Controller,
+    ControlLog,
+    Health,
+    safe_ramp,
+    spread,
+    start_state,
+    vector,
+)
+from continuum_grasp.scene import Initial
 
 
 @runtime_checkable
@@ -84,7 +94,7 @@ class HardwareRun:
         return {**outcome, "status": self.status, "health": self.health, "realtime": list(self.realtime)}
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def run_hardware(
     controller: Controller,
@@ -175,7 +185,7 @@ def run_hardware(
             loop.ended = "silent" if isinstance(raised, HangsError) else "interrupted" if of_user else "failed"
             loop.cause = str(raised) or type(raised).__name__
         if not (hold and loop.ended == "finished"):
-            with interrupt.held(quietly=True):
+            with interrupts_held(quietly=True):
                 loop.ramp()
     run = loop.found(granted)
     if loop.ended == "interrupted":
@@ -221,7 +231,7 @@ class _Loop:
         self.u, self.y = list[Array](), list[Array]()
         self.jitter, self.latency = list[float](), list[float]()
         self.overruns = self.skipped = 0
-        self.status, self.health = dict.fromkeys(Status, 0), dict.fromkeys(Health, 0)
+        self.status, self.health = dict.fromkeys(CommandStatus, 0), dict.fromkeys(Health, 0)
         self.ended, self.cause = "finished", "the duration is over"
         self.arm: Callable[[bool], object] = lambda on: None
 
@@ -278,7 +288,7 @@ class _Loop:
         read = vector("read()", reading, len(self.controller.measurement_names), check=False)
         return read if self._wired is None else self._wired.readings.back(read)
 
-    def _send(self, command: Command, u: Array, status: Status | None = None) -> None:
+    def _send(self, command: Command, u: Array, status: CommandStatus | None = None) -> None:
         sent = u if self._wired is None else self._wired.commands(u)
         same = status is None and np.array_equal(sent, command.u)
         self.arm(True)
@@ -298,7 +308,7 @@ class _Loop:
         count = max(1, math.ceil(whole * float(np.max(np.abs(first - self._rest) / self._range)) / period))
         for k in range(count):
             try:
-                self._send(command, first + (k + 1) / count * (self._rest - first), Status.SAFE_RAMP)
+                self._send(command, first + (k + 1) / count * (self._rest - first), CommandStatus.SAFE_RAMP)
             except Exception as failed:
                 self.cause += f"; the ramp to rest could not be written: {failed}"
                 if k + 1 < count:

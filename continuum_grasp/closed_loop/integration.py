@@ -7,16 +7,12 @@ import ctypes
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
-from continuum_grasp.control.rti.source import load_library
-from continuum_grasp.core.call import pointer
-from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.core.source import filled, generated, template
-from continuum_grasp.errors import NumericalError
-from continuum_grasp.model.functions import Remade
+from continuum_grasp.control import load_library
+from continuum_grasp.core import HalfStepSignal, Rollouts, filled, generated, pointer, step_function, template
+from continuum_grasp.model import Remade
 
 GUIDES = "guides"
 """Name of the method of chains of guides, which is none of ``INTEGRATORS``."""
@@ -50,9 +46,9 @@ class Integration(Remade):
         model, steady = self._model, self._model.steady
         # At the start, the middle and the end of each step, where the methods evaluate forces.
         rows = model.forces(start + np.arange(1 if steady else 2 * count + 1) * (0.5 * step))
-        w = Signal(np.ascontiguousarray(rows)[None], 0 if steady else model.nw, 0)
+        w = HalfStepSignal(np.ascontiguousarray(rows)[None], 0 if steady else model.nw, 0)
         begin = np.ascontiguousarray(x, dtype=float)[None]
-        states, valid = self.run(begin, count, 1, step, Signal(u[None, None], 0, 0), w, model.p)
+        states, valid = self.run(begin, count, 1, step, HalfStepSignal(u[None, None], 0, 0), w, model.p)
         why = (
             "the plant's state is not finite after t = {time} s (last finite state {last}): its loads or inputs bend "
             "it beyond what its model means; see plant.fidelity.bending_range and loads"

@@ -11,11 +11,9 @@ import numpy as np
 from scipy.linalg import eigh, eigvalsh
 from scipy.optimize import brentq
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.winches import Motor, winches_of
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.profile import Profile
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.model import Motor, winches_of
+from continuum_grasp.scene import Finger, Profile
 
 _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""

@@ -11,20 +11,16 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.integration import GUIDES, ChainIntegration, Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.readings import quantities_of
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.closed_loop.wiring import wiring_of
-from continuum_grasp.control.estimation.model import sensed
-from continuum_grasp.control.estimation.noise import measurement_std
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.simulation.spectrum import TARGET_RADIUS, partial_step, sample_shapes, stiff_method
+from continuum_grasp.control import Prediction, measurement_std, sensed
+from continuum_grasp.scene import ControlScene
+from continuum_grasp.simulation import TARGET_RADIUS, partial_step, sample_shapes, stiff_method
 
 
 class Plant:
@@ -194,7 +190,7 @@ _SHAPES = 4
 """Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
 
-class Method(NamedTuple):
+class PlantIntegration(NamedTuple):
     """Integration of a plant: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
 
     ``guides``: the steps of a chain of guides, whatever its rates (0).
@@ -205,13 +201,13 @@ class Method(NamedTuple):
     radius: float
 
 
-def choose_method(model: PlantModel, period: float) -> Method:
+def choose_method(model: PlantModel, period: float) -> PlantIntegration:
     """Choose the cheapest stable steps, from the largest eigenvalue over some shapes at rest, contacts and damping."""
     system, w = model.system, model.forces(0.0)[0]
     radius, longest = 0.0, partial_step(system.finger_model.finger)
     if isinstance(system, ChainSystem):
         # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
-        return Method(GUIDES, math.ceil(period / (10.0 * longest) - 1e-9), radius)
+        return PlantIntegration(GUIDES, math.ceil(period / (10.0 * longest) - 1e-9), radius)
     for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
@@ -221,13 +217,13 @@ def choose_method(model: PlantModel, period: float) -> Method:
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
     if system.surroundings is not None or system.structure.has_law("damping"):
         partial = stiff_method(system.structure) if system.structure.has_law("damping") else "ros2"
-        return Method(partial, math.ceil(period / longest - 1e-9), radius)
+        return PlantIntegration(partial, math.ceil(period / longest - 1e-9), radius)
     # 12.5: longest step of either method per that; on fingers of a hand it follows a step of the input to 1e-6
     wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / (12.5 * longest) - 1e-9)
     # 40: sub-steps per control period up to which the explicit method is taken
     if wanted <= max(40, least):
-        return Method("rk4", max(wanted, least, 1), radius)
-    return Method(stiff_method(system.structure), max(least, 1), radius)
+        return PlantIntegration("rk4", max(wanted, least, 1), radius)
+    return PlantIntegration(stiff_method(system.structure), max(least, 1), radius)
 
 
 class Sensors:

@@ -10,24 +10,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, split_unit
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.labels import split_unit
-from continuum_grasp.model import System
-from continuum_grasp.model.actuation import lag_names, lag_rates
-from continuum_grasp.model.functions import Remade
-from continuum_grasp.model.layout import element_lengths
-from continuum_grasp.model.memory import direction
-from continuum_grasp.model.planar import column
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.finger import PointMass
-from continuum_grasp.scene.loads import Actuation
-from continuum_grasp.scene.methods import FAMILIES, default_family
-from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.model import Remade, System, column, direction, element_lengths, lag_names, lag_rates
+from continuum_grasp.scene import FAMILIES, Actuation, ControlScene, PointMass, Rod, Scene, Surroundings, default_family
+from continuum_grasp.simulation import Signals, initial_state
 
 _LAG = "drive_time_constant"
 """Parameter that is the lag of commanded tensions."""

@@ -9,16 +9,20 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, unit_of
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.ocp.bounds import curvature_limits, distance_from
-from continuum_grasp.control.ocp.cost_terms import Quantities, cost_terms
-from continuum_grasp.control.ocp.setpoints import Tracking, amount
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.labels import unit_of
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.control import (
+    Prediction,
+    Quantities,
+    Stages,
+    Tracking,
+    amount,
+    cost_terms,
+    curvature_limits,
+    distance_from,
+)
+from continuum_grasp.scene import ControlScene
+from continuum_grasp.simulation import ContactHistory
 
 _FINE = 64
 """Sections along the backbone at which zones are checked [1]: many times the controller's four to an element, so that
@@ -113,13 +117,13 @@ class Readings:
         """Share of the plant's declared bending range that each element uses (K, elements)."""
         return self._rows(self.plant.range_use, x, u, w)
 
-    def contacts(self, x: Array, u: Array, w: Array) -> ContactForces | None:
+    def contacts(self, x: Array, u: Array, w: Array) -> ContactHistory | None:
         """Gaps and forces of all contacts; None without an object."""
         plant = self.plant
         if not plant.system.touch_names:
             return None
         names = tuple(plant.system.touch_names)
-        return ContactForces.from_expressions(names, plant.touch, lambda value: self._rows(value, x, u, w))
+        return ContactHistory.from_expressions(names, plant.touch, lambda value: self._rows(value, x, u, w))
 
     # -- what is tracked ----------------------------------------------------------------------------------------------
 
@@ -165,7 +169,7 @@ class Readings:
 
 
 @dataclass(frozen=True)
-class Violation:
+class BoundExcess:
     """Greatest amount by which a bound was exceeded (negative: the least distance from it), and for how long."""
 
     name: str
@@ -175,7 +179,7 @@ class Violation:
 
 
 @dataclass(frozen=True)
-class Times:
+class PhaseTimes:
     """Time that a phase of the controller took, or the whole step [s]."""
 
     name: str
@@ -200,8 +204,8 @@ class Metrics:
     effort_rms: float
     rate_rms: float
     input_unit: str
-    violations: tuple[Violation, ...]
-    times: tuple[Times, ...]
+    violations: tuple[BoundExcess, ...]
+    times: tuple[PhaseTimes, ...]
     late: int
     statuses: dict[str, int]
     anomalies: dict[str, int]
@@ -235,8 +239,8 @@ class Metrics:
         }
 
 
-def violation_of(bound: Bound) -> Violation:
+def violation_of(bound: Bound) -> BoundExcess:
     """Evaluate a bound; what exceeds it by rounding alone does not count."""
     worst = float(bound.excess.max())
     rounding = 1e-9 * max(1.0, float(np.abs(bound.excess).max()))
-    return Violation(bound.name, bound.unit, worst, float(np.mean(bound.excess > rounding)))
+    return BoundExcess(bound.name, bound.unit, worst, float(np.mean(bound.excess > rounding)))

@@ -11,19 +11,23 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.readings import Bound, Metrics, Readings, Times, violation_of
-from continuum_grasp.control.estimation.adaptation import Adapted
-from continuum_grasp.control.log import ControlLog
-from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
-from continuum_grasp.control.ocp.setpoints import amount, missed_setpoints, rms, tracking_of
-from continuum_grasp.control.status import spread
-from continuum_grasp.labels import columns, name_of, unit_of
-from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
-from continuum_grasp.results.motion import MotionResult
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.simulation.contacts import CONTACT, ContactForces
-from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
+from continuum_grasp.base import Array, columns, name_of, unit_of
+from continuum_grasp.closed_loop.readings import Bound, Metrics, PhaseTimes, Readings, violation_of
+from continuum_grasp.control import (
+    Adapted,
+    ControlLog,
+    Tracked,
+    amount,
+    missed_setpoints,
+    rms,
+    spread,
+    tracked_groups,
+    tracking_of,
+)
+from continuum_grasp.results import POSE, TIME, XY, Dimension, File, MotionResult, Picture, Stored
+from continuum_grasp.scene import ControlScene
+from continuum_grasp.simulation import CONTACT, ContactHistory
+from continuum_grasp.simulation import STORED as CONTACTS_STORED
 
 
 @dataclass(frozen=True)
@@ -202,7 +206,7 @@ class ControlRun(MotionResult):
         return pose if pose.shape[1] else None
 
     @cached_property
-    def contacts(self) -> ContactForces | None:
+    def contacts(self) -> ContactHistory | None:
         """Gaps and forces of all contacts; None without an object."""
         return self.readings.contacts(self.x, self._inputs, self.w)
 
@@ -222,7 +226,7 @@ class ControlRun(MotionResult):
             rate_rms=rms(np.linalg.norm(u - held, axis=1) / self.period),
             input_unit=unit_of(self.u_names[0]),
             violations=tuple(map(violation_of, self.bounds)),
-            times=tuple(Times(name, **spread(column)) for name, column in durations.items()) if steps.size else (),
+            times=tuple(PhaseTimes(name, **spread(column)) for name, column in durations.items()) if steps.size else (),
             late=int(np.sum(steps > self.deadline)),
             statuses=dict(Counter(self.status)),
             anomalies=dict(Counter(word for words in self.anomalies for word in words)),

@@ -12,20 +12,20 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import (
+    Array,
+    InputError,
+    Interrupted,
+    NumericalError,
+    check_arguments,
+    interruptible,
+    interrupts_held,
+)
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import Function, setpoints
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError, Interrupted, NumericalError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import scene_of
+from continuum_grasp.control import Controller, Function, Outputs, Prediction, Stages, setpoints
+from continuum_grasp.scene import ControlScene, scene_of
 
 
 @runtime_checkable
@@ -58,7 +58,7 @@ class _Step(NamedTuple):
     x: Array
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def run_closed_loop(
     scene: ControlScene | str | PathLike[str],
@@ -121,7 +121,7 @@ def run_closed_loop(
     return run
 
 
-class Phases(Protocol):
+class LoopPhases(Protocol):
     """Phases of a closed loop, which change its setpoints and its controller; ``events`` notes when each began [s]."""
 
     @property
@@ -140,10 +140,10 @@ class FingerLoop(NamedTuple):
     control: Controls
     plant: Plant
     rows: Callable[[Array], Array]
-    phases: Phases | None = None
+    phases: LoopPhases | None = None
 
 
-@interrupt.computing()
+@interruptible()
 def run_fingers(
     loops: Sequence[FingerLoop],
     shared: SharedPlant,
@@ -165,7 +165,7 @@ def run_fingers(
     first = [(loop.plant.t, loop.plant.x) for loop in loops]
     count = round(duration / loops[0].control.period)
     error = _loop(loops, shared, steps, count, progress or (lambda share: None))
-    with interrupt.held(quietly=True) as pressed:
+    with interrupts_held(quietly=True) as pressed:
         known = [_result(loop, first[k], [of[k] for of in steps], error is None) for k, loop in enumerate(loops)]
         runs = []
         for run, off in zip(known, _plant_errors(shared, known), strict=True):

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.estimator import Connection, Mounting
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.scene import Connection, Mounting
 
 TIP = ("tip_x [m]", "tip_y [m]")
 

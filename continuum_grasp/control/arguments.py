@@ -9,11 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import shown
-from continuum_grasp.arrays import Array
-from continuum_grasp.core.call import finite
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import name_of
+from continuum_grasp.base import Array, InputError, name_of, shown
+from continuum_grasp.core import finite
 
 
 def named(key: str, value: Mapping[str, Any], names: Sequence[str], default: ArrayLike | None = None) -> Array:

@@ -6,25 +6,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, Summarized, name_of, quoted
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
 from continuum_grasp.control.parts import ControlParts
-from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Sight, Status, Trip, health_text, texts
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import Summarized, name_of, quoted
+from continuum_grasp.control.status import CALL_RATE, Anomaly, CommandStatus, Health, Sight, Trip, health_text, texts
 
 _HEALTH = tuple(Health)
 
 
-class Plan(NamedTuple):
+class HorizonPlan(NamedTuple):
     """States (N + 1, nx) and inputs (N, nu) over the horizon."""
 
     x: Array
     u: Array
 
 
-class Estimate(NamedTuple):
+class StateEstimate(NamedTuple):
     """Estimate that the plan starts from: state of the prediction (nx), and parameters with the estimated disturbances
     (np).
 
@@ -76,13 +74,13 @@ class Command(Summarized):
     # Numbers stay where the C wrote them until they are read: a loop pays for what it looks at.
     __slots__ = ("_control", "_out", "_places", "health", "status", "u")
 
-    def __init__(self, control: ControlParts, places: dict[str, slice], status: Status, out: Array) -> None:
+    def __init__(self, control: ControlParts, places: dict[str, slice], status: CommandStatus, out: Array) -> None:
         self._control, self._places, self._out = control, places, out
         self.status = status
         self.health = _HEALTH[int(self._number("health"))]
         self.u = self._part("u")
 
-    def with_input(self, u: Array, status: Status | None = None) -> Command:
+    def with_input(self, u: Array, status: CommandStatus | None = None) -> Command:
         """Copy with another input (nu), such as a bench counts it, and another status where it is given."""
         out = self._out.copy()
         out[self._places["u"]] = u
@@ -119,10 +117,10 @@ class Command(Summarized):
         return self.status.fallback
 
     @property
-    def plan(self) -> Plan:
+    def plan(self) -> HorizonPlan:
         """The last plan, with scenarios that of the first; all zero where there is none yet."""
         x, u = self._part("plan_x"), self._part("plan_u")
-        return Plan(x.reshape(-1, self._control.stages.nx), u.reshape(-1, self._control.stages.nu))
+        return HorizonPlan(x.reshape(-1, self._control.stages.nx), u.reshape(-1, self._control.stages.nu))
 
     @property
     def inputs(self) -> dict[str, float]:
@@ -180,14 +178,14 @@ class Command(Summarized):
         return {name: value for name, value in zip(self._control.stages.c_names, excess, strict=True) if value > 0.0}
 
     @property
-    def estimate(self) -> Estimate:
+    def estimate(self) -> StateEstimate:
         """State and parameters."""
         x, p, then = self._part("x")[: self._control.stages.nd], self._part("p"), self._part("then")
         if not then.size:
-            return Estimate(x, p)
+            return StateEstimate(x, p)
         root = self._part("upper").reshape(then.size, -1) * np.sqrt(np.maximum(self._part("diagonal"), 0.0))
         covariance = root @ root.T
-        return Estimate(x, p, np.sqrt(np.diag(covariance)), covariance)
+        return StateEstimate(x, p, np.sqrt(np.diag(covariance)), covariance)
 
     @property
     def adapted(self) -> dict[str, Adapted]:

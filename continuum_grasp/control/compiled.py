@@ -10,12 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.contact_model import ContactModel
+from continuum_grasp.control.iteration import source as rti
 from continuum_grasp.control.parts import ControlParts, Settings, is_whole
-from continuum_grasp.control.rti import source as rti
-from continuum_grasp.core.source import in_lanes, plain_source
-from continuum_grasp.errors import InputError
+from continuum_grasp.core import in_lanes, plain_source
 
 
 def macros(parts: ControlParts, *, controls: bool) -> list[str]:

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments, positive, shown
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, Summarized, check_arguments, positive, shown
 from continuum_grasp.control.arguments import named, numbers, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled import Compiled, controller_source
@@ -20,13 +19,11 @@ from continuum_grasp.control.estimation.contact_detector import contact_parts
 from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import ControlParts, Settings
-from continuum_grasp.control.status import Statistics, Status
-from continuum_grasp.core.precision import precision_of
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import Summarized
-from continuum_grasp.model.functions import Remade
+from continuum_grasp.control.status import CommandStatus, Statistics
+from continuum_grasp.core import precision_of
+from continuum_grasp.model import Remade
 
-_STATUS = tuple(Status)
+_STATUS = tuple(CommandStatus)
 CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
 """Members of ``rti_settings`` that may be changed between calls, in the order of exported C."""
 _CHUNK = 128

@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments
+from continuum_grasp.base import InputError, check_arguments, quoted
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
@@ -17,10 +17,7 @@ from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction, first_state
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import quoted
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene import ControlScene, scene_of
 
 
 class Controller(CompiledController):

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 
 COMMANDED = "commanded_"
 """Before the name of an input in the heading of a command: sensors of tensions have the names of inputs."""

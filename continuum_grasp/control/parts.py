@@ -13,19 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
 from continuum_grasp.control.estimation.excitation import memory_of, quiet_sensitivities
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
 from continuum_grasp.control.estimation.noise import Ranges, measurement_std, noise_of, ranges_of
+from continuum_grasp.control.iteration import source as rti
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.rti import source as rti
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene import ControlScene, Finger
 
 Settings = dict[str, ArrayLike]
 
@@ -64,7 +62,7 @@ _FAR = 0.1
 (configs/mpc/keep_out.yaml: 16 mm of 180 mm), lost ones reach 0.5."""
 
 
-class Calls(NamedTuple):
+class ControllerCalls(NamedTuple):
     """Calls of a controller: numbers that its C needs beside the problem."""
 
     period: float  # [s]
@@ -81,7 +79,7 @@ class ControlParts:
     """Parts that a controller is compiled from: a problem, and of a scene what estimates and supervises."""
 
     stages: Stages
-    calls: Calls
+    calls: ControllerCalls
     ranges: Ranges  # beyond which what is given to it is implausible
     rate: Array  # (nu,) greatest change of the command per time
     supervisor: Settings  # members of ``supervisor_settings``
@@ -105,7 +103,7 @@ class ControlParts:
         touches = touches or any("contact" in name for name in unknown)
         return ControlParts(
             stages=stages,
-            calls=Calls(asked.step, np.array(scene.rest_input), safe_ramp(scene.finger), *counts),
+            calls=ControllerCalls(asked.step, np.array(scene.rest_input), safe_ramp(scene.finger), *counts),
             ranges=ranges,
             rate=np.full(stages.nu, asked.input.rate_max or ABSENT),
             supervisor=_supervised(scene, stages, estimation, touches),
@@ -116,7 +114,7 @@ class ControlParts:
         )
 
     @staticmethod
-    def of_problem(stages: Stages, calls: Calls) -> ControlParts:
+    def of_problem(stages: Stages, calls: ControllerCalls) -> ControlParts:
         """Parts of a problem without a scene, whose state is given.
 
         Any finite number is plausible, and nothing is supervised.

@@ -11,21 +11,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import NumericalError
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.contacts import friction_parameter
-from continuum_grasp.model.functions import Remade
-from continuum_grasp.model.winches import Motor, Winch
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import CommandedScene
-from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.loads import Actuation, ForceLoad, MomentLoad
-from continuum_grasp.scene.methods import FAMILIES, default_family
-from continuum_grasp.scene.simulate import Initial, Scene
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.spectrum import SLIDING, rates_sprung_back, sample_shapes
+from continuum_grasp.base import Array, NumericalError, check_arguments
+from continuum_grasp.model import FingerModel, Motor, Remade, System, Winch, friction_parameter
+from continuum_grasp.scene import (
+    FAMILIES,
+    Actuation,
+    CommandedScene,
+    ControlScene,
+    ForceLoad,
+    Initial,
+    MomentLoad,
+    MotorDrive,
+    Scene,
+    default_family,
+)
+from continuum_grasp.simulation import SLIDING, initial_state, rates_sprung_back, sample_shapes
 
 _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""

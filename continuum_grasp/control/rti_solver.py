@@ -11,16 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments, positive, whole
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, check_arguments, name_of, positive, whole
 from continuum_grasp.control.arguments import named, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
 from continuum_grasp.control.ocp.control_problem import ControlProblem
 from continuum_grasp.control.ocp.setpoints import Setpoints
-from continuum_grasp.control.parts import Calls, ControlParts
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import name_of
+from continuum_grasp.control.parts import ControllerCalls, ControlParts
 
 
 class RtiSolver(CompiledController):
@@ -111,7 +108,7 @@ class RtiSolver(CompiledController):
             raise InputError("expected inputs within their bounds", key="safe")
         counts = {"sqp_iterations": sqp_iterations, "start_iterations": start_iterations}
         counts |= {"start_calls": start_calls, "iterations": iterations}
-        calls = Calls(
+        calls = ControllerCalls(
             s.stage if period is None else positive("period", period),
             self.safe,
             s.stages * s.stage,

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 
 CALL_RATE = "call rate"
 """Name of what is supervised beside the sensors."""
 
 
-class Status(IntEnum):
+class CommandStatus(IntEnum):
     """Origin of a command."""
 
     SOLVED = 0
@@ -32,7 +32,7 @@ class Status(IntEnum):
     @property
     def fallback(self) -> bool:
         """Whether there is no new plan."""
-        return self >= Status.PREVIOUS_PLAN
+        return self >= CommandStatus.PREVIOUS_PLAN
 
 
 class Health(IntEnum):
@@ -96,7 +96,7 @@ class Anomaly(IntFlag):
     PLAN_GAPS = 65536
 
 
-class Verdict(IntEnum):
+class MeasurementVerdict(IntEnum):
     """Verdict on a measurement."""
 
     USED = 0
@@ -109,11 +109,11 @@ class Verdict(IntEnum):
 
 
 MEASUREMENT_TEXTS = {
-    Verdict.MISSING: "not measured",
-    Verdict.ABSURD: "infinite or beyond its limits",
-    Verdict.OUTLIER: "outlier rejected",
-    Verdict.REOPENED: "outlier too often, so it is used with bounded influence",
-    Verdict.FROZEN: "frozen: the reading does not move",
+    MeasurementVerdict.MISSING: "not measured",
+    MeasurementVerdict.ABSURD: "infinite or beyond its limits",
+    MeasurementVerdict.OUTLIER: "outlier rejected",
+    MeasurementVerdict.REOPENED: "outlier too often, so it is used with bounded influence",
+    MeasurementVerdict.FROZEN: "frozen: the reading does not move",
 }
 ANOMALY_TEXTS = {
     Anomaly.BLIND: "nothing was measured for as long as a plan lasts",
@@ -137,7 +137,7 @@ def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str]) -> tu
     Those of measurements begin with their name.
     """
     measured = [
-        f"{name.split(' ')[0]}: {MEASUREMENT_TEXTS[Verdict(int(verdict))]}"
+        f"{name.split(' ')[0]}: {MEASUREMENT_TEXTS[MeasurementVerdict(int(verdict))]}"
         for name, verdict in zip(names, verdicts, strict=True)
         if int(verdict) in MEASUREMENT_TEXTS
     ]
@@ -204,7 +204,7 @@ class Statistics:
 
     def __init__(self) -> None:
         self.steps = self.late = 0
-        self._status, self._health = [0] * len(Status), [0] * len(Health)
+        self._status, self._health = [0] * len(CommandStatus), [0] * len(Health)
         self._anomalies: Counter[int] = Counter()
         self._times = np.zeros((_RETAINED, len(_PHASES)))
 
@@ -230,8 +230,8 @@ class Statistics:
         return {
             "steps": self.steps,
             "late": self.late,
-            "fallbacks": sum(self._status[kind] for kind in Status if kind.fallback),
-            "status": {kind.name.lower(): self._status[kind] for kind in Status},
+            "fallbacks": sum(self._status[kind] for kind in CommandStatus if kind.fallback),
+            "status": {kind.name.lower(): self._status[kind] for kind in CommandStatus},
             "health": {kind.name.lower(): self._health[kind] for kind in Health},
             "anomalies": {name: count for name, count in anomalies.items() if count},
             "times": {name: spread(recent[:, k]) for k, name in enumerate(_PHASES)} if self.steps else {},

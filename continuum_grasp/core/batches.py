@@ -12,8 +12,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.core.call import pointers
+from continuum_grasp.base import Array
+from continuum_grasp.core.caller import pointers
 from continuum_grasp.core.source import batch_source, scan_source
 
 Load = Callable[[Callable[[], str]], ctypes.CDLL | None]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 import casadi as ca
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 
 def straight_function(name: str, given: Mapping[str, ca.SX], found: Mapping[str, ca.SX]) -> ca.Function:

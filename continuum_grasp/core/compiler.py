@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from continuum_grasp.errors import ContinuumGraspError, InputError
+from continuum_grasp.base import ContinuumGraspError, InputError
 
 # gnu11 for vector types, -w: generated C warns.
 _COMMON = ("-std=gnu11", "-fPIC", "-w")

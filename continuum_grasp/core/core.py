@@ -12,26 +12,25 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments, positive, real_array, whole
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import (
+    Array,
+    InputError,
+    NumericalError,
+    Summarized,
+    check_arguments,
+    positive,
+    real_array,
+    whole,
+)
 from continuum_grasp.core.batches import Batch
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.call import (
-    Caller,
-    check_moment,
-    finite,
-    section_check,
-    shaped,
-)
+from continuum_grasp.core.caller import Caller, check_moment, finite, section_check, shaped
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import generated, rollout_source, rollouts_source
-from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.labels import Summarized
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.functions import Remade, function_names
-from continuum_grasp.scene.methods import INTEGRATORS, SIMULATION_METHODS
+from continuum_grasp.model import FingerModel, Remade, System, function_names
+from continuum_grasp.scene import INTEGRATORS, SIMULATION_METHODS
 
 _WARNED: set[str] = set()
 """Reports of missing or failing compilers so far."""

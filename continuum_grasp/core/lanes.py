@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 import casadi as ca
 import numpy as np
 
+from continuum_grasp.base import InputError
 from continuum_grasp.core.precision import literal
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.sweep import SECTION, SWEEPS, Kernels
+from continuum_grasp.model import SECTION, SWEEPS, Kernels
 
 OPERATORS = {
     ca.OP_ASSIGN: "{0}",

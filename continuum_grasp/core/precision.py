@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.finger_model import FingerModel
+from continuum_grasp.base import InputError
+from continuum_grasp.model import FingerModel
 
 PRECISIONS = ("double", "float")
 """C types that controllers and packages may compute in."""

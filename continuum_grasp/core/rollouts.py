@@ -11,20 +11,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import real_array
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, real_array
 from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.call import finite, pointer, pointers
+from continuum_grasp.core.caller import finite, pointer, pointers
 from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.source import rollout_source
-from continuum_grasp.errors import InputError
 
 _CHUNK = 256
 """Steps per call of the virtual machine, so that Ctrl-C and a state that is not finite end the run soon [1]."""
 
 
 @dataclass(frozen=True)
-class Signal:
+class HalfStepSignal:
     """Rows over half steps, and the strides from one to the next in time and between rollouts."""
 
     rows: Array
@@ -60,7 +58,7 @@ class Rollouts:
         return self._code is not None
 
     def __call__(
-        self, x0: Array, keep: int, sub: int, h: float, u: Signal, w: Signal, p: Array
+        self, x0: Array, keep: int, sub: int, h: float, u: HalfStepSignal, w: HalfStepSignal, p: Array
     ) -> tuple[Array, NDArray[np.int64]]:
         """States (rollouts, keep + 1, nx) from x0 (rollouts, nx), and how many after the first are finite, of each."""
         if self._single:
@@ -91,8 +89,8 @@ class Rollouts:
         keep: int,
         sub: int,
         h: float,
-        u: Signal,
-        w: Signal,
+        u: HalfStepSignal,
+        w: HalfStepSignal,
         p: Array,
     ) -> tuple[list[Array], NDArray[np.int64]]:
         """A motion in steps of several lengths, in one call.
@@ -169,22 +167,22 @@ def row(name: str, value: ArrayLike, size: int) -> Array:
     return finite(name, array)
 
 
-def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> Signal:
+def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> HalfStepSignal:
     """Rows over half steps, for one rollout (``count`` None) or for many."""
     if value is None:
-        return Signal(np.zeros((1, 1, size)), 0, 0)
+        return HalfStepSignal(np.zeros((1, 1, size)), 0, 0)
     array = finite(name, real_array(name, value))
     if array.ndim <= 1:
-        return Signal(row(name, array, size)[None, None], 0, 0)
+        return HalfStepSignal(row(name, array, size)[None, None], 0, 0)
     if array.shape == (rows, size) and count == rows:
         raise InputError(
             f"{name}: {rows} rows can be one per half step or one per rollout; give ({count}, {rows}, {size})"
         )
     if array.shape == (rows, size):
-        return Signal(array[None], size, 0)
+        return HalfStepSignal(array[None], size, 0)
     if count is not None and array.shape == (count, size):
-        return Signal(array[:, None], 0, size)
+        return HalfStepSignal(array[:, None], 0, size)
     if count is not None and array.shape == (count, rows, size):
-        return Signal(array, size, rows * size)
+        return HalfStepSignal(array, size, rows * size)
     shapes = "" if count is None else f", ({count}, {size}) or ({count}, {rows}, {size})"
     raise InputError(f"{name}: expected ({size},) or ({rows}, {size}){shapes}, got {array.shape}")

@@ -13,10 +13,10 @@ from typing import Any
 
 import casadi as ca
 
+from continuum_grasp.base import InputError
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.lanes import lane_function, with_loops
 from continuum_grasp.core.precision import literal, single
-from continuum_grasp.errors import InputError
 
 _MARK = re.compile(
     r"<<(?:(?P<end>end)|(?P<else>else)|if (?P<no>not )?(?P<if>[\w.]+)"

@@ -12,14 +12,11 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import nnls
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.design.grasps import CaseGrasps, Effort, LostGrasp, fingers_mass
 from continuum_grasp.design.held import Along, Stencil, StructureChanges
-from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.scene.design import names_in
-from continuum_grasp.scene.design_space import DesignSpace
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.grasp import GraspResult
+from continuum_grasp.scene import DesignSpace, GraspScene, names_in
 
 _FUNCTIONS = {"sqrt": ca.sqrt, "exp": ca.exp, "log": ca.log}
 
@@ -81,7 +78,7 @@ class CaseValues:
 
 
 @dataclass(frozen=True)
-class Row:
+class DesignNumber:
     """A number that the optimizer deals with: value and derivatives (n + m,), of limits as parts of ``size``."""
 
     name: str
@@ -108,12 +105,12 @@ class Evaluation:
     """
 
     coordinates: Array
-    costs: tuple[Row, ...]
-    limits: tuple[Row, ...]
+    costs: tuple[DesignNumber, ...]
+    limits: tuple[DesignNumber, ...]
     cases: tuple[CaseValues, ...]
 
     @property
-    def worst(self) -> Row:
+    def worst(self) -> DesignNumber:
         """The greatest cost."""
         return max(self.costs, key=lambda row: row.value)
 
@@ -293,7 +290,7 @@ class DesignProblem:
             if all(aim in tangent for tangent in tangents)
         }
 
-    def _row(self, text: str, values: CaseValues, chosen: list[float]) -> Row:
+    def _row(self, text: str, values: CaseValues, chosen: list[float]) -> DesignNumber:
         """An expression of a case; of a variable's name, the value that is chosen, without its error."""
         quantities, slopes = dict(values.quantities), dict(values.slopes)
         along = np.eye(len(self.space.coordinates), len(self.space.coordinates) + len(self.space.tolerated))
@@ -305,9 +302,9 @@ class DesignProblem:
         value, slope = expression.value(quantities), expression.gradient(quantities, slopes)
         if not (np.isfinite(value) and np.isfinite(slope).all()):
             raise LostGrasp(f"{values.case}: {text} or its slope is not a finite number there ({value:g})")
-        return Row(text, values.case, values.signs, value, slope)
+        return DesignNumber(text, values.case, values.signs, value, slope)
 
-    def _costs(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
+    def _costs(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[DesignNumber, ...]:
         """Per combination of errors, the cost of the worst case or the mean."""
         design, costs = self.space.design, []
         for signs in self.scenarios:
@@ -316,10 +313,10 @@ class DesignProblem:
                 costs += rows
             else:
                 value, slope = float(np.mean([row.value for row in rows])), np.mean([row.slope for row in rows], axis=0)
-                costs.append(Row(design.minimize, "mean", signs, value, slope))
+                costs.append(DesignNumber(design.minimize, "mean", signs, value, slope))
         return tuple(costs)
 
-    def _limits(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
+    def _limits(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[DesignNumber, ...]:
         """Distances from the limits, as parts of them; of a limit of zero, as parts of the other one, or of what the
         expression has and may change by at the first design.
         """

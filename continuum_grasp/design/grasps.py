@@ -9,23 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.design.held import HeldGrasp, Stencil, moved_start
-from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, solver_for
-from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.problem.values import moved_features
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.robust.joint import JointSolverRun
-from continuum_grasp.grasp.robust.search import Exchange, with_postures
-from continuum_grasp.grasp.solve import optimize_grasp
-from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from
-from continuum_grasp.grasp.values import SAME, Status
-from continuum_grasp.model.surfaces.surface import Feature
+from continuum_grasp.grasp import (
+    RELAXATIONS,
+    SAME,
+    ContactStart,
+    Exchange,
+    GraspResult,
+    GraspSolverRun,
+    GraspStart,
+    GraspStatus,
+    JointSolverRun,
+    ProblemSpec,
+    certify,
+    moved_features,
+    optimize_grasp,
+    solver_for,
+    start_from,
+    with_postures,
+)
+from continuum_grasp.model import Feature
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import Robust
+from continuum_grasp.scene import GraspScene, Robust
 
 MASS = next(relaxation for relaxation in RELAXATIONS if relaxation.name == "mass")
 _MASSES = 12
@@ -143,7 +149,7 @@ class CaseGrasps:
                 return self._heaviest(scene, grasp.attempt.start, grasp.quantities["payload"]) if full else grasp
         return None
 
-    def _run(self, scene: GraspScene, start: Start, **options: Any) -> HeldGrasp | None:
+    def _run(self, scene: GraspScene, start: GraspStart, **options: Any) -> HeldGrasp | None:
         """A certified grasp from a start; None where there is none."""
         grasp = self._converged(
             scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), options_at=2, **options
@@ -154,7 +160,7 @@ class CaseGrasps:
         return grasp if certify(checked, grasp.arrays).passed else None
 
     def _converged(
-        self, scene: GraspScene, start: Start, solver: GraspSolverRun | JointSolverRun, **options: Any
+        self, scene: GraspScene, start: GraspStart, solver: GraspSolverRun | JointSolverRun, **options: Any
     ) -> HeldGrasp | None:
         """The grasp that a solver finds from a start, its guarded places moved until they stand still."""
         budget, before = Budget.of(scene.solver), None
@@ -176,7 +182,7 @@ class CaseGrasps:
     def _run_joint(
         self,
         scene: GraspScene,
-        start: Start,
+        start: GraspStart,
         errors: Array,
         touching: Sequence[Mapping[str, ContactStart]],
         x0: Array | None = None,
@@ -238,9 +244,11 @@ class CaseGrasps:
         if "objective" not in self.wanted:
             payload = best.quantities["payload"]
             heaviest, message = _with_mass(scene, payload), f"at most {payload:.4g} kg are held"
-            self.found = GraspResult(heaviest, Status.OPTIMAL, message, best.arrays, certify(heaviest, best.arrays))
+            self.found = GraspResult(
+                heaviest, GraspStatus.OPTIMAL, message, best.arrays, certify(heaviest, best.arrays)
+            )
 
-    def _heaviest(self, scene: GraspScene, start: Start, payload: float) -> HeldGrasp | None:
+    def _heaviest(self, scene: GraspScene, start: GraspStart, payload: float) -> HeldGrasp | None:
         """The greatest mass from a start that holds a payload; None where a solver finds none.
 
         It is sought below a multiple of that payload, again where it is all of that.

@@ -25,16 +25,19 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import LinAlgError, LinAlgWarning, lstsq, solve
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
-from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.problem.values import moved_features, tension_weight
-from continuum_grasp.grasp.robust.joint import JointSolverRun
-from continuum_grasp.grasp.starts.supports import support_contacts
-from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.model.surfaces.surface import Feature
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.grasp import (
+    GraspAttempt,
+    GraspSolverRun,
+    GraspStart,
+    JointSolverRun,
+    ProblemSpec,
+    moved_features,
+    support_contacts,
+    tension_weight,
+)
+from continuum_grasp.model import Feature
+from continuum_grasp.scene import GraspScene
 
 Along = Callable[[float], GraspScene]
 """Scenes along a direction of designs, by the distance from here."""
@@ -90,7 +93,7 @@ class HeldGrasp:
 
     scene: GraspScene
     solver: GraspSolverRun | JointSolverRun
-    attempt: Attempt
+    attempt: GraspAttempt
     arrays: dict[str, Array]
     relaxed: bool = False
 
@@ -161,7 +164,7 @@ class HeldGrasp:
             quantities["tension"] = self._envelope(near, near.difference(numbers), low, high)
         return x, quantities
 
-    def _beside(self, scene: GraspScene) -> tuple[Start, dict[str, Feature]]:
+    def _beside(self, scene: GraspScene) -> tuple[GraspStart, dict[str, Feature]]:
         start, features = self.attempt.start, self.attempt.features
         return moved_start(self.scene, scene, start), moved_features(self.scene, scene, start.contacts, features)
 
@@ -226,7 +229,7 @@ def _parts(scene: GraspScene, arrays: dict[str, Array]) -> tuple[Array, Array, A
     return tensions, forces[:, 0], 1.0 - np.hypot(forces[:, 1], forces[:, 2]) / limits
 
 
-def moved_start(before: GraspScene, after: GraspScene, start: Start) -> Start:
+def moved_start(before: GraspScene, after: GraspScene, start: GraspStart) -> GraspStart:
     """A start of a scene in another one, whose fingers may have other lengths and whose object other dimensions."""
     fingers = {}
     for old, new in zip(before.setups, after.setups, strict=True):

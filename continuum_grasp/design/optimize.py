@@ -19,19 +19,12 @@ import numpy as np
 from scipy.optimize import Bounds, minimize
 from scipy.stats.qmc import Halton
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, SolverError, check_arguments, interruptible
 from continuum_grasp.design.evaluation import DesignProblem, Evaluation, Signs
 from continuum_grasp.design.grasps import LostGrasp
-from continuum_grasp.design.result import DesignResult, Status, WorstCase
-from continuum_grasp.errors import SolverError
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.values import SAME
-from continuum_grasp.scene.assembly import Overrides
-from continuum_grasp.scene.design import Design
-from continuum_grasp.scene.design_space import DesignSpace, design_space_of
-from continuum_grasp.scene.load import placed_scene_of
+from continuum_grasp.design.result import DesignResult, DesignStatus, WorstCase
+from continuum_grasp.grasp import SAME, GraspResult
+from continuum_grasp.scene import Design, DesignSpace, Overrides, design_space_of, placed_scene_of
 
 HOLDS = 1e-6
 """Violation up to which a limit holds, as a part of it."""
@@ -41,7 +34,7 @@ _LOST = 1e2
 """Cost of a design without a grasp, in units of the first one: any other is better."""
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def optimize_design(
     design: Design | str | os.PathLike[str] | Mapping[str, Any],
@@ -189,7 +182,7 @@ class _DesignSearch:
         self._start()
         if self.best is None:
             return self._result(
-                Status.NO_GRASP, f"none of the designs tried has all its grasps and numbers: {self._why}", ()
+                DesignStatus.NO_GRASP, f"none of the designs tried has all its grasps and numbers: {self._why}", ()
             )
         settled, worst = False, tuple[WorstCase, ...]()
         for number in range(self.options.max_rounds):
@@ -205,14 +198,14 @@ class _DesignSearch:
         if best.violation > HOLDS:
             row = min(best.limits, key=lambda limit: limit.value)
             message = f"no design satisfies {row.name} ({row.case}): off by {-row.size * row.value:.3g} at the closest"
-            return self._result(Status.LIMITS_VIOLATED, message, worst)
-        status = Status.OPTIMAL if settled and self._converged else Status.FEASIBLE
+            return self._result(DesignStatus.LIMITS_VIOLATED, message, worst)
+        status = DesignStatus.OPTIMAL if settled and self._converged else DesignStatus.FEASIBLE
         message = f"cost {best.cost:.6g}, from {(self._first or best).cost:.6g} at the start"
         # 0.02: slope that is left at an optimum over the range of a variable, as a part of the cost
-        if status is Status.OPTIMAL and best.left > 0.02 * self._scale:
+        if status is DesignStatus.OPTIMAL and best.left > 0.02 * self._scale:
             # As at a kink, beside which other grasps are best.
-            status, self._ended = Status.FEASIBLE, f"with a slope of {best.left:.3g} over the range of a variable"
-        if status is Status.FEASIBLE:
+            status, self._ended = DesignStatus.FEASIBLE, f"with a slope of {best.left:.3g} over the range of a variable"
+        if status is DesignStatus.FEASIBLE:
             message += f"; the search ended before it settled ({self._ended})"
         return self._result(status, message, worst)
 
@@ -374,7 +367,7 @@ class _DesignSearch:
 
     # -- the result
 
-    def _result(self, status: Status, message: str, worst: tuple[WorstCase, ...]) -> DesignResult:
+    def _result(self, status: DesignStatus, message: str, worst: tuple[WorstCase, ...]) -> DesignResult:
         effort = self.problem.effort
         self.problem.restore(self._grasps)
         coordinates, costs, violations, rounds = (np.array(column) for column in zip(*self.tried, strict=True))

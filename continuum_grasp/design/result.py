@@ -9,14 +9,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.design.evaluation import Evaluation, Signs
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored
-from continuum_grasp.results.plain import yaml_text
-from continuum_grasp.results.result import Result
-from continuum_grasp.scene.design import QUANTITIES, Design
-from continuum_grasp.scene.design_space import DesignSpace
+from continuum_grasp.grasp import GraspResult
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored, yaml_text
+from continuum_grasp.scene import DESIGN_QUANTITIES, Design, DesignSpace
 
 _HEAD = """\
 # The best design found: values of the variables, cost, quantities of every case, sensitivities. SI units. `set` are the
@@ -24,7 +21,7 @@ _HEAD = """\
 """
 
 
-class Status(StrEnum):
+class DesignStatus(StrEnum):
     """Outcome of the search for a design."""
 
     OPTIMAL = "optimal"
@@ -146,7 +143,7 @@ class DesignResult(Result):
     )
 
     scene: Design
-    status: Status
+    status: DesignStatus
     message: str
     space: DesignSpace = field(repr=False)
     best: Evaluation | None
@@ -165,7 +162,7 @@ class DesignResult(Result):
     @property
     def solved(self) -> bool:
         """Whether there is a design for which all limits hold."""
-        return self.status in (Status.OPTIMAL, Status.FEASIBLE)
+        return self.status in (DesignStatus.OPTIMAL, DesignStatus.FEASIBLE)
 
     @property
     def keys(self) -> list[str]:
@@ -296,7 +293,7 @@ class DesignResult(Result):
         before = "" if self.first is None else f" (start {self.first.cost:.6g})"
         rows["cost"] = f"{self.best.cost:.6g}{before}: {self.scene.minimize}, {self.best.worst.case}"
         for name, values in list(self.cases.items())[:6]:
-            said = (f"{key} {value:.5g} {QUANTITIES[key][0]}".rstrip() for key, value in values.items())
+            said = (f"{key} {value:.5g} {DESIGN_QUANTITIES[key][0]}".rstrip() for key, value in values.items())
             rows[name] = ", ".join(said)
         if self.active:
             rows["active limits"] = "; ".join(self.active)

@@ -14,25 +14,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
-from continuum_grasp.closed_loop.readings import tracked_expression
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import setpoints
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.layout import element_lengths
-from continuum_grasp.model.parameters import nominal_values
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.kinds import other_kind
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.sweep import Sweep
-from continuum_grasp.scene.value import doubt
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.sweeps.plan import Plan, Point, plan_of
-from continuum_grasp.sweeps.worker import scene_data
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.closed_loop import PlantModel, plant_scene, tracked_expression
+from continuum_grasp.control import Outputs, Prediction, setpoints
+from continuum_grasp.model import element_lengths, nominal_values
+from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ControlScene, Scene, Sweep, doubt, load, other_kind
+from continuum_grasp.simulation import Signals
+from continuum_grasp.sweeps import SweepPlan, SweepPoint, plan_of, scene_data
 
 MOST_SCENES = 10_000
 """Scenes of a sweep that an environment draws from [1]: each is checked beforehand, in about 5 ms."""
@@ -92,7 +80,7 @@ def scenes_of(
     return scenes, plan.keys, tuple(point.labels for point in points)
 
 
-def _scene(plan: Plan, point: Point) -> ControlScene:
+def _scene(plan: SweepPlan, point: SweepPoint) -> ControlScene:
     try:
         return ControlScene(**scene_data(plan.variation.base, plan.paths, point))
     except InputError as error:

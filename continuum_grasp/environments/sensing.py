@@ -13,24 +13,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import sensor_expressions
-from continuum_grasp.closed_loop.readings import tracked_expression
-from continuum_grasp.control.estimation.noise import measurement_range, measurement_std
-from continuum_grasp.control.ocp.cost_terms import UNLIMITED
-from continuum_grasp.control.rti.source import load_library
-from continuum_grasp.core.call import pointer
-from continuum_grasp.core.source import filled, in_lanes, template
+from continuum_grasp.base import Array, InputError, split_unit
+from continuum_grasp.closed_loop import sensor_expressions, tracked_expression
+from continuum_grasp.control import UNLIMITED, load_library, measurement_range, measurement_std
+from continuum_grasp.core import filled, in_lanes, pointer, template
 from continuum_grasp.environments.plants import Plants
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import split_unit
-from continuum_grasp.model.actuation import lag_names
+from continuum_grasp.model import lag_names
 
 STATE = "state"
 """Sensor that reads the whole state of the plant, exactly and at once."""
 
 
-class Periods:
+class ControlPeriods:
     """Control periods of plants that differ by parameters alone.
 
     ``slope`` is (x, u, w, p) -> xd (nx), ``cost`` (x, u, held, w, p, r) -> cost at the start of the period [1], before
@@ -93,7 +87,7 @@ class Sensing:
     late: int
     at_once: NDArray[np.bool_]
     contacts: tuple[str, ...]
-    periods: Periods
+    periods: ControlPeriods
 
     @property
     def forces(self) -> slice:
@@ -130,7 +124,7 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     cost = 0.5 * plants.period * ca.dot(ca.DM(plants.outputs.weights[:, 0]), error**2)
     inputs = {"x": x, "u": u, "w": w, "p": p}
     readings = ca.vertcat(*read.values(), *forces, ca.mmax(ca.fabs(model.range_use)), model.tip)
-    periods = Periods(
+    periods = ControlPeriods(
         _function("slope", inputs, model.forward_dynamics(x, u, w, p)),
         _function("cost", {"x": x, "u": u, "held": held, "w": w, "p": p, "r": r}, cost),
         _function("readings", inputs, readings),

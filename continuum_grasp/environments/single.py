@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.environments.vector import FingerVectorEnv
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.sweep import Sweep
+from continuum_grasp.scene import ControlScene, Sweep
 
 # After the module that states what to install where gymnasium is missing.
 # isort: split

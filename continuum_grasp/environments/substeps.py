@@ -7,11 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.environments.plants import Plants, rows_of
 from continuum_grasp.environments.sensing import Sensing
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.methods import INTEGRATORS
+from continuum_grasp.scene import INTEGRATORS
 
 _TOLERANCE = 1e-4
 """Greatest error of the tip's position that steps in time may leave, per length [1]: that of ``time.tolerance``."""

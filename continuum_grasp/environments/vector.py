@@ -11,16 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp import shell
-from continuum_grasp.arguments import check_arguments, whole
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import choose_method
+from continuum_grasp.base import Array, InputError, check_arguments, install_line, whole
+from continuum_grasp.closed_loop import choose_method
 from continuum_grasp.environments.plants import Plants, plants_of, rows_of, scenes_of
 from continuum_grasp.environments.sensing import observed_of, sensing_of, single_precision, state_bounds
 from continuum_grasp.environments.substeps import check_stiffness, choose_substeps
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.sweep import Sweep
+from continuum_grasp.scene import ControlScene, Sweep
 
 try:
     import gymnasium
@@ -28,7 +24,7 @@ try:
     from gymnasium.vector import AutoresetMode
     from gymnasium.vector.utils import batch_space
 except ImportError as error:
-    raise InputError(f"environments need the extra 'gym': {shell.installing('gym')}") from error
+    raise InputError(f"environments need the extra 'gym': {install_line('gym')}") from error
 
 
 class Ended(Enum):

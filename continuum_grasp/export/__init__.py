@@ -1,14 +1,6 @@
 """The functions of a finger for use elsewhere: as C without Python and CasADi, for CasADi, MuJoCo, FMI and browsers."""
 
-from continuum_grasp._lazy import lazy_names
-from continuum_grasp.export.fmu.write import FunctionalMockupUnit, export_fmu
-from continuum_grasp.export.functions import export_casadi
-from continuum_grasp.export.manifest import Package
-from continuum_grasp.export.mjcf.write import HingeChain, export_mjcf
-from continuum_grasp.export.package import export_c
-from continuum_grasp.export.web.page import Page, export_web
-
-__getattr__, _ = lazy_names(__name__, {}, {"CasadiFiles": "export_casadi returns a Package"})
+from lazy_loader import attach_stub
 
 __all__ = [
     "FunctionalMockupUnit",
@@ -21,3 +13,4 @@ __all__ = [
     "export_mjcf",
     "export_web",
 ]
+__getattr__, __dir__, _ = attach_stub(__name__, __file__)

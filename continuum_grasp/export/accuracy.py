@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.export.fields import REALS, to_digits
 from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.subject import Subject

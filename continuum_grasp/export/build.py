@@ -10,9 +10,8 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from continuum_grasp.core.cache import entry_for
-from continuum_grasp.core.compiler import TIMEOUT, find_compiler, said_by, version_of, why_no_compiler
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.core import TIMEOUT, entry_for, find_compiler, said_by, version_of, why_no_compiler
 from continuum_grasp.export.fields import fill
 
 FLAGS = {

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.core.precision import literal
-from continuum_grasp.core.source import filled, template
-from continuum_grasp.labels import name_of
+from continuum_grasp.base import name_of
+from continuum_grasp.core import filled, literal, template
 
 
 @dataclass(frozen=True)

@@ -10,17 +10,16 @@ from pathlib import Path
 
 import casadi as ca
 
-from continuum_grasp import __version__, interrupt
-from continuum_grasp.arguments import check_arguments
+from continuum_grasp import __version__
+from continuum_grasp.base import check_arguments, interruptible
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.manifest import Package, model_description, write_package
 from continuum_grasp.export.source import Given, chosen, source_of
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.functions import function_names
-from continuum_grasp.results.atomic import check_folder
+from continuum_grasp.model import FingerModel, function_names
+from continuum_grasp.results import check_folder
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequence[str] | None = None) -> Package:
     """Write the functions of a finger as files of CasADi, for programs that have CasADi and not this package.

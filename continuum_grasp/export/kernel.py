@@ -16,11 +16,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.core.calls import straight_function
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.core.lanes import OPERATORS
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.core import OPERATORS, find_compiler, straight_function
 from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.fields import Real, fill
 from continuum_grasp.export.strict_math import FUNCTIONS, c_source, reference

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from continuum_grasp import __version__
-from continuum_grasp.core.source import filled
+from continuum_grasp.core import filled
 from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.fields import LINE, Struct, each_once, fill
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Call, Code, Part, Stateful
+from continuum_grasp.export.part import Call, Code, PackagePart, Stateful
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 
@@ -37,7 +37,7 @@ class Contents:
     """
 
     subject: Subject
-    parts: Sequence[Part]
+    parts: Sequence[PackagePart]
     words: dict[str, str]
 
     @property

@@ -15,16 +15,15 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp import __version__
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError, name_of
 from continuum_grasp.export.accuracy import OutputError, Report
 from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Real, Struct, identifiers
 from continuum_grasp.export.layer import DIMENSIONS, Contents
 from continuum_grasp.export.part import Code
-from continuum_grasp.labels import name_of
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results.atomic import check_folder, write_text
+from continuum_grasp.results import check_folder, write_text
 
 
 def manifest(

@@ -9,13 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from continuum_grasp import __version__, interrupt
-from continuum_grasp.arguments import check_arguments, positive, whole
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.rti_solver import RtiSolver
+from continuum_grasp import __version__
+from continuum_grasp.base import check_arguments, interruptible, positive, whole
+from continuum_grasp.control import RtiSolver, Stages
 from continuum_grasp.export.accuracy import OutputError, Report, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
-from continuum_grasp.export.control.loop import Loop, Phases
+from continuum_grasp.export.control.loop import ExportedPhases, Loop
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
 from continuum_grasp.export.fields import REALS, Real
@@ -23,20 +22,12 @@ from continuum_grasp.export.layer import Contents, abi_of, add_sizes, library_fi
 from continuum_grasp.export.manifest import Package, manifest, write_package
 from continuum_grasp.export.part import Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
-from continuum_grasp.export.source import (
-    Given,
-    Source,
-    names_of,
-    parts_of,
-    prefix_of,
-    source_of,
-)
+from continuum_grasp.export.source import Given, ModelSource, names_of, parts_of, prefix_of, source_of
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
 from continuum_grasp.export.targets import example_files, measure, measured_core, readme, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
-from continuum_grasp.results.atomic import check_folder
-from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
-from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.results import check_folder
+from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer, ControlScene
 
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
@@ -58,7 +49,7 @@ _LOOP = Consumer(
 )
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def export_c(
     given: Given,
@@ -205,7 +196,9 @@ def _checked(
     return [*vectors_of(subject, contents.calls), *vectors], files, errors | more
 
 
-def controller_of(scene: ControlScene, phases: Callable[[Stages], Phases] | None = None) -> tuple[Contents, Loop]:
+def controller_of(
+    scene: ControlScene, phases: Callable[[Stages], ExportedPhases] | None = None
+) -> tuple[Contents, Loop]:
     """The controller of a closed loop, with the ``phases`` of a mission where it has one, in double precision, without
     what tests and describes it.
     """
@@ -219,7 +212,7 @@ _SOLVERS = Consumer(
 )
 
 
-def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked) -> Subject:
+def _subject(source: ModelSource, names: Sequence[str], kind: Real, asked: Asked) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
     longest = source.step if asked.step is None else positive("step", asked.step)
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest

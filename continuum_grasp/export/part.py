@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.export.fields import Field, Struct, each_once
 from continuum_grasp.export.kernel import Kernel
 
@@ -159,7 +159,7 @@ NUMBER = "number"
 """Input of a method that is a number instead of a struct."""
 
 
-class Method(NamedTuple):
+class PartMethod(NamedTuple):
     """A further function of a stateful one, ``<prefix>_<owner>_<name>``, of structs or a number.
 
     It writes a struct or returns a number.
@@ -183,11 +183,11 @@ class Stateful:
     """Types of what it keeps and works in; the check program has one of each, of the same name."""
     inputs: tuple[str, ...]
     output: str
-    methods: tuple[Method, ...] = ()
+    methods: tuple[PartMethod, ...] = ()
 
 
 @dataclass(frozen=True)
-class Part:
+class PackagePart:
     """An entry of ``--what``."""
 
     name: str

@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.export.fields import Field, fill, identifiers, named_fields
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.equations import Equations
-from continuum_grasp.scene.drives import Pull
+from continuum_grasp.model import Equations, FingerModel, System
+from continuum_grasp.scene import Pull
 
 _USUAL_RATE = 10.0
 """Bending ranges per second of usual motions."""

@@ -10,31 +10,25 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from continuum_grasp.accuracy.choose import resolve_fidelity
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.estimation.estimator import Estimator
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.control.rti_solver import RtiSolver
-from continuum_grasp.errors import InputError
-from continuum_grasp.export.control.loop import Phases
+from continuum_grasp.accuracy import resolve_fidelity
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Controller, Estimator, Prediction, RtiSolver, Stages
+from continuum_grasp.export.control.loop import ExportedPhases
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.plan import certified_forces, mission_settings
-from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.precheck import admit, exceeded
-from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.model import FingerModel, ModelOptions
-from continuum_grasp.model.stumpff import ROUNDING
-from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.scene.value import doubt
+from continuum_grasp.mission import (
+    Assignment,
+    MissionRun,
+    PlantVariation,
+    Timetable,
+    admit,
+    assign,
+    certified_forces,
+    exceeded,
+    mission_settings,
+)
+from continuum_grasp.model import ROUNDING, FingerModel, ModelOptions
+from continuum_grasp.scene import Consumer, ControlScene, MissionScene, Scene, Surroundings, beside, doubt, load
 
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """Characters that may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
@@ -57,7 +51,7 @@ Given = (
 
 
 @dataclass(frozen=True)
-class Source:
+class ModelSource:
     """A model with what is known of where it comes from."""
 
     model: FingerModel | None
@@ -72,7 +66,7 @@ class Source:
     """The closed loop, where it is one, or a solver."""
     surroundings: Surroundings | None = None
     """Surroundings that the finger may touch."""
-    phases: Callable[[Stages], Phases] | None = None
+    phases: Callable[[Stages], ExportedPhases] | None = None
     """Phases of a mission, by the problem of its controller; None of what is no mission."""
 
     @property
@@ -83,7 +77,7 @@ class Source:
         return self.model
 
 
-def source_of(given: Given, real: Real, finger: str | None = None) -> Source:
+def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSource:
     """The model to export; ``finger`` names one of a mission of several.
 
     In single precision the series of arcs are cut where rounding would hide what is left, unless the scene says
@@ -95,11 +89,11 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> Source:
         return _of_mission(given, real, finger)
     _ONE_FINGER.check(None, of={"finger": finger is not None})
     if isinstance(given, FingerModel):
-        return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
+        return ModelSource(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
     if isinstance(given, RtiSolver):
         title = " ".join(_MEANT.sub(" ", given.problem.name).split())
         of = f"the problem '{title}'" if title else "a problem without a name"
-        return Source(None, title or "a predictive controller", of, None, None, given)
+        return ModelSource(None, title or "a predictive controller", of, None, None, given)
     if isinstance(given, (Controller, Estimator)):
         given = given.scene
     if isinstance(given, ControlScene):
@@ -112,7 +106,7 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> Source:
     scene, _ = resolve_fidelity(given)
     model = _of_precision(FingerModel(scene), real)
     step = scene.time.step if scene.time is not None else None
-    return Source(model, *names_of(scene), step, scene.model_dump(mode="json"), surroundings=scene)
+    return ModelSource(model, *names_of(scene), step, scene.model_dump(mode="json"), surroundings=scene)
 
 
 def _of_precision(model: FingerModel, real: Real) -> FingerModel:
@@ -131,7 +125,7 @@ def _is_cut(model: FingerModel, real: Real) -> bool:
     return real.name == "float" and made.accuracy is None and made.family.default_accuracy <= ROUNDING
 
 
-def _of_loop(scene: ControlScene, real: Real) -> Source:
+def _of_loop(scene: ControlScene, real: Real) -> ModelSource:
     """The closed loop, and the model that its controller predicts with."""
     if scene.estimator is not None and scene.estimator.frozen and scene.controller.supervisor and not scene.plant.noise:
         doubt(
@@ -143,7 +137,7 @@ def _of_loop(scene: ControlScene, real: Real) -> Source:
         fidelity = scene.fidelity.model_copy(update={"accuracy": _CUT * real.epsilon})
         scene = scene.model_copy(update={"fidelity": fidelity})
         model = Prediction(scene).system.finger_model
-    return Source(model, *names_of(scene), None, scene.model_dump(mode="json"), scene, scene)
+    return ModelSource(model, *names_of(scene), None, scene.model_dump(mode="json"), scene, scene)
 
 
 _REPORTED = {
@@ -159,11 +153,11 @@ def assigned(given: MissionScene | MissionRun) -> tuple[Assignment, ...]:
     if isinstance(given, MissionRun):
         return given.assignments
     assignments = assign(given)
-    admit(assignments, [limit.text for limit in exceeded(assignments, Variation())])
+    admit(assignments, [limit.text for limit in exceeded(assignments, PlantVariation())])
     return assignments
 
 
-def _of_mission(mission: MissionScene | MissionRun, real: Real, finger: str | None) -> Source:
+def _of_mission(mission: MissionScene | MissionRun, real: Real, finger: str | None) -> ModelSource:
     """The controller of a finger with the phases of its mission."""
     assignments = assigned(mission)
     by_name = {assignment.name: assignment for assignment in assignments}
@@ -175,14 +169,14 @@ def _of_mission(mission: MissionScene | MissionRun, real: Real, finger: str | No
     return replace(_of_loop(of.control, real), configuration=known, phases=partial(phases_of, assignments, of))
 
 
-def phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> Phases:
+def phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> ExportedPhases:
     """Phases of the finger ``of``, one of those that are assigned, by the problem of its controller."""
     table, leads = Timetable(of), of is assignments[0]
     certified, holds_on = certified_forces(assignments, of), of.mission.phases.hold_until_release
     sizes, settings = mission_settings(table, stages, certified, leads=leads, holds_on=holds_on)
     reported = () if len(assignments) == 1 else _REPORTED[leads]
     spans = table.phases()
-    return Phases(sizes, settings, tuple(span.name for span in spans), spans[-1].start, reported)
+    return ExportedPhases(sizes, settings, tuple(span.name for span in spans), spans[-1].start, reported)
 
 
 def names_of(given: Scene | ControlScene | MissionScene | MissionRun) -> tuple[str, str]:
@@ -228,7 +222,7 @@ _PARTS = (
 )
 
 
-def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
+def parts_of(what: Sequence[str] | None, source: ModelSource) -> list[str]:
     """Names of the parts of a package, in their order; by default those that suit what is exported."""
     if what is None:
         # The controller of a mission has its estimator within.

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.export.fields import Real, fill
 
 _NUMBERS = {

@@ -13,9 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.core.precision import check_solvable
-from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.base import Array, InputError, NumericalError
+from continuum_grasp.core import check_solvable
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Field, Real, Struct, outside, to_digits
@@ -30,10 +29,9 @@ from continuum_grasp.export.ranges import (
     parameter_fields,
     state_fields,
 )
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.equations import Equations
-from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.simulation.spectrum import SLIDING, rates_sprung_back, spring_frequency
+from continuum_grasp.model import Equations, FingerModel, System
+from continuum_grasp.scene import Surroundings
+from continuum_grasp.simulation import SLIDING, rates_sprung_back, spring_frequency
 
 T = TypeVar("T")
 _NO_STATE, _NO_INPUT = Struct("state", "", ()), Struct("input", "", ())

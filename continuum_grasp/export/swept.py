@@ -7,10 +7,10 @@ from collections import Counter
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.export.fields import Real, fill
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.model.sweep import SECTION, Kernels
+from continuum_grasp.model import SECTION, Kernels
 
 _TEXTS = {
     "head": "What acts, from the input.",

@@ -11,9 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from continuum_grasp.core.compiler import check_tools, said_by, version_of
-from continuum_grasp.core.precision import precision_of
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.core import check_tools, precision_of, said_by, version_of
 from continuum_grasp.export.accuracy import Report
 from continuum_grasp.export.build import write_files
 from continuum_grasp.export.layer import Contents

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.export.fields import Field, Real, fill
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors

@@ -28,17 +28,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.grasp.quality.conic import FAR, solve_conic
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.grasp.values import NEAR, SAME
-from continuum_grasp.model.surfaces.surface import Outline
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.objects.shapes import greatest_shift
-from continuum_grasp.scene.supports import Wall
+from continuum_grasp.model import GrownOutline
+from continuum_grasp.scene import GraspScene, Wall, greatest_shift
 
 _PIECES, _ROUNDS = 40, 40
 """Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180; a hundred
@@ -191,7 +188,7 @@ class _Places:
     """
 
     friction: float
-    outlines: tuple[Outline, ...]
+    outlines: tuple[GrownOutline, ...]
     com: complex
     size: float
     center: complex = 0j
@@ -244,7 +241,7 @@ class _Places:
         work = self._work(y, np.array([self.com]), np.array([angle]))
         return float(work[0]), self._effect(y, self.com, angle)
 
-    def _along(self, y: Array, outline: Outline) -> tuple[float, tuple[complex, float] | None]:
+    def _along(self, y: Array, outline: GrownOutline) -> tuple[float, tuple[complex, float] | None]:
         """Upper bound on an outline, and place and normal angle where the most was found, if more than zero."""
         # The normal jumps at no place inside an interval, whose last place is before a jump.
         ends = np.unique(np.concatenate([np.linspace(0.0, outline.period, _PIECES + 1), outline.breaks]))

@@ -11,20 +11,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.values import Units, problem_values, tension_weight
 from continuum_grasp.grasp.result import GraspResult, flawed
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.supports import touching_supports
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, Change, OutlineError, Sensitivity, tension_of
-from continuum_grasp.nlp import Budget, Status
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.methods import default_family
-from continuum_grasp.scene.objects import deviation_of, redrawn
-from continuum_grasp.scene.placement import lie_against
+from continuum_grasp.nlp import Budget, SolverStatus
+from continuum_grasp.scene import GraspScene, default_family, deviation_of, lie_against, redrawn
 
 FINE = 6
 """Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:
@@ -133,7 +130,7 @@ def _fine(scene: GraspScene) -> GraspScene:
 
 def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Tried | str:
     """The grasp of a scene with other elements next to one that was found; in words why there is none."""
-    search = Search(scene, budget)
+    search = GraspSearch(scene, budget)
     if not budget.over:
         search.attempt(start_from(result.scene, dict(result.arrays)))
     stable = result.certificate is None or result.certificate.stability.stable
@@ -146,7 +143,11 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
         return NONE
     # A solver that fails shows nothing; one that converges to what is no grasp does.
     ended = {tried.attempt.status for tried in search.tried}
-    return NONE if ended & {Status.SOLVED, Status.ACCEPTABLE, Status.INFEASIBLE} else "no answer, the solver failed"
+    return (
+        NONE
+        if ended & {SolverStatus.SOLVED, SolverStatus.ACCEPTABLE, SolverStatus.INFEASIBLE}
+        else "no answer, the solver failed"
+    )
 
 
 def _change(scene: GraspScene, here: Mapping[str, Array], there: Mapping[str, Array]) -> Change:

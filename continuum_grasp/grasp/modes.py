@@ -6,11 +6,7 @@ from collections.abc import Iterable
 from itertools import product
 
 from continuum_grasp.grasp.starts.supports import touching_supports
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger
-from continuum_grasp.scene.methods import ONE_TURN
-from continuum_grasp.scene.simulate import Fidelity
-from continuum_grasp.scene.supports import Switch
+from continuum_grasp.scene import ONE_TURN, Fidelity, FingerSetup, GraspFinger, GraspScene, Switch
 
 MOST = 64
 """Sets of contacts that are tried, those with the most contacts first: all choices of six contacts."""

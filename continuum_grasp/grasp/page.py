@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from continuum_grasp.grasp.text import amount, answer_words, further_advice, parts
-from continuum_grasp.results.html import cards, details, escaped, folded, items, report, section, table
+from continuum_grasp.results import cards, details, escaped, folded, items, report, section, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +20,7 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
     ``pictures`` has the drawing as ``grasp``; where it is not given, `plot_grasp` draws it.
     The page, HTML5, has its pictures inside and refers to no other file or site.
     """
-    from continuum_grasp.plotting.grasp.picture import plot_grasp
+    from continuum_grasp.plotting import plot_grasp
 
     drawn = (pictures or {}).get("grasp") or plot_grasp(result)
     beside = {str(panel.get_label()): panel for panel in drawn.figure.axes}
@@ -97,7 +97,7 @@ def _picture(result: GraspResult, drawn: Axes) -> str:
 
 
 def _figure(name: str, drawn: Axes, described: str, caption: str) -> str:
-    from continuum_grasp.plotting.drawing.axes import inline_svg
+    from continuum_grasp.plotting import inline_svg
 
     drawing = inline_svg(drawn, name, described)
     return f'<figure class="{name}">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'

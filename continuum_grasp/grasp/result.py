@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
@@ -22,22 +20,20 @@ from continuum_grasp.grasp.values import (
     Change,
     Contact,
     FingerPosture,
+    GraspStatus,
     OutlineError,
     Reason,
     Sensitivity,
-    Status,
     contacts_of,
     force_text,
     tension_of,
 )
-from continuum_grasp.model.family import family_class
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
-from continuum_grasp.results.result import Result
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.methods import default_family
+from continuum_grasp.model import family_class
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored, maker_of
+from continuum_grasp.scene import GraspScene, default_family
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.certificate.drives import DriveState
+    from continuum_grasp.grasp.certificate.drives import RecomputedDrive
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.tried import Exploration
@@ -104,7 +100,7 @@ class GraspResult(Result):
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.page:page"),)
 
     scene: GraspScene
-    status: Status
+    status: GraspStatus
     message: str
     arrays: Mapping[str, Array] = field(default_factory=dict)
     certificate: Certificate | None = None
@@ -153,12 +149,12 @@ class GraspResult(Result):
     @property
     def solved(self) -> bool:
         """Whether there is a verified grasp that holds the object."""
-        return self.status in (Status.OPTIMAL, Status.FEASIBLE)
+        return self.status in (GraspStatus.OPTIMAL, GraspStatus.FEASIBLE)
 
     @property
     def verified(self) -> bool:
         """Whether forces and limits of the numbers are verified: those of a grasp, also of one that is unstable."""
-        return self.solved or self.status is Status.UNSTABLE
+        return self.solved or self.status is GraspStatus.UNSTABLE
 
     @property
     def answer(self) -> str:
@@ -261,7 +257,7 @@ class GraspResult(Result):
         return {name: posture(name) for name in (self.scene.named_fingers if self.arrays else ())}
 
     @cached_property
-    def drives(self) -> dict[str, tuple[DriveState, ...]]:
+    def drives(self) -> dict[str, tuple[RecomputedDrive, ...]]:
         """States of the winches or motors of each finger; none of fingers whose tensions are commanded."""
         grasp = None if self.certificate is None else self.certificate.grasp
         return {f.name: f.wound.drives for f in (() if grasp is None else grasp.fingers) if f.wound is not None}
@@ -355,4 +351,4 @@ def flawed(result: GraspResult, flaw: str) -> GraspResult:
     message = result.message.replace("held with ", f"held but {flaw}: ", 1)
     if message == result.message:  # it has flaws already
         message = message.replace(": ", f" and {flaw}: ", 1)
-    return replace(result, status=Status.FEASIBLE, message=message)
+    return replace(result, status=GraspStatus.FEASIBLE, message=message)

@@ -26,17 +26,15 @@ import numpy as np
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED, basin_starts, held_still, make_starts, starts_of
-from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.starts.values import GraspStart, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
-from continuum_grasp.nlp import Budget, Status
-from continuum_grasp.nlp.solver import STALLED
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import Effort
+from continuum_grasp.nlp import STALLED, Budget, SolverStatus
+from continuum_grasp.scene import Effort, GraspScene
 
 HELD = 3
 """Grasps from which another scene starts, such as one with stations, or next to which a robust one is sought: of nearby
@@ -89,7 +87,7 @@ ALIKE, IN_VAIN = "like one that was solved before", "after others that led to no
 
 
 @dataclass(frozen=True)
-class _Limits:
+class _EffortLimits:
     """Limits of an effort."""
 
     basins: int  # per set of contacts, that are solved
@@ -104,15 +102,17 @@ class _Limits:
     exchanges: int
 
 
-_EFFORTS: dict[Effort, _Limits] = {
-    "quick": _Limits(basins=3, starts=2, iterations=150, always_rough=False, in_vain=4, exchanges=3),
-    "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False, in_vain=4, exchanges=6),
-    "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True, in_vain=math.inf, exchanges=24),
+_EFFORTS: dict[Effort, _EffortLimits] = {
+    "quick": _EffortLimits(basins=3, starts=2, iterations=150, always_rough=False, in_vain=4, exchanges=3),
+    "normal": _EffortLimits(basins=12, starts=8, iterations=600, always_rough=False, in_vain=4, exchanges=6),
+    "thorough": _EffortLimits(
+        basins=12, starts=24, iterations=math.inf, always_rough=True, in_vain=math.inf, exchanges=24
+    ),
 }
 """Limits of each effort. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
 
 
-class Search:
+class GraspSearch:
     """Finds and verifies grasps of a scene within a budget."""
 
     def __init__(self, scene: GraspScene, budget: Budget) -> None:
@@ -129,11 +129,11 @@ class Search:
         # Whether postures of a scan, of two linear curvatures, are those of the fingers, and estimates tell.
         self._tells = all(setup.elements <= 2 for setup in scene.setups)
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
-        self._rough: dict[frozenset[str], list[Start]] = {}
+        self._rough: dict[frozenset[str], list[GraspStart]] = {}
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self.basins: list[Basin] = []
         # Starts that led to no grasp, with violations and option sets.
-        self._missed: list[tuple[float, Start, int]] = []
+        self._missed: list[tuple[float, GraspStart, int]] = []
         self.lost: list[Tried] = []  # where grasps of few elements led that are none with all
 
     @property
@@ -161,13 +161,13 @@ class Search:
             self._explore()
         # What few elements cannot hold, many may; and violations may fall late.
         if self.best is None:
-            nearest = dict[int, tuple[Start, int]]()
+            nearest = dict[int, tuple[GraspStart, int]]()
             for _, start, options_at in sorted(self._missed, key=lambda missed: missed[0]):
                 nearest.setdefault(id(start), (start, options_at))
             for start, options_at in list(nearest.values())[: 1 if self._few is None else HELD]:
                 self.attempt(start, options_at=options_at, standstill=STANDSTILL)
         for end in self.lost:
-            if end.attempt.status is Status.STOPPED and not self.budget.over:
+            if end.attempt.status is SolverStatus.STOPPED and not self.budget.over:
                 self.attempt(end.start, options_at=0)
         if not self.proven:
             self._converge()
@@ -226,7 +226,7 @@ class Search:
             self._solve(Basin(exchanged(self.scene, best.start, start, name)), 0, EXCHANGE_CAP)
             vain = 0 if self.best is not best else vain + 1
 
-    def _saved(self, start: Start, other: Start, name: str) -> int:
+    def _saved(self, start: GraspStart, other: GraspStart, name: str) -> int:
         """Tension that a finger, by name, takes less in another start, in units of a difference that matters."""
         return round((sum(start.tensions[name]) - sum(other.tensions[name])) / self._least_difference)
 
@@ -284,7 +284,7 @@ class Search:
         if tried is not None and tried in self.good:
             basin.solved = not (self._tells and (1.0 - OPEN) * self._tension(tried) > promised)
 
-    def _from_few(self, few: Search) -> None:
+    def _from_few(self, few: GraspSearch) -> None:
         """Start from where the search of a scene with few elements ended, its grasps first, each once."""
         self.run_before(few)
         self.basins, self._scans, self._rough = few.basins, few._scans, few._rough
@@ -311,12 +311,12 @@ class Search:
                         self.lost.append(tried)
 
     @cached_property
-    def _few(self) -> Search | None:
+    def _few(self) -> GraspSearch | None:
         """The search with few elements; None where the scene has no more."""
         if all(setup.elements <= COARSE for setup in self.scene.setups):
             return None
         segments = max(len(setup.middles) for setup in self.scene.setups) + 1
-        return Search(with_elements(self.scene, max(COARSE // segments, 1), as_curved=True), self.budget)
+        return GraspSearch(with_elements(self.scene, max(COARSE // segments, 1), as_curved=True), self.budget)
 
     @property
     def _enough(self) -> float:
@@ -340,7 +340,7 @@ class Search:
         open_ = not basin.solved if self._tells else not basin.tried
         return open_ and self.best is not None and self._is_worth(basin.start, 1.0 - OPEN)
 
-    def _is_worth(self, start: Start, factor: float) -> bool:
+    def _is_worth(self, start: GraspStart, factor: float) -> bool:
         """Whether the estimate of a start is at most a factor times what there is."""
         best = self.best
         if best is None or math.isnan(start.estimate) or not self._tells:
@@ -421,7 +421,7 @@ class Search:
         """Start from the grasps of a scene in which they are found more surely: other aims from those with least
         tension, objects and bases that may move from where they are held.
         """
-        before = Search(scene, self.budget)
+        before = GraspSearch(scene, self.budget)
         self.run_before(before)
         for held in before.held:
             if not (self.budget.over or self.proven):
@@ -434,7 +434,7 @@ class Search:
         """
         return len(self.scene.setups) > 2
 
-    def run_before(self, other: Search) -> None:
+    def run_before(self, other: GraspSearch) -> None:
         """Run a search of another scene, whose time counts as one's own."""
         try:
             other.run()
@@ -444,7 +444,7 @@ class Search:
             self.build_seconds += other.build_seconds
             self.start_seconds += other.start_seconds
 
-    def _promises(self, start: Start) -> bool:
+    def _promises(self, start: GraspStart) -> bool:
         """Whether a start may lead to something better than what there is."""
         best = self.best
         if start.label == "near" or best is None:
@@ -467,7 +467,7 @@ class Search:
         """Tension below which differences are rounding [N]: grasps may take none at all."""
         return SAME * sum(setup.max_tension for setup in self.scene.setups)
 
-    def basins_of(self, mode: frozenset[str]) -> list[Start] | None:
+    def basins_of(self, mode: frozenset[str]) -> list[GraspStart] | None:
         """The starts of a mode's basins; None where it has none that are scanned."""
         began = time.perf_counter()
         scanned = basin_starts(self.scene, mode)
@@ -478,7 +478,7 @@ class Search:
         self._scans[mode] = scan
         return starts
 
-    def rebalanced(self, scene: GraspScene) -> list[list[Start]]:
+    def rebalanced(self, scene: GraspScene) -> list[list[GraspStart]]:
         """The starts that the postures scanned so far give for a scene that differs in mass or in limits of forces
         alone, per mode that is scanned.
         """
@@ -487,7 +487,7 @@ class Search:
         self.start_seconds += time.perf_counter() - began
         return starts
 
-    def rough_starts_of(self, mode: frozenset[str]) -> list[Start]:
+    def rough_starts_of(self, mode: frozenset[str]) -> list[GraspStart]:
         """Starts of a mode of all kinds of scenes."""
         if mode in self._rough:
             return self._rough[mode]
@@ -501,7 +501,7 @@ class Search:
 
     def attempt(
         self,
-        start: Start,
+        start: GraspStart,
         solver: GraspSolverRun | None = None,
         *,
         options_at: int = len(OPTION_SETS) - 1,
@@ -524,7 +524,7 @@ class Search:
             tried = Tried(again, solver, self.scene) if again.converged else tried
         return self._noted(tried)
 
-    def adopt(self, relaxed: Attempt) -> None:
+    def adopt(self, relaxed: GraspAttempt) -> None:
         """Verify an attempt with limits relaxed by nothing, which is a grasp of the scene, though not its optimum."""
         solver = self.solver(relaxed.start)
         self._noted(Tried(solver.unrelaxed(self.scene, relaxed), solver, self.scene))
@@ -549,7 +549,7 @@ class Search:
         seconds = max(0.0, min(seconds, self.budget.until - time.monotonic()))
         return f"{held}; {len(self.tried)} starts tried, {seconds:.2g} s left at most"
 
-    def solver(self, start: Start) -> GraspSolverRun:
+    def solver(self, start: GraspStart) -> GraspSolverRun:
         """The solver for a start's contacts."""
         began = time.perf_counter()
         contacts = tuple((name, contact.part) for name, contact in start.contacts.items())
@@ -560,7 +560,7 @@ class Search:
         return self._solvers[contacts]
 
 
-def _same(first: Start, second: Start) -> bool:
+def _same(first: GraspStart, second: GraspStart) -> bool:
     """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
     return first.contacts.keys() == second.contacts.keys() and math.isclose(
         first.estimate, second.estimate, rel_tol=NEAR

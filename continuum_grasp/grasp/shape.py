@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.grasp import FingerSetup
-from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.base import Array
+from continuum_grasp.scene import FAMILIES, Curve, FingerSetup
 
 ROUNDED = 0.01
 """Part of the length, to either side of a corner, over which it is rounded [1], so that the skin turns steadily where

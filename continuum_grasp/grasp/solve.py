@@ -9,9 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.errors import Interrupted, SolverError
+from continuum_grasp.base import Interrupted, SolverError, check_arguments, interruptible
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.changes import (
     FIRST,
@@ -25,21 +23,19 @@ from continuum_grasp.grasp.changes import (
 )
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
-from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, Attempt
+from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, GraspAttempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
-from continuum_grasp.grasp.search import OPEN, Search
+from continuum_grasp.grasp.search import OPEN, GraspSearch
 from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import DRIVEN_AWAY, REFUTED, STEADIER, Reason, Status, force_text, tension_of
+from continuum_grasp.grasp.values import DRIVEN_AWAY, REFUTED, STEADIER, GraspStatus, Reason, force_text, tension_of
 from continuum_grasp.nlp import Budget, Violation, outcome_words
-from continuum_grasp.scene.grasp import TOUCHING, GraspScene
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.methods import ONE_TURN
+from continuum_grasp.scene import ONE_TURN, TOUCHING, GraspScene, scene_of
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def optimize_grasp(
     scene: GraspScene | str | os.PathLike[str],
@@ -128,7 +124,7 @@ def _compared(result: GraspResult, elements: bool, budget: Budget) -> GraspResul
     return result
 
 
-def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
+def _for_errors(result: GraspResult, search: GraspSearch, budget: Budget) -> GraspResult:
     """The grasp that holds for the errors of a scene that names some and for all friction states of its tendons, next
     to the one found or others of its search.
     """
@@ -141,10 +137,10 @@ def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         return with_robust(result, search, budget)
     except KeyboardInterrupt:
         message = f"{result.message}; the search was interrupted before a grasp for all errors and friction states"
-        return replace(result, status=Status.FEASIBLE if result.solved else result.status, message=message)
+        return replace(result, status=GraspStatus.FEASIBLE if result.solved else result.status, message=message)
 
 
-def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tuple[GraspResult, Search]:
+def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tuple[GraspResult, GraspSearch]:
     """Find the grasp with the cheapest model that satisfies a tolerance; its search."""
     verdict = _Verdict(with_elements(scene, FIRST), budget)
     first = verdict.result()
@@ -171,10 +167,10 @@ class _Verdict:
         self.scene, self.budget = scene, budget
         self._chosen_range = chosen_range or not gives_bending_range(scene)  # by the program, not by the user
         self.began = time.monotonic()
-        self.search = Search(scene, budget)
+        self.search = GraspSearch(scene, budget)
         has_stations = any(setup.stations for setup in scene.setups)
         # Of the scene with one middle contact in place of stations, where there are any.
-        self._before = Search(without_stations(scene), budget) if has_stations else None
+        self._before = GraspSearch(without_stations(scene), budget) if has_stations else None
         plain = self._before or self.search
         self.repairs = Repairs(plain.scene, plain)
         self.interrupted = False
@@ -260,13 +256,13 @@ class _Verdict:
         steadied = best.solver.problem.spec.steadied
         held = f"a sum of tensions of {force_text(best.arrays, tension_of(self.scene, best.arrays))} N"
         notes = list(self._notes(best))
-        status = Status.FEASIBLE if notes else Status.OPTIMAL
+        status = GraspStatus.FEASIBLE if notes else GraspStatus.OPTIMAL
         if best.certificate.stability.stable:
             verdict = f"held with {held}"
         elif best.acceptable:
             verdict = f"held but unstable (as the scene allows): {held}"
         else:
-            status = Status.UNSTABLE
+            status = GraspStatus.UNSTABLE
             verdict = f"in balance with {held}, {DRIVEN_AWAY}"
         return GraspResult(
             self.scene,
@@ -316,12 +312,12 @@ class _Verdict:
             # One of ten random scenes of three fingers is held from one start of a hundred.
             message += f"; of all postures {len(self.search.tried)} samples were tried"
             message += f" ({self._more} tries more)" if self._more else ""
-        return self._failed(Status.INFEASIBLE, message, advice, closest, reasons)
+        return self._failed(GraspStatus.INFEASIBLE, message, advice, closest, reasons)
 
     def _unsolved(self, closest: Tried | None) -> GraspResult:
         if self.budget.stopped:
             message = f"{self._cut()} before there was a verdict"
-            return self._failed(Status.STOPPED, message, "Raise solver.time_limit, or free the machine.", closest)
+            return self._failed(GraspStatus.STOPPED, message, "Raise solver.time_limit, or free the machine.", closest)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
         elif closest is not None and closest.attempt.optimal:
@@ -338,10 +334,10 @@ class _Verdict:
             )
             if outcomes == {OVERDETERMINED}:
                 advice = "Add a contact: let the object lie against a support, or another finger hold it."
-        return self._failed(Status.NOT_SOLVED, message, advice, closest)
+        return self._failed(GraspStatus.NOT_SOLVED, message, advice, closest)
 
     def _failed(
-        self, status: Status, message: str, advice: str, closest: Tried | None, reasons: Sequence[Reason] = ()
+        self, status: GraspStatus, message: str, advice: str, closest: Tried | None, reasons: Sequence[Reason] = ()
     ) -> GraspResult:
         # What the object needs says more than where the search gave up.
         repaired = reasons[0].arrays if reasons else {}
@@ -390,7 +386,7 @@ class _Verdict:
             if gap > TOUCHING * self.scene.object.size
         )
 
-    def _statistics(self, chosen: Attempt | None) -> dict[str, Any]:
+    def _statistics(self, chosen: GraspAttempt | None) -> dict[str, Any]:
         attempts = [t.attempt for t in self.search.tried]
         return {
             "build_seconds": self.search.build_seconds,

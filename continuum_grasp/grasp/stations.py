@@ -17,19 +17,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solver_for
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered
-from continuum_grasp.grasp.search import FIRST_CAP, Search
+from continuum_grasp.grasp.search import FIRST_CAP, GraspSearch
 from continuum_grasp.grasp.starts.supports import nearest_contact
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start, start_from, with_contacts
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, start_from, with_contacts
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import NEAR, SAME, Reason
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene import FingerSetup, GraspScene
 
 
 def without_stations(scene: GraspScene) -> GraspScene:
@@ -42,7 +42,7 @@ def without_stations(scene: GraspScene) -> GraspScene:
     return with_elements(scene.model_copy(update={"contacts": whole}).with_fingers(fingers), FIRST)
 
 
-def search_stations(search: Search, before: Search) -> None:
+def search_stations(search: GraspSearch, before: GraspSearch) -> None:
     """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
     for held in before.held:
         start = _on_nearest(search.scene, before.scene, held.arrays)
@@ -54,7 +54,7 @@ def search_stations(search: Search, before: Search) -> None:
             return
 
 
-def find_station_reasons(search: Search, before: Search, known: Repairs) -> list[Reason]:
+def find_station_reasons(search: GraspSearch, before: GraspSearch, known: Repairs) -> list[Reason]:
     """Find the limits which, relaxed, give a grasp, next to those that give one `without_stations`, which are enough;
     none where that search finds a grasp after all.
     """
@@ -78,7 +78,7 @@ def find_station_reasons(search: Search, before: Search, known: Repairs) -> list
     return ordered((without | {reason.title: reason for reason in repairs.reasons()}).values())
 
 
-def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Array]) -> Start:
+def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Array]) -> GraspStart:
     """A grasp of a scene ``before`` with other stations, or one middle contact each, as a start with the stations
     nearest to those that touch.
     """
@@ -106,11 +106,11 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
     return _with_only(scene, replace(plain, fingers=fingers, forces=forces), contacts)
 
 
-def _with_only(scene: GraspScene, start: Start, contacts: Mapping[str, ContactStart]) -> Start:
+def _with_only(scene: GraspScene, start: GraspStart, contacts: Mapping[str, ContactStart]) -> GraspStart:
     return replace(with_contacts(scene, start, contacts), label="stations")
 
 
-def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[Start]:
+def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[GraspStart]:
     """Starts next to a grasp with one station less, one more beside those on, or one moved to its neighbor."""
     start = start_from(scene, dict(arrays))
     for setup in scene.setups:
@@ -120,7 +120,7 @@ def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[Start
         free = sorted(beside - set(on))
         line = arrays[f"{setup.name}.backbone"]
 
-        def added(k: int, whole: Start, setup: FingerSetup = setup, line: Array = line) -> Start:
+        def added(k: int, whole: GraspStart, setup: FingerSetup = setup, line: Array = line) -> GraspStart:
             world = complex(*(float(np.interp(setup.stations[k], line[:, 0], line[:, c])) for c in (1, 2)))
             at = nearest_contact(scene, whole.object_pose, world)
             name = setup.middle_names[k]
@@ -137,7 +137,7 @@ def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[Start
                     yield replace(added(j, fewer), forces={**fewer.forces, names[j]: start.forces[names[k]]})
 
 
-def _better(search: Search, start: Start, options_at: int = 2) -> bool:
+def _better(search: GraspSearch, start: GraspStart, options_at: int = 2) -> bool:
     """Whether a start leads to a grasp that is better."""
     tried, best = {frozenset(t.attempt.start.contacts) for t in search.tried}, search.best
     if search.budget.over or not start.contacts or frozenset(start.contacts) in tried:
@@ -154,7 +154,7 @@ _STEP = 1e-6
 """Step of a difference quotient (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
 
 
-def stabilize(search: Search) -> None:
+def stabilize(search: GraspSearch) -> None:
     """Seek stable grasps next to the unstable ones that are better than the best stable one."""
     unstable = sorted((t for t in search.good if not t.acceptable), key=lambda t: t.attempt.objective)
     tried: list[float] = []
@@ -168,7 +168,7 @@ def stabilize(search: Search) -> None:
             _stabilize(search, at)
 
 
-def _stabilize(search: Search, at: Tried) -> None:
+def _stabilize(search: GraspSearch, at: Tried) -> None:
     """Raise the least eigenvalue of an unstable grasp, by smaller steps where the solver does not follow."""
     solver = solver_for(replace(at.solver.problem.spec, steadied=True))
     share, before = 1.0, np.inf

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from continuum_grasp.results.declared import POSE, XY, Dimension, Stored
+from continuum_grasp.results import POSE, XY, Dimension, Stored
 
 _POSTURE = (
     Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from continuum_grasp.base import columns
 from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.labels import columns
-from continuum_grasp.results.plain import yaml_text
+from continuum_grasp.results import yaml_text
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.certificate.check import Check
-    from continuum_grasp.grasp.certificate.drives import DriveState
+    from continuum_grasp.grasp.certificate.drives import RecomputedDrive
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.values import Contact, FingerPosture, OutlineError
@@ -29,7 +29,7 @@ _HEAD = """\
 
 
 @dataclass(frozen=True)
-class Part:
+class TextPart:
     """A part of what is said about a grasp, as text and on the page: a table and sentences about it."""
 
     title: str
@@ -40,14 +40,14 @@ class Part:
     notes: Sequence[str] = ()
 
 
-def parts(result: GraspResult, quality: bool = True) -> list[Part]:
+def parts(result: GraspResult, quality: bool = True) -> list[TextPart]:
     """Say all about a grasp, or about what there is in its place; parts without rows are left out."""
     every = [_fingers(result), _contacts(result)] if result.arrays else []
     if result.verified:
         every += [_quality(result), _disturbances(result)] if quality and result.solved else []
         every += [] if result.certificate is None else [_certificate(result.certificate)]
         said = result.statistics.get("fine_model")
-        every += [Part("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
+        every += [TextPart("The same grasp in a fine model", ("", ""), [("fine model", said)])] if said else []
     every += [] if result.outline is None else [_outline(result.outline)]
     every += [_trials(result.robustness)] if result.robustness is not None else []
     return [part for part in every if part.rows]
@@ -102,7 +102,7 @@ def further_advice(result: GraspResult) -> str:
 # -- parts -------------------------------------------------------------------------------------------------------
 
 
-def _fingers(result: GraspResult) -> Part:
+def _fingers(result: GraspResult) -> TextPart:
     """Tensions, base and contacts of each finger, and what its drives do."""
     rows, notes = [], []
     if result.scene.object.free is not None:
@@ -118,7 +118,7 @@ def _fingers(result: GraspResult) -> Part:
         notes.append(f"{setup.name}: elements of {_mm(posture.lengths)} mm ({posture.family})")
         notes += [f"{setup.name}: {text}" for text in _drives(result, setup.name)]
     head = ("Finger", "Left tendon [N]", "Right [N]", "At most [N]", "Base [mm]", "Middle at [mm]", "Length [mm]")
-    return Part("Fingers", head, rows, (1, 2, 3), notes=notes)
+    return TextPart("Fingers", head, rows, (1, 2, 3), notes=notes)
 
 
 def _drives(result: GraspResult, finger: str) -> list[str]:
@@ -142,7 +142,7 @@ def _drives(result: GraspResult, finger: str) -> list[str]:
     return lines
 
 
-def _contacts(result: GraspResult) -> Part:
+def _contacts(result: GraspResult) -> TextPart:
     """Places of the contacts, and their forces."""
     rows, lifted = [], result.scene.lifted
     for c in result.contacts:
@@ -153,25 +153,25 @@ def _contacts(result: GraspResult) -> Part:
     lift = ["Lift [N]"] if lifted else []
     head = ("Contact", "x [mm]", "y [mm]", "Normal [N]", "Friction [N]", *lift, "Margin", "Friction coefficient")
     notes = [result.bound_words] if result.bound_words else []
-    return Part("Contacts", head, rows, range(1, len(head)), notes=notes)
+    return TextPart("Contacts", head, rows, range(1, len(head)), notes=notes)
 
 
-def _quality(result: GraspResult) -> Part:
+def _quality(result: GraspResult) -> TextPart:
     rows = [(name.replace("_", " "), _short(value), description) for name, value, description in result.quality.rows()]
-    return Part("Quality", ("Index", "Value", "What it means"), rows, (1,))
+    return TextPart("Quality", ("Index", "Value", "What it means"), rows, (1,))
 
 
-def _disturbances(result: GraspResult) -> Part:
+def _disturbances(result: GraspResult) -> TextPart:
     """The scene's disturbances, as far as they are resisted."""
     held, rows = result.quality.resistance, []
     for (x, y, moment), factor, limiting in zip(held.wrenches, held.factors, held.limiting, strict=True):
         what = f"{x:.3g} N, {y:.3g} N, {moment:.3g} N m"
         rows.append((what, "no limit" if np.isinf(factor) else _short(factor), ", ".join(limiting)))
     head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
-    return Part("Resisted disturbances", head, rows, (1,))
+    return TextPart("Resisted disturbances", head, rows, (1,))
 
 
-def _certificate(certificate: Certificate) -> Part:
+def _certificate(certificate: Certificate) -> TextPart:
     """Per kind of check, whichever finger or contact it is of, the worst value; stability and error of the model."""
     kinds: dict[str, list[Check]] = {}
     for check in certificate.checks:
@@ -197,17 +197,17 @@ def _certificate(certificate: Certificate) -> Part:
     if overlap > 0:
         notes.append(f"fingers overlap by {1e3 * overlap:.2f} mm in the plane: they must lie at different heights")
     head = ("Check", "Found", "In terms of", "Limit", "Verdict")
-    return Part("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
+    return TextPart("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
 
 
-def _outline(outline: OutlineError) -> Part:
-    return Part("Outline of the object", ("", ""), [("error", str(outline)), ("changes", outline.words)])
+def _outline(outline: OutlineError) -> TextPart:
+    return TextPart("Outline of the object", ("", ""), [("error", str(outline)), ("changes", outline.words)])
 
 
-def _trials(robustness: Robustness) -> Part:
+def _trials(robustness: Robustness) -> TextPart:
     """The nominal grasp and that for all errors side by side."""
     title, nominal, robust = robustness.names
-    return Part(title, ("", f"best {nominal}", robust), robustness.rows())
+    return TextPart(title, ("", f"best {nominal}", robust), robustness.rows())
 
 
 def amount(value: float, unit: str) -> str:
@@ -257,7 +257,7 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
     return _HEAD + yaml_text({key: value for key, value in summary.items() if value not in (None, "", [], {})})
 
 
-def _plain(part: FingerPosture | DriveState | Contact) -> dict[str, Any]:
+def _plain(part: FingerPosture | RecomputedDrive | Contact) -> dict[str, Any]:
     """A part of a grasp as plain data, without its long arrays and the numbers that it does not have."""
     values = {entry.name: getattr(part, entry.name) for entry in fields(part) if entry.repr}
     return {key: value for key, value in values.items() if not (isinstance(value, float) and np.isnan(value))}

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
-from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
-from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.problem.solver_run import GraspAttempt, GraspSolverRun
+from continuum_grasp.grasp.starts.values import GraspStart, start_from
 from continuum_grasp.grasp.values import NEAR
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene import GraspScene
 
 SECTORS = 8
 """Sectors of a contact's direction, seen from the object; starts of two are of different branches: those whose contacts
@@ -23,7 +23,7 @@ face alike to within one end in the same grasp as a rule."""
 class Tried:
     """An attempt; its physical numbers and its verification when they are asked for."""
 
-    attempt: Attempt
+    attempt: GraspAttempt
     solver: GraspSolverRun
     scene: GraspScene
 
@@ -38,7 +38,7 @@ class Tried:
         return certify_reached(self.scene, self.arrays)
 
     @cached_property
-    def start(self) -> Start:
+    def start(self) -> GraspStart:
         return start_from(self.scene, self.arrays)
 
     @property
@@ -56,7 +56,7 @@ class Tried:
         return self.certificate.acceptable
 
 
-def exchanged(scene: GraspScene, start: Start, other: Start, name: str) -> Start:
+def exchanged(scene: GraspScene, start: GraspStart, other: GraspStart, name: str) -> GraspStart:
     """The start with a finger, by name, as another has it."""
     (setup,) = (setup for setup in scene.setups if setup.name == name)
     contacts = [contact for contact in setup.switches if contact in start.contacts]
@@ -80,7 +80,7 @@ def least_of(tried: list[Tried]) -> Tried | None:
     return min(converged or tried, key=lambda t: round(t.attempt.objective, 9), default=None)
 
 
-def branch_of(start: Start) -> tuple[Any, ...]:
+def branch_of(start: GraspStart) -> tuple[Any, ...]:
     """Branch of a start; starts of one branch most likely lead to the same grasp: contacts, sides, and where they
     face.
     """
@@ -96,7 +96,7 @@ def branch_of(start: Start) -> tuple[Any, ...]:
 class Basin:
     """A basin of the estimated tension, whether it was tried, and whether a verified grasp was found from it."""
 
-    start: Start
+    start: GraspStart
     tried: bool = False
     solved: bool = False
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.base import Array
+from continuum_grasp.scene import GraspScene
 
 NEAR, SAME = 1e-3, 1e-4
 """Relative differences of what is sought: below the first a grasp is no better than another, since 0.1 % of tension is
@@ -34,7 +34,7 @@ STEADIER = (
 )
 
 
-class Status(StrEnum):
+class GraspStatus(StrEnum):
     """Outcome of the search."""
 
     OPTIMAL = "optimal"
@@ -55,7 +55,7 @@ class Status(StrEnum):
     @property
     def word(self) -> str:
         """The status as people read it: that of an unstable grasp stands out, since all of its checks pass."""
-        return self.value.upper() if self is Status.UNSTABLE else self.value.replace("_", " ")
+        return self.value.upper() if self is GraspStatus.UNSTABLE else self.value.replace("_", " ")
 
 
 @dataclass(frozen=True)

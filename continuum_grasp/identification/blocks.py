@@ -11,21 +11,20 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, SolverError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import UNIT_OF, Data, Poses, TipPath
-from continuum_grasp.identification.numbers import Measured, MeasuredColumn
+from continuum_grasp.identification.numbers import MeasuredColumn, MeasuredSet
 from continuum_grasp.identification.observation import check_tensions, observed
-from continuum_grasp.identification.rows import Chained, Dual, Resting, Shapes, symbols
+from continuum_grasp.identification.rows import Chained, Dual, Resting, RestShapes, symbols
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.identification.vibrations import Vibrations
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.trajectory import backbones, limit_warnings
+from continuum_grasp.scene import Scene
+from continuum_grasp.simulation import backbones, limit_warnings
 
 
-def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> Measured:
+def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> MeasuredSet:
     """Table of what was measured of a finger of some length [m], row by row, or instant by instant; both are ``at``.
 
     Readings without a known deviation share that of a kind.
@@ -45,7 +44,7 @@ def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], len
     )
     ordered = isinstance(data, TipPath) or data.sequence
     signals = () if isinstance(data, TipPath) else data.signals
-    return Measured(data.name, tuple(columns), at, values, fitted, moves, ordered, offsets, signals)
+    return MeasuredSet(data.name, tuple(columns), at, values, fitted, moves, ordered, offsets, signals)
 
 
 class Drawn(NamedTuple):
@@ -68,10 +67,10 @@ _DRAWN, _POINTS = 8, 60
 """Most backbones of a set of measurements that are drawn, and points of each [1]: more hide one another."""
 
 
-class Block:
+class MeasuredBlock:
     """A set of measurements, and the scene whose model predicts it."""
 
-    measured: Measured
+    measured: MeasuredSet
     data: Data
     scene: Scene
     own: Sequence[Unknown] = ()
@@ -142,14 +141,14 @@ class Block:
         return Drawn(self.measured.at[chosen], np.array(lines))
 
 
-class PosesBlock(Block):
+class PosesBlock(MeasuredBlock):
     """Shapes at rest, each row about an equilibrium of its own, and vibrations about them."""
 
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown], by: Sequence[int] | None = None) -> None:
         super().__init__(scene, data, unknowns, by)
         self._by = slice(None) if by is None else list(by)
         rows = data.conditions, data.rows
-        self._shapes = Shapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
+        self._shapes = RestShapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
         self.followed = self._shapes.start
         model, still = self._shapes.model, [reading for reading in data.measured if not reading.of_mode]
         check_tensions(model, still, data.name)

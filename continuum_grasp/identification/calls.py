@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 
 _FIRST = 256
 """Rows by which the clock of a log is found at first [1]: it stands out of their scatter, up to 0.4 periods to either

@@ -9,19 +9,17 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import SHOWN_IN, Array
 from continuum_grasp.identification.blocks import Drawn
 from continuum_grasp.identification.data import OF_MODES
-from continuum_grasp.identification.numbers import Measured, MeasuredColumn, Numbers
+from continuum_grasp.identification.numbers import MeasuredColumn, MeasuredNumbers, MeasuredSet
 from continuum_grasp.identification.vibrations import damped_sine
-from continuum_grasp.labels import SHOWN_IN
-from continuum_grasp.results.declared import Dimension, Picture, Stored
-from continuum_grasp.results.result import Result
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.results import Dimension, Picture, Result, Stored
+from continuum_grasp.scene import Scene
 
 
 @dataclass(frozen=True)
-class Channel:
+class ComparedChannel:
     """Prediction errors of one quantity at one place of one set, or of what shares a standard deviation.
 
     Attributes
@@ -46,7 +44,7 @@ class Channel:
     count: int
 
     @classmethod
-    def of(cls, name: str, unit: str, fitted: bool, missed: Array, length: float | None = None) -> Channel:
+    def of(cls, name: str, unit: str, fitted: bool, missed: Array, length: float | None = None) -> ComparedChannel:
         """Errors of predictions that miss measurements (R,), also per the length of the finger where that is given."""
         rms = float(np.sqrt(np.mean(missed**2)))
         share = None if length is None else rms / length
@@ -64,11 +62,11 @@ class Channel:
 
 
 HEADINGS = ("channel", "r.m.s.", "at most", "mean", "unit", "of the length", "numbers")
-"""Headings of a table of `Channel.texts`."""
+"""Headings of a table of `ComparedChannel.texts`."""
 
 
 @dataclass(frozen=True)
-class Predicted(Numbers, Result):
+class Predicted(MeasuredNumbers, Result):
     """Measured numbers with their predictions, set by set; what comparisons and fits share.
 
     Attributes
@@ -99,7 +97,7 @@ class Predicted(Numbers, Result):
     predicted: ClassVar[str] = "simulated"
     """Word of pictures for predictions."""
 
-    sets: tuple[Measured, ...]
+    sets: tuple[MeasuredSet, ...]
     predictions: Array
     drawn: tuple[Drawn, ...]
     scene: Scene
@@ -146,19 +144,19 @@ class Predicted(Numbers, Result):
         return self.predictions - self.measured
 
     @property
-    def errors(self) -> tuple[Channel, ...]:
+    def errors(self) -> tuple[ComparedChannel, ...]:
         """Errors of what was fitted, by what shares a standard deviation."""
         return self._errors(fitted=True)
 
     @property
-    def holdout_errors(self) -> tuple[Channel, ...]:
+    def holdout_errors(self) -> tuple[ComparedChannel, ...]:
         """Errors of what was predicted and not fitted, by what shares a standard deviation."""
         return self._errors(fitted=False)
 
-    def _errors(self, *, fitted: bool) -> tuple[Channel, ...]:
+    def _errors(self, *, fitted: bool) -> tuple[ComparedChannel, ...]:
         members = {name: numbers & (self.fitted == fitted) for name, numbers in self.groups.items()}
         return tuple(
-            Channel.of(name, self.described[int(chosen.argmax())].unit, fitted, self.residuals[chosen])
+            ComparedChannel.of(name, self.described[int(chosen.argmax())].unit, fitted, self.residuals[chosen])
             for name, chosen in members.items()
             if chosen.any()
         )
@@ -189,7 +187,7 @@ class Predicted(Numbers, Result):
         return series
 
     @property
-    def channels(self) -> tuple[Channel, ...]:
+    def channels(self) -> tuple[ComparedChannel, ...]:
         """Errors of each quantity at each place of each set, hold-outs apart, and of the distances of points."""
         kinds = [
             (f"{name}: {what}", column, rows, self.residuals[rows])
@@ -209,7 +207,7 @@ class Predicted(Numbers, Result):
             for fitted in (True, False):
                 errors = missed[self.fitted[rows] == fitted]
                 if errors.size:
-                    channels.append(Channel.of(what, column.unit, fitted, errors, length))
+                    channels.append(ComparedChannel.of(what, column.unit, fitted, errors, length))
         return tuple(channels)
 
     def details(self) -> dict[str, Any]:

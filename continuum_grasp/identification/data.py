@@ -9,11 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import positive, real_array, whole
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.identify import OF_BENDS
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.base import Array, InputError, positive, real_array, whole
+from continuum_grasp.scene import OF_BENDS, Scene
 
 UNIT_OF = {
     "x": "m",

@@ -18,17 +18,16 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.accuracy.space import refined
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.accuracy import refined
+from continuum_grasp.base import Array, ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF, Data
 from continuum_grasp.identification.inference import FALSE_ALARMS, Inference, correlated, surely
 from continuum_grasp.identification.numbers import MeasuredColumn
 from continuum_grasp.identification.path_block import of_one_code
-from continuum_grasp.identification.problem import Inferred, Problem, Solution
+from continuum_grasp.identification.problem import FitProblem, Inferred, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Scene
 
 Further = tuple[Unknown, Array]
 
@@ -51,7 +50,7 @@ _SHORTENING = "shortening"
 _SLIPS = (_LATE, _BEFORE, _ORIGIN)
 
 
-def doubts(problem: Problem, solution: Solution, inference: Inference, *, laws: bool = True) -> list[str]:
+def doubts(problem: FitProblem, solution: Solution, inference: Inference, *, laws: bool = True) -> list[str]:
     """Evidence against normal, independent residuals, on which intervals rest, and against ``laws`` of the model."""
     weighted = (solution.predictions - problem.measured) / solution.sigma
     leverage = problem.leverage(solution.jacobian, solution.sigma)
@@ -65,7 +64,7 @@ def doubts(problem: Problem, solution: Solution, inference: Inference, *, laws: 
     ]
 
 
-def _missed(problem: Problem, solution: Solution, inference: Inference) -> list[str]:
+def _missed(problem: FitProblem, solution: Solution, inference: Inference) -> list[str]:
     """Hold-outs that are missed by more than noise and uncertain parameters allow, even where all errors are one."""
     messages, missed = [], solution.predictions - problem.measured
     lost = np.isinf(inference.deviations)
@@ -96,7 +95,7 @@ def _missed(problem: Problem, solution: Solution, inference: Inference) -> list[
     return messages
 
 
-def _outliers(problem: Problem, weighted: Array, freedom: float, leverage: Array | float = 0.0) -> list[str]:
+def _outliers(problem: FitProblem, weighted: Array, freedom: float, leverage: Array | float = 0.0) -> list[str]:
     """Fitted entries far from what the rest says, by their studentized residuals: a parameter follows few numbers."""
     sizes = np.abs(weighted[problem.fitted])
     # 1e-6: least variance that a residual has of its noise [1]; what is met whatever it is, tells nothing
@@ -117,7 +116,7 @@ def _outliers(problem: Problem, weighted: Array, freedom: float, leverage: Array
     return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {worst}"]
 
 
-def _stated(problem: Problem, weighted: Array, leverage: Array) -> list[str]:
+def _stated(problem: FitProblem, weighted: Array, leverage: Array) -> list[str]:
     """Groups whose residuals surely scatter otherwise than stated: weights are then wrong."""
     messages = []
     known = np.array([of.sigma is not None for of in problem.described]) & problem.fitted
@@ -136,7 +135,7 @@ def _stated(problem: Problem, weighted: Array, leverage: Array) -> list[str]:
     return messages
 
 
-def _sets(problem: Problem, weighted: Array) -> list[str]:
+def _sets(problem: FitProblem, weighted: Array) -> list[str]:
     """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
     from scipy.stats import f_oneway
 
@@ -159,7 +158,7 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
     return messages
 
 
-def _correlated(problem: Problem, weighted: Array) -> list[str]:
+def _correlated(problem: FitProblem, weighted: Array) -> list[str]:
     """Sets whose residuals follow one another alike: then they are the model's error rather than noise."""
     messages, sets = [], sum(of.ordered for of in problem.sets)
     for of, rows in zip(problem.sets, problem.slices, strict=True):
@@ -178,7 +177,7 @@ def _correlated(problem: Problem, weighted: Array) -> list[str]:
     return messages
 
 
-def doubts_of_elements(problem: Problem, solution: Solution, inferred: Inferred) -> list[str]:
+def doubts_of_elements(problem: FitProblem, solution: Solution, inferred: Inferred) -> list[str]:
     """Parameters that a model with twice the elements would move by more than their deviations, all that are
     ``inferred``; none where such a model is not feasible.
     """
@@ -202,7 +201,7 @@ def doubts_of_elements(problem: Problem, solution: Solution, inferred: Inferred)
     return [f"twice the elements would move {', '.join(parts)}: {why}"] if parts else []
 
 
-def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
+def doubts_of_laws(problem: FitProblem, solution: Solution) -> list[str]:
     """Evidence of the residuals against the laws of stiffness, damping and memory that the model has."""
     further: list[Further] = []
     for name in ("quadratic_damping", "softening_ratio"):
@@ -238,7 +237,7 @@ def _kind(further: Further) -> str:
 
 
 def _judged(
-    problem: Problem, solution: Solution, further: Sequence[Further], least: float, chances: int
+    problem: FitProblem, solution: Solution, further: Sequence[Further], least: float, chances: int
 ) -> tuple[float, float, float]:
     """Judgment of the last parameter: step per what noise makes of it, 0 where it matters less than ``least``; step;
     deviation.
@@ -274,7 +273,7 @@ _LAWS = {
 what is wrong where the number comes out greater, and less."""
 
 
-def _words(problem: Problem, further: Unknown, step: float, deviation: float) -> str:
+def _words(problem: FitProblem, further: Unknown, step: float, deviation: float) -> str:
     if further.target in _SLIPS:
         cause = "their times or conditions are not those of the scene"
         if further.target == _ORIGIN:
@@ -310,13 +309,13 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
     return f"{law} does not fit: {less if step < 0.0 else greater} ({off})"
 
 
-def _shapes(problem: Problem) -> list[tuple[int, MeasuredColumn, NDArray[np.intp]]]:
+def _shapes(problem: FitProblem) -> list[tuple[int, MeasuredColumn, NDArray[np.intp]]]:
     """Number of the set, and fitted numbers (R,), of each reading of the shape."""
     columns = [(k, of, rows[problem.fitted[rows]]) for k, of, rows in problem.by_column if of.quantity in KIND_OF]
     return [(k, of, rows) for k, of, rows in columns if rows.size]
 
 
-def _shortening(problem: Problem, solution: Solution) -> list[Further]:
+def _shortening(problem: FitProblem, solution: Solution) -> list[Further]:
     """Change (m,) of the shapes of fingers on tendons whose tensions shorten them as those of a section like theirs."""
     slope, radius = np.zeros(len(problem.measured)), 0.0
     for k in dict.fromkeys(k for k, *_ in _shapes(problem)):
@@ -333,7 +332,7 @@ def _shortening(problem: Problem, solution: Solution) -> list[Further]:
     return [(Unknown("shortening", "1", _SHORTENING, typical=radius), slope)] if slope.any() else []
 
 
-def _widths(problem: Problem, predictions: Array) -> list[Further]:
+def _widths(problem: FitProblem, predictions: Array) -> list[Further]:
     """Half the width of a loop of each reading that was loaded and unloaded at rest."""
     widths = []
     for k, column, rows in _shapes(problem):
@@ -347,7 +346,7 @@ def _widths(problem: Problem, predictions: Array) -> list[Further]:
     return widths
 
 
-def _slips(problem: Problem, predictions: Array) -> list[Further]:
+def _slips(problem: FitProblem, predictions: Array) -> list[Further]:
     """By how many samples rows of motions are late; whether readings are those of the row before or behind; offsets of
     the positions of all sets along the axes.
     """
@@ -370,7 +369,7 @@ def _slips(problem: Problem, predictions: Array) -> list[Further]:
     return [(unknown, slope) for unknown, slope in slips if slope.any()]
 
 
-def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:
+def _of_law(name: str, problem: FitProblem, solution: Solution) -> list[Further]:
     """A parameter of a law, and the derivative (m,) of shapes by it, where the law has no effect yet."""
     slope, count, unknown = np.zeros(len(problem.measured)), len(problem.sought), list[Unknown]()
     ranges = dict[int, list[float]]()

@@ -9,27 +9,20 @@ from typing import Any, ClassVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.identification.blocks import Block, PosesBlock
+from continuum_grasp.base import Array, InputError, check_arguments, interruptible
+from continuum_grasp.identification.blocks import MeasuredBlock, PosesBlock
 from continuum_grasp.identification.data import Reading, TipPath
 from continuum_grasp.identification.fit import applied, estimate_texts, table_of
 from continuum_grasp.identification.fitting import Measurements, posed, resolved, sources_of
 from continuum_grasp.identification.inference import allotted, infer, information
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Part, Problem, Progress, Solution
+from continuum_grasp.identification.problem import FitProblem, Progress, SetInProblem, Solution
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
-from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
+from continuum_grasp.identification.segments import CommandDesign, Excited, Segment, patterns_of
 from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored
-from continuum_grasp.results.plain import yaml_text
-from continuum_grasp.results.result import Result
-from continuum_grasp.scene.identify import Column, DataSet, IdentifyScene, RowsEqual, StaticPoses, TipTrajectory
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.table import csv_text
-from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored, yaml_text
+from continuum_grasp.scene import Column, DataSet, IdentifyScene, RowsEqual, Scene, StaticPoses, TipTrajectory, csv_text
+from continuum_grasp.simulation import Trajectory
 
 _ABOUT, _TRIED = 0.2, 4
 """Change of the unknowns at which poses are tried as well, per typical size, and at how many such values [1]."""
@@ -135,7 +128,7 @@ class ExperimentPlan(Result):
         }
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def design_experiments(
     scene: IdentifyScene, data: Measurements = (), *, progress: Callable[[float], None] | None = None
@@ -172,7 +165,8 @@ def design_experiments(
     --------
     Which weights show a stiffness and the angle of the clamp, of three weights that there are?
 
-    >>> from continuum_grasp.identification import IdentifyScene, design_experiments
+    >>> from continuum_grasp.identification import design_experiments
+    >>> from continuum_grasp.scene import IdentifyScene
     >>> scene = IdentifyScene(
     ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.005}},
     ...     gravity=(0.0, 0.0),
@@ -198,7 +192,7 @@ def design_experiments(
     plain, sought = plain_scene(scene), read_unknowns(scene, scene.estimate)
     measured, sets = _measured(scene, data, progress or (lambda share: None))
     tables = [choices_of(data_set, plain, f"data[{k}]") for k, data_set in proposed]
-    blocks: list[Block] = [PosesBlock(poses.scene or scene, poses, sought) for *_, poses in tables]
+    blocks: list[MeasuredBlock] = [PosesBlock(poses.scene or scene, poses, sought) for *_, poses in tables]
     motion, along = None, dict[str, Array]()
     if logged:
         at_known = plain
@@ -207,7 +201,7 @@ def design_experiments(
             at_known = applied(
                 plain, [(of.target, of.factor, of.added) for of in problem.unknowns[: values.size]], values
             )
-        motion = Design(at_known, patterns_of(plain), scene.excitation).excited()
+        motion = CommandDesign(at_known, patterns_of(plain), scene.excitation).excited()
         blocks.append(_logged(motion.rehearsal, *logged[0], sought))
     known, offered = _Known(measured, blocks, sought), list[dict[str, str]]()
     each, cautious, budgets = list[Array](), list[Array](), list[tuple[NDArray[np.intp], int]]()
@@ -265,7 +259,7 @@ def _designed(scene: IdentifyScene) -> tuple[list[tuple[int, StaticPoses]], list
 
 def _measured(
     scene: IdentifyScene, data: Measurements, report: Progress
-) -> tuple[tuple[Problem, Solution] | None, tuple[DataSet, ...]]:
+) -> tuple[tuple[FitProblem, Solution] | None, tuple[DataSet, ...]]:
     """The fit to what is measured already, None where nothing is; and the sets that files of it have."""
     paths, arrays = sources_of(data)
     if not (paths or arrays):
@@ -293,9 +287,9 @@ class _Known:
     """
 
     def __init__(
-        self, measured: tuple[Problem, Solution] | None, blocks: Sequence[Block], sought: Sequence[Unknown]
+        self, measured: tuple[FitProblem, Solution] | None, blocks: Sequence[MeasuredBlock], sought: Sequence[Unknown]
     ) -> None:
-        self.problem = Problem([*(measured[0].blocks if measured else ()), *blocks], sought)
+        self.problem = FitProblem([*(measured[0].blocks if measured else ()), *blocks], sought)
         self.parts, self._scales = self.problem.parts[-len(blocks) :], dict[str, float]()
         self.values, self.sizes = (
             np.array([getattr(of, key) for of in self.problem.unknowns]) for key in ("start", "typical")
@@ -310,7 +304,7 @@ class _Known:
             self._scales = {column.group: sigma for column, sigma in pairs}
         self.rows = np.vstack([rows, prior(self.problem.unknowns, self.values)[1]])
 
-    def possible(self, part: Part, key: str) -> tuple[NDArray[np.intp], Array]:
+    def possible(self, part: SetInProblem, key: str) -> tuple[NDArray[np.intp], Array]:
         """Rows (K,) of a set that are possible, and derivatives (values, K, readings, n) of what is measured there.
 
         These are at the values that are known and some about them.
@@ -331,7 +325,7 @@ class _Known:
         slopes = block.predict(mix @ self.values)[1]
         return self._whitened(part, slopes.reshape(samples, -1, slopes.shape[1]), key)
 
-    def _whitened(self, part: Part, slopes: Array, key: str) -> Array:
+    def _whitened(self, part: SetInProblem, slopes: Array, key: str) -> Array:
         """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
         sigma = []
         for k, column in enumerate(part.block.measured.columns):

@@ -8,18 +8,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.identification.comparison import Predicted
 from continuum_grasp.identification.inference import Inference
 from continuum_grasp.identification.searches import LawTrial
 from continuum_grasp.identification.unknowns import ALONG, DELAY, LAG, Unknown
-from continuum_grasp.model.parameters import at_tip, numbers_of, places_of
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored
-from continuum_grasp.results.plain import yaml_text
-from continuum_grasp.scene.finger import Finger, PointMass
-from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.simulate import FingerScene
+from continuum_grasp.model import at_tip, numbers_of, places_of
+from continuum_grasp.results import Dimension, File, Picture, Stored, yaml_text
+from continuum_grasp.scene import Finger, FingerScene, PointMass, Rod
 
 
 @dataclass(frozen=True)

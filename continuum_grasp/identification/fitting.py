@@ -11,11 +11,9 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from continuum_grasp import interrupt
-from continuum_grasp.accuracy.choose import resolve_fidelity
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.errors import InputError, NumericalError, SolverError
-from continuum_grasp.identification.blocks import Block
+from continuum_grasp.accuracy import resolve_fidelity
+from continuum_grasp.base import InputError, NumericalError, SolverError, check_arguments, interruptible
+from continuum_grasp.identification.blocks import MeasuredBlock
 from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts, doubts_of_elements
@@ -29,18 +27,16 @@ from continuum_grasp.identification.plausibility import (
     questionable,
     too_far,
 )
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import FitProblem, Solution
 from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
 from continuum_grasp.identification.searches import LawTrial, choose_law, may_be_local, restarted
 from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.scene.identify import Estimate, IdentifyScene
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Estimate, IdentifyScene, Scene, scene_of
 
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def identify(
     scene: Scene | str | PathLike[str],
@@ -119,7 +115,7 @@ def identify(
     return _fit(task, solution, accepted=accept_implausible, laws=laws, statistics=statistics)
 
 
-def _solved(problem: Problem, report: Callable[[float], None]) -> Solution:
+def _solved(problem: FitProblem, report: Callable[[float], None]) -> Solution:
     """The parameters; where they are not found, and a slip in the data explains that, the error says so."""
     try:
         return problem.solve(report)
@@ -141,7 +137,7 @@ def under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
         yield plain.replaced(estimate=(*scene.estimate, *law.estimate))
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def compare(
     scene: Scene | str | PathLike[str],
@@ -211,7 +207,7 @@ class Task(NamedTuple):
 
     scene: Scene
     note: str
-    problem: Problem
+    problem: FitProblem
 
 
 def posed(
@@ -227,7 +223,7 @@ def posed(
     """
     scene, note = resolved(scene)
     unknowns = [] if sought is None else read_unknowns(scene, sought)
-    (paths, arrays), blocks = sources_of(data), list[Block]()
+    (paths, arrays), blocks = sources_of(data), list[MeasuredBlock]()
     # those in files come first; the files that the scene names where nothing is given
     pairs = arrays if arrays and not paths else [*read_data(scene, paths, beside=beside), *arrays]
     if not pairs:
@@ -237,7 +233,7 @@ def posed(
         blocks.append(block_of(own, pair, unknowns))
         if progress is not None:
             progress(len(blocks) / len(pairs))
-    return Task(scene, note, Problem(blocks, unknowns))
+    return Task(scene, note, FitProblem(blocks, unknowns))
 
 
 def resolved(scene: Scene) -> tuple[Scene, str]:
@@ -253,7 +249,7 @@ def sources_of(data: Measurements) -> tuple[list[Path], list[Data]]:
     return paths, [source for source in sources if isinstance(source, (Poses, TipPath))]
 
 
-def _credible(problem: Problem, solution: Solution) -> tuple[Solution, list[str]]:
+def _credible(problem: FitProblem, solution: Solution) -> tuple[Solution, list[str]]:
     """The solution, and the evidence of its residuals against data and laws; where it has any, the best from other
     starts: a local minimum says nothing about the data.
     """

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.identification.unknowns import Unknown
 
 FALSE_ALARMS = 2e-3

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import NumericalError, SolverError
+from continuum_grasp.base import Array, NumericalError, SolverError
 
 Function = Callable[[Array], tuple[Array, Array]]
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 
 
 class MeasuredColumn(NamedTuple):
@@ -30,7 +30,7 @@ class MeasuredColumn(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredSet:
     """Measured numbers of a set: ``values`` (R, columns) in rows, or at instants [s], ``at`` (R,)."""
 
     name: str
@@ -49,10 +49,10 @@ class Measured:
     """Records that the rows were read from, a `Signal` each; none where these are not known."""
 
 
-class Numbers:
+class MeasuredNumbers:
     """The m measured numbers of all ``sets``: set by set, and of each set row by row."""
 
-    sets: Sequence[Measured]
+    sets: Sequence[MeasuredSet]
 
     @cached_property
     def measured(self) -> Array:

@@ -11,16 +11,13 @@ from typing import Any, cast
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import Array, InputError, SolverError, split_unit
 from continuum_grasp.identification.data import START_SAMPLES, Reading, column
 from continuum_grasp.identification.least_squares import least_squares
 from continuum_grasp.identification.rows import symbols
 from continuum_grasp.identification.unknowns import START, Unknown
-from continuum_grasp.labels import split_unit
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.winches import Motor
-from continuum_grasp.scene.consumer import refusals
+from continuum_grasp.model import FingerModel, Motor
+from continuum_grasp.scene import refusals
 
 
 def observed(

@@ -15,29 +15,27 @@ from typing import cast
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.core import Core
-from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.rollouts import Rollouts, signal
-from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, measured_of
+from continuum_grasp.base import Array, InputError, NumericalError, split_unit
+from continuum_grasp.core import Core, Rollouts, signal, step_function
+from continuum_grasp.identification.blocks import Bent, MeasuredBlock, PosesBlock, measured_of
 from continuum_grasp.identification.data import Data, Poses, TipPath, column
 from continuum_grasp.identification.observation import MeasuredStart, check_tensions, observed
-from continuum_grasp.identification.rows import Chained, Dual, Shapes, runtime_names, set_by, symbols
+from continuum_grasp.identification.rows import Chained, Dual, RestShapes, runtime_names, set_by, symbols
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
-from continuum_grasp.labels import split_unit
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.memory import clipped
-from continuum_grasp.model.parameters import nominal_values
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
-from continuum_grasp.simulation.static_shape import friction_history
-from continuum_grasp.simulation.statics import friction_of
-from continuum_grasp.simulation.trajectory import acting_input
+from continuum_grasp.model import FingerModel, clipped, nominal_values
+from continuum_grasp.scene import Scene
+from continuum_grasp.simulation import (
+    TARGET_RADIUS,
+    Signals,
+    acting_input,
+    friction_history,
+    friction_of,
+    sample_shapes,
+    spectral_radius,
+)
 
 
-def block_of(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
+def block_of(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> MeasuredBlock:
     """The set of measurements of a kind, predicted by the model of a scene."""
     return (PosesBlock if isinstance(data, Poses) else PathBlock)(scene, data, unknowns)  # type: ignore[arg-type]
 
@@ -72,7 +70,7 @@ _SHAPES = 6
 """Sampled shapes, the initial one among them, whose stiffest mode limits the steps."""
 
 
-class PathBlock(Block):
+class PathBlock(MeasuredBlock):
     """Readings along one motion of the finger; ``own`` are the coordinates and rates of a start that is estimated.
 
     Unknowns are run-time arguments of the model, whose state is x. Inputs are the commands, and behind them their
@@ -239,13 +237,13 @@ class PathBlock(Block):
         return grid
 
 
-def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes | None:
+def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> RestShapes | None:
     """The shape at time zero, where it is an equilibrium; None where the scene gives its coordinates."""
     pose = scene.initial.pose
     scene = scene.model_copy(update={"loads": (*scene.loads, *scene.initial.held_by)})
     if pose == "rest":
         scene = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None, "loads": ()})
-    return Shapes(scene, unknowns, name) if pose in ("equilibrium", "rest") else None
+    return RestShapes(scene, unknowns, name) if pose in ("equilibrium", "rest") else None
 
 
 def _start_function(model: FingerModel, passed: Sequence[Array]) -> Chained:

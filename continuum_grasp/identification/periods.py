@@ -13,17 +13,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.estimation.noise import measurement_std
-from continuum_grasp.control.log import COMMANDED, ControlLog
-from continuum_grasp.control.parts import delay_periods
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError, name_of, split_unit, unit_of
+from continuum_grasp.control import COMMANDED, Controller, ControlLog, delay_periods, measurement_std
 from continuum_grasp.identification.calls import calls_of
 from continuum_grasp.identification.inference import middle
-from continuum_grasp.labels import name_of, split_unit, unit_of
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.table import read_table
+from continuum_grasp.scene import ControlScene, read_table
 
 SWAPPED = " swapped"
 """End of the name of a trial with swapped channels."""

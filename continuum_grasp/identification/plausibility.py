@@ -16,14 +16,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import ContinuumGraspError
-from continuum_grasp.identification.blocks import Block
+from continuum_grasp.base import Array, ContinuumGraspError
+from continuum_grasp.identification.blocks import MeasuredBlock
 from continuum_grasp.identification.data import KIND_OF, OF_MODES, Data, TipPath
-from continuum_grasp.identification.problem import Problem, Solution
-from continuum_grasp.identification.slips import Slip, late, slips_of, undone
+from continuum_grasp.identification.problem import FitProblem, Solution
+from continuum_grasp.identification.slips import PossibleMistake, late, slips_of, undone
 from continuum_grasp.identification.unknowns import ADDED, Unknown, read_unknowns
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Scene
 
 IMPLAUSIBLE = "implausible"
 """Status of a fit whose measurements cannot be those of the finger."""
@@ -75,7 +74,7 @@ class Misfit(NamedTuple):
         return self.rms > min(self.limit, max(_UNEXPLAINED * self.scatter, _STATED * self.limit))
 
 
-class Verdict(NamedTuple):
+class Plausibility(NamedTuple):
     """Why measurements are refused, empty where they are not; what explains them; and what only warns."""
 
     reason: str
@@ -83,20 +82,20 @@ class Verdict(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def questionable(problem: Problem, solution: Solution) -> bool:
+def questionable(problem: FitProblem, solution: Solution) -> bool:
     """Whether a fit misses the data, or is so far from the scene, that slips are tried."""
     return any(misfit.is_unexplained for misfit in misfits(problem, solution.predictions)) or bool(
         _far(problem, solution)
     )
 
 
-def _far(problem: Problem, solution: Solution) -> list[tuple[Unknown, float]]:
+def _far(problem: FitProblem, solution: Solution) -> list[tuple[Unknown, float]]:
     """Unknowns that scale with loads and come out as a multiple of the scene's value, and that multiple."""
     pairs = [(u, float(value / u.typical)) for u, value in zip(problem.unknowns, solution.values, strict=True)]
     return [(u, times) for u, times in pairs if u.target in _SCALES and not 1.0 / _FAR <= times <= _FAR]
 
 
-def judge(problem: Problem, solution: Solution) -> Verdict:
+def judge(problem: FitProblem, solution: Solution) -> Plausibility:
     left = misfits(problem, solution.predictions)
     reason = too_far(problem, solution.values, solution.sigma)
     unexplained = [misfit for misfit in left if misfit.is_unexplained]
@@ -109,7 +108,7 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
         missed = f"{worst.kind} of {worst.set}: the model is off by {worst.rms:.3g} {worst.unit} r.m.s., {plausible}"
         reason = f"{reason}; {missed}" if reason else missed
     if reason:
-        return Verdict(reason, causes, ())
+        return Plausibility(reason, causes, ())
     warnings = [
         f"{misfit.kind} of {misfit.set}: the model is off by {misfit.rms:.2g} {misfit.unit} r.m.s. where the "
         f"measurements scatter by {misfit.scatter:.2g}: check units, signs and conditions of the data"
@@ -121,10 +120,10 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
         warnings.append(
             f"{unknown.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
         )
-    return Verdict("", (), tuple(warnings))
+    return Plausibility("", (), tuple(warnings))
 
 
-def doubts_of_data(problem: Problem, predictions: Array) -> tuple[str, ...]:
+def doubts_of_data(problem: FitProblem, predictions: Array) -> tuple[str, ...]:
     """Slips that explain what a scene as it is misses, where it misses more than is plausible."""
     left = misfits(problem, predictions)
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit, default=None)
@@ -135,7 +134,7 @@ def doubts_of_data(problem: Problem, predictions: Array) -> tuple[str, ...]:
     return (f"{missed}; likely cause: {' or '.join(causes)}",) if causes else ()
 
 
-def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
+def misfits(problem: FitProblem, predictions: Array) -> list[Misfit]:
     """Misfits of what was fitted, by set and kind."""
     all_misfits = []
     for (block, part, _), of in zip(problem.parts, problem.sets, strict=True):
@@ -169,7 +168,7 @@ def _limit(kind: str, measured: Array, length: float) -> float:
     return sizes.get(kind, size)
 
 
-def too_far(problem: Problem, values: Array, sigma: Array) -> str:
+def too_far(problem: FitProblem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     message, farthest = "", 0.0
     for (block, part, mix), of in zip(problem.parts, problem.sets, strict=True):
@@ -195,13 +194,13 @@ def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     return message
 
 
-def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
+def explain(problem: FitProblem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     """Slips that explain the measurements, by trying them: those that are best at the start values are fitted anew.
 
     There are no misfits ``left`` where no parameters were found.
     """
     before = _total(left) if left else math.inf
-    tried: dict[str, tuple[float, Problem]] = {}
+    tried: dict[str, tuple[float, FitProblem]] = {}
     everywhere = {block.name for block in problem.blocks}
     missed = {misfit.set for misfit in left if misfit.is_unexplained}
     measured = [(block.data, block.scene) for block in problem.blocks]
@@ -217,7 +216,7 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
                 block if pair is None else _undone(block, slip, *pair, problem.sought)
                 for block, pair in zip(problem.blocks, pairs, strict=True)
             ]
-            trial = Problem(blocks, problem.sought)
+            trial = FitProblem(blocks, problem.sought)
             total = _total(misfits(trial, trial.predict(np.array([unknown.start for unknown in trial.unknowns]))[0]))
         except ContinuumGraspError:
             continue
@@ -234,13 +233,13 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
         with suppress(ContinuumGraspError):
             more = read_unknowns(problem.blocks[0].scene, [name for name in ADDED if name not in known])
             sought = [*problem.sought, *more]
-            elsewhere = Problem([block.again(sought) for block in problem.blocks], sought)
+            elsewhere = FitProblem([block.again(sought) for block in problem.blocks], sought)
             explained = _refitted("the base is elsewhere", elsewhere, before)
     least = min((total for total, _ in explained), default=0.0)
     return tuple(text for total, text in explained if total <= max(_BETTER * least, _NOTHING))
 
 
-def _late(problem: Problem) -> list[Slip]:
+def _late(problem: FitProblem) -> list[PossibleMistake]:
     """Slip of motions whose rows are late, as far as predictions at the start values show it."""
     problem.begin()
     motions = []
@@ -254,7 +253,7 @@ def _late(problem: Problem) -> list[Slip]:
     return [] if slip is None else [slip]
 
 
-def _refitted(words: str, trial: Problem, before: float) -> list[tuple[float, str]]:
+def _refitted(words: str, trial: FitProblem, before: float) -> list[tuple[float, str]]:
     """Misfit without a slip, and what to say of it; nothing where it does not explain the measurements."""
     trial.begin()
     try:
@@ -276,7 +275,9 @@ def _refitted(words: str, trial: Problem, before: float) -> list[tuple[float, st
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
 
 
-def _undone(block: Block, slip: Slip, data: Data, scene: Scene, sought: Sequence[Unknown]) -> Block:
+def _undone(
+    block: MeasuredBlock, slip: PossibleMistake, data: Data, scene: Scene, sought: Sequence[Unknown]
+) -> MeasuredBlock:
     """The block without a slip; its model is that of the block where predictions do not depend on what is other."""
     factors = {name: factor for name, (to, factor) in slip.columns.items() if name == to}
     if not factors or factors.keys() - _MEASURED or (isinstance(data, TipPath) and data.start != "scene"):

@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, NumericalError, SolverError
-from continuum_grasp.identification.blocks import Block
+from continuum_grasp.base import Array, InputError, NumericalError, SolverError
+from continuum_grasp.identification.blocks import MeasuredBlock
 from continuum_grasp.identification.inference import Inference, infer
 from continuum_grasp.identification.least_squares import Minimum, least_squares
-from continuum_grasp.identification.numbers import Numbers
+from continuum_grasp.identification.numbers import MeasuredNumbers
 from continuum_grasp.identification.unknowns import ALONG, DIRECTIONS, Unknown, prior
 
 Progress = Callable[[float], None]
@@ -45,7 +44,7 @@ class Solution(NamedTuple):
     evaluations: int
 
 
-def with_sets(sought: Sequence[Unknown], blocks: Sequence[Block]) -> tuple[list[Unknown], list[Array]]:
+def with_sets(sought: Sequence[Unknown], blocks: Sequence[MeasuredBlock]) -> tuple[list[Unknown], list[Array]]:
     """Unknowns (n) of all sets, behind them those of single ones, and by which matrix (k, n) each set has its own.
 
     First are those that have one value, then the parts of their vectors across the finger.
@@ -79,28 +78,28 @@ class Inferred(NamedTuple):
     inference: Inference
 
 
-class Part(NamedTuple):
+class SetInProblem(NamedTuple):
     """A set of measurements, where its numbers are among those of all sets, and the matrix by which its unknowns follow
     from theirs.
     """
 
-    block: Block
+    block: MeasuredBlock
     rows: slice
     mix: Array
 
 
-class Problem(Numbers):
+class FitProblem(MeasuredNumbers):
     """Measurements of all sets and the model's predictions of them.
 
     The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given.
     """
 
-    def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> None:
+    def __init__(self, blocks: Sequence[MeasuredBlock], unknowns: Sequence[Unknown]) -> None:
         self.blocks, self.sought = list(blocks), tuple(unknowns)
         self.unknowns, mixes = with_sets(unknowns, blocks)
         self.shared = sum(unknown.per != "set" for unknown in self.unknowns)
         self.sets = tuple(block.measured for block in blocks)
-        self.parts = [Part(*part) for part in zip(blocks, self.slices, mixes, strict=True)]
+        self.parts = [SetInProblem(*part) for part in zip(blocks, self.slices, mixes, strict=True)]
         self._sought = np.ones(len(self.unknowns), dtype=bool)
         for part in self.parts:
             # what only a set that is not fitted has would drift in a search that does not see it
@@ -244,7 +243,7 @@ class Problem(Numbers):
                 values = self._search(values, chosen, 1.0 / sigma, sought).values
         return values
 
-    def _own(self, part: Part) -> NDArray[np.bool_]:
+    def _own(self, part: SetInProblem) -> NDArray[np.bool_]:
         """Whether each unknown (n,) is of a set alone."""
         return np.asarray(part.mix.any(axis=0) & (np.arange(len(self.unknowns)) >= self.shared))
 

@@ -15,30 +15,28 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.log import COMMANDED
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError, check_arguments, split_unit
+from continuum_grasp.control import COMMANDED
 from continuum_grasp.identification.data import KIND_OF, OF_MODES, UNIT_OF, Data, Poses, Reading, Signal, TipPath
 from continuum_grasp.identification.vibrations import fit_damped_sine
-from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.identify import (
+from continuum_grasp.scene import (
     Column,
     ColumnLike,
     Condition,
     DataSet,
+    DataTable,
     IdentifyScene,
     Quantity,
     ReadingColumn,
     RingDown,
+    Scene,
     StaticPoses,
     TipTrajectory,
     as_column,
+    by_key,
+    read_table,
 )
-from continuum_grasp.scene.loads import by_key
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.table import Table, read_table
 
 SomeScene = TypeVar("SomeScene", bound=Scene)
 
@@ -170,7 +168,7 @@ def changed_at(scene: SomeScene, changes: Sequence[str], key: str) -> SomeScene:
         raise InputError(error.message, key=where) from None
 
 
-def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) -> list[Data]:
+def _read(data_set: DataSet, table: DataTable, scene: Scene, name: str, key: str) -> list[Data]:
     """The measurements of a table: of shapes at rest a set for each choice of readings that some of its rows have."""
     fitted = data_set.use == "fit"
     if isinstance(data_set, StaticPoses):
@@ -263,7 +261,7 @@ def choices_of(data: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ..
     cells = [(*fixed.values(), *(f"{v:.12g}" for v in row), *["0"] * len(seen)) for row in rows]
     plain = data.model_copy(update={"where": (), "holdout_rows": (), "use": "fit", "pose": None})
     changed = changed_at(plain_scene(scene), data.set, f"{key}.set")
-    (poses,) = _read(plain, Table.of(headings, cells), changed, data.name or key, key)
+    (poses,) = _read(plain, DataTable.of(headings, cells), changed, data.name or key, key)
     return headings, cells, cast(Poses, poses)
 
 
@@ -275,7 +273,7 @@ class _Points:
     """
 
     one: StaticPoses | TipTrajectory
-    table: Table
+    table: DataTable
     scene: Scene
     key: str
     groups: Sequence[NDArray[np.intp]]
@@ -382,7 +380,7 @@ def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, 
 
 
 def _ring_downs(
-    ring_down: RingDown, table: Table, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str
+    ring_down: RingDown, table: DataTable, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str
 ) -> Poses:
     """One row per signal."""
     sines, signals = [], list[Signal]()
@@ -399,7 +397,7 @@ def _ring_downs(
     return Poses(vibrations, {}, fitted, scene, name, plane=ring_down.plane, signals=signals)
 
 
-def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key: str) -> dict[str, Array]:
+def _conditions(table: DataTable, conditions: Sequence[Condition], scene: Scene, key: str) -> dict[str, Array]:
     columns = {}
     for k, condition in enumerate(conditions):
         if condition.name in columns:
@@ -424,7 +422,7 @@ def unit_of_entry(name: str, scene: Scene, key: str) -> str:
     return units[name]
 
 
-def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) -> Array:
+def _column(table: DataTable, column: ColumnLike, si: str, *, gaps: bool = False) -> Array:
     definition = as_column(column)
     values = table.in_si(definition.column, si, definition.unit, definition.zero, gaps=gaps)
     if definition.minus is not None:
@@ -482,7 +480,7 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     return _read(data_set, table, plain_scene(scene), file.stem, "data")
 
 
-def _refuse_measured(table: Table, unread: Sequence[Column], expected: Sequence[str]) -> None:
+def _refuse_measured(table: DataTable, unread: Sequence[Column], expected: Sequence[str]) -> None:
     """Refuse columns that nothing reads, but for notes: a load that is left out would be missing."""
     for column in unread:
         at = table.index(column.column)

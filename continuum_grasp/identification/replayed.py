@@ -11,16 +11,13 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.log import ControlLog
+from continuum_grasp.base import Array, check_arguments, split_unit, unit_of
+from continuum_grasp.control import ControlLog
 from continuum_grasp.identification.comparison import Predicted
-from continuum_grasp.identification.numbers import Measured, MeasuredColumn
+from continuum_grasp.identification.numbers import MeasuredColumn, MeasuredSet
 from continuum_grasp.identification.periods import DISAGREE, LATER, SWAPPED, Periods, Retuned, disagreement, innovations
-from continuum_grasp.labels import split_unit, unit_of
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import scene_of
+from continuum_grasp.results import Dimension, File, Picture, Stored
+from continuum_grasp.scene import ControlScene, scene_of
 
 
 class Suspicion(NamedTuple):
@@ -199,11 +196,17 @@ def replay(
     if frozen or (status == "mismatch" and explained):
         status = "sensor"
     seen = np.nan_to_num(y) @ estimation.mixing.T
-    name, sets, believed = log.name if isinstance(log, ControlLog) else Path(log).stem, list[Measured](), list[Array]()
+    name, sets, believed = (
+        log.name if isinstance(log, ControlLog) else Path(log).stem,
+        list[MeasuredSet](),
+        list[Array](),
+    )
     for j, (what, unit) in enumerate(map(split_unit, estimation.y_names)):
         there = np.isfinite(std[:, j])
         numbers, fitted = seen[there, j, None], np.ones(there.sum(), dtype=bool)
-        sets.append(Measured(name, (MeasuredColumn(what, what, unit),), periods.t[there], numbers, fitted, moves=True))
+        sets.append(
+            MeasuredSet(name, (MeasuredColumn(what, what, unit),), periods.t[there], numbers, fitted, moves=True)
+        )
         believed.append(seen[there, j] - innovation[there, j])
     return Replay(
         sets=tuple(sets),

@@ -12,15 +12,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import Array, InputError, SolverError, split_unit
 from continuum_grasp.identification.unknowns import DELAY, START, Unknown
-from continuum_grasp.labels import split_unit
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.memory import clipped
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium_under, friction_of
+from continuum_grasp.model import FingerModel, clipped
+from continuum_grasp.scene import Scene
+from continuum_grasp.simulation import Signals, equilibrium_under, friction_of
 
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
@@ -60,7 +56,7 @@ class Resting(NamedTuple):
     history: Dual
 
 
-class Shapes:
+class RestShapes:
     """Equilibria of rows of measurements, and their derivatives by the unknowns.
 
     Conditions (rows,) are values by row of the argument z = [u, w, p] of the model, by its names; all others are the

@@ -24,11 +24,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.base import Array, InputError, NumericalError, SolverError
 from continuum_grasp.identification.inference import middle
 from continuum_grasp.identification.plausibility import misfits
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import FitProblem, Solution
 
 _FACTORS = tuple(10.0 ** (k / 2) for k in range(-3, 4) if k)
 """Factors on a start value [1], 0.03 to 30: half decades, from which searches over stiffness, mass and damping of rods
@@ -42,14 +41,14 @@ _SURE = 0.975
 """Probability, to one side, from which a difference of errors tells two laws apart [1]."""
 
 
-def may_be_local(problem: Problem, solution: Solution) -> bool:
+def may_be_local(problem: FitProblem, solution: Solution) -> bool:
     """Whether a fit misses so much of the measurements, beyond their stated deviations, that it may be another minimum
     than the least.
     """
     return any(off.rms > max(_MISSED * off.scatter, off.stated) for off in misfits(problem, solution.predictions))
 
 
-def restarted(problem: Problem, first: Solution | None) -> Solution | None:
+def restarted(problem: FitProblem, first: Solution | None) -> Solution | None:
     """The fit with the least sum of squares from other starts, where it is below that of the ``first``; else that.
 
     Predictions are followed from there afterwards.
@@ -78,7 +77,7 @@ def _near(start: Array, values: Array) -> bool:
     return bool((apart <= 0.5).all())
 
 
-def _scanned(problem: Problem, scaled: NDArray[np.bool_]) -> list[Array]:
+def _scanned(problem: FitProblem, scaled: NDArray[np.bool_]) -> list[Array]:
     """Starts (n,), each of a lower sum of squares than that before, of parameters that are ``scaled``: angles and
     offsets have no decades.
     """
@@ -122,7 +121,7 @@ class LawTrial(NamedTuple):
 
 
 def choose_law(
-    candidates: Mapping[str, Problem], report: Callable[[float], None]
+    candidates: Mapping[str, FitProblem], report: Callable[[float], None]
 ) -> tuple[str, Solution, tuple[LawTrial, ...]]:
     """Name and fit of the law that is chosen, of problems by the names of laws, and how all of them did.
 
@@ -158,7 +157,7 @@ def choose_law(
     return chosen, fits[chosen], trials
 
 
-def _differ(problem: Problem, more: Array) -> bool:
+def _differ(problem: FitProblem, more: Array) -> bool:
     """Whether squared errors of one law are surely greater, by ``more`` (m,), than those of another, of hold-outs."""
     from scipy.special import stdtrit
 

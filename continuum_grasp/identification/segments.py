@@ -8,18 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import SolverError
+from continuum_grasp.base import Array, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.identify import Excitation
-from continuum_grasp.scene.loads import by_key
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.modes import modes
-from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.simulate import simulate
-from continuum_grasp.simulation.statics import equilibrium_under
-from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.scene import Excitation, MotorDrive, Scene, by_key
+from continuum_grasp.simulation import Signals, Trajectory, equilibrium_under, modes, simulate
 
 _BASE = 0.03
 """Tension at which tendons stay in tension, per greatest tension [1]."""
@@ -44,7 +36,7 @@ class Segment(NamedTuple):
     end: float
 
 
-class Pattern(NamedTuple):
+class DrivePattern(NamedTuple):
     """Pattern of drives that move together: name, commands per unit, and the greatest factor to try."""
 
     name: str
@@ -87,7 +79,7 @@ def base_of(scene: Scene) -> Array:
     return base
 
 
-def patterns_of(scene: Scene) -> list[Pattern]:
+def patterns_of(scene: Scene) -> list[DrivePattern]:
     """To one side, to the other, and both sides together; chambers beside tendons stay as they are."""
     finger = scene.finger
     tendons, rod, key = finger.tendon_list, finger.rod, finger.input_keys[0]
@@ -111,24 +103,24 @@ def patterns_of(scene: Scene) -> list[Pattern]:
         # Those on the other side pay out what their path takes: they stay in the tension that they have.
         bent = rod.stiffness / (rod.length * offset)
         paid = 0.0 if key == "torques" else offset / (offset + bent / stiffness)
-    patterns = list[Pattern]()
+    patterns = list[DrivePattern]()
     for name, side in (("to the left", 1.0), ("to the right", -1.0)):
         sides = np.array([side]) if both_ways else np.where(np.sign(arms) == side, 1.0, -paid)
         if both_ways or side in np.sign(arms):
-            patterns.append(Pattern(name, sides, greatest))
+            patterns.append(DrivePattern(name, sides, greatest))
     if len(patterns) > 1 and not both_ways:
-        patterns.append(Pattern("together", np.ones(len(arms)), greatest))
+        patterns.append(DrivePattern("together", np.ones(len(arms)), greatest))
     still = np.zeros(len(finger.chambers) if finger.tendons else 0)
     return [of._replace(commands=np.append(of.commands, still)) for of in patterns]
 
 
-class Design:
+class CommandDesign:
     """Commands of a scene's drives, in ``segments`` that are equally long.
 
     Each is as large as ``reach`` of the bending range, of the tensions and of what the drives take allows at rest.
     """
 
-    def __init__(self, scene: Scene, patterns: Sequence[Pattern], options: Excitation) -> None:
+    def __init__(self, scene: Scene, patterns: Sequence[DrivePattern], options: Excitation) -> None:
         self._scene, self.options, self._base = scene, options, base_of(scene)
         tightened = self._commanded([(0.0, self._base), (1.0, self._base)])
         self._model = FingerModel(tightened, input_rates=False)
@@ -145,7 +137,7 @@ class Design:
         self.segments = tuple(Segment(name, _SHOWS[form], *next(times)) for name, form, _ in parts)
         self._frequency = self._first_frequency()
 
-    def _reach(self, pattern: Pattern) -> float:
+    def _reach(self, pattern: DrivePattern) -> float:
         """Greatest factor of a pattern at rest."""
         low, high = 0.0, pattern.most
         # 12: bisections of the greatest command: to a part in 4000

@@ -11,13 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.identification.data import UNIT_OF, Data, Reading, TipPath
 from continuum_grasp.identification.read import unit_of_entry
-from continuum_grasp.scene.loads import by_key
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.units import units_of
+from continuum_grasp.scene import Scene, by_key, units_of
 
 Pair = tuple[Data, Scene]
 Columns = Mapping[str, tuple[str, float]]
@@ -44,7 +41,7 @@ _GROUPS = {
 """Columns whose units are taken for others together, with the power of that unit; all others by their names."""
 
 
-class Slip(NamedTuple):
+class PossibleMistake(NamedTuple):
     """A possible mistake, in words, and the change that undoes it."""
 
     words: str
@@ -58,12 +55,12 @@ class Slip(NamedTuple):
     """Time by which rows of motions are late [s]."""
 
 
-def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
+def slips_of(given: Sequence[Pair]) -> Iterator[PossibleMistake]:
     """Slips that may concern some of the sets."""
     units = {name: (unit, scene) for data, scene in given for name, unit in _columns(data, scene).items()}
     for words, columns in _AXES.items():
         if set(columns) <= set(units):
-            yield Slip(words, columns)
+            yield PossibleMistake(words, columns)
     groups = {group: [name for name in powers if name in units] for group, powers in _GROUPS.items()}
     for name in units:
         if not any(name in powers for powers in _GROUPS.values()):
@@ -73,22 +70,22 @@ def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
     for group, names in groups.items():
         powers = _GROUPS.get(group, dict.fromkeys(names, 1))
         for words, factor in _factors(group, *units[names[0]], names[0]) if names else ():
-            yield Slip(f"{group} {words}", {name: (name, factor ** powers[name]) for name in names})
+            yield PossibleMistake(f"{group} {words}", {name: (name, factor ** powers[name]) for name in names})
     names = [finger_input.name for finger_input in given[0][1].finger.inputs]
     commands, readings = _renumbered(names), dict[str, tuple[str, float]]()
     for quantity in UNIT_OF:
         if f"{quantity} 1" in units:
             readings |= _renumbered([f"{quantity} {k + 1}" for k in range(len(names))])
     if len(names) > 1:
-        yield Slip("tendons are numbered from the other side", {**commands, **readings})
-        yield Slip("commands of the tendons are swapped", commands)
-        yield Slip("readings of the drives are swapped", readings)
+        yield PossibleMistake("tendons are numbered from the other side", {**commands, **readings})
+        yield PossibleMistake("commands of the tendons are swapped", commands)
+        yield PossibleMistake("readings of the drives are swapped", readings)
     for degrees in (90, -90, 180):
-        yield Slip(f"finger.base.angle is {degrees} degrees too small", {}, turn=math.radians(degrees))
-    yield Slip("gravity points the other way", {}, gravity=-1.0)
+        yield PossibleMistake(f"finger.base.angle is {degrees} degrees too small", {}, turn=math.radians(degrees))
+    yield PossibleMistake("gravity points the other way", {}, gravity=-1.0)
 
 
-def late(motions: Sequence[tuple[Array, Array, Array]]) -> Slip | None:
+def late(motions: Sequence[tuple[Array, Array, Array]]) -> PossibleMistake | None:
     """The time by which the rows of motions are late, by instants (T,), measured and predicted numbers (T, c) of each.
 
     It is that at which the predictions of all, moved by it, agree best over a quarter of the instants at least.
@@ -105,7 +102,7 @@ def late(motions: Sequence[tuple[Array, Array, Array]]) -> Slip | None:
     before, here, after = left[k - 1 : k + 2]
     shift = shifts[k] + 0.5 * min(steps) * (before - after) / max(before - 2.0 * here + after, 1e-300)
     words = f"rows of motions are {abs(shift):.3g} s {'late' if shift > 0.0 else 'early'}"
-    return Slip(words, {"t": ("t", 1.0)}, late=float(shift))
+    return PossibleMistake(words, {"t": ("t", 1.0)}, late=float(shift))
 
 
 def _missed(motions: Sequence[tuple[Array, Array, Array]], shift: float) -> float:
@@ -119,7 +116,7 @@ def _missed(motions: Sequence[tuple[Array, Array, Array]], shift: float) -> floa
     return total / max(count, 1)
 
 
-def undone(slip: Slip, data: Data, scene: Scene) -> Pair | None:
+def undone(slip: PossibleMistake, data: Data, scene: Scene) -> Pair | None:
     """Data and scene without a slip; None where it does not concern them, or they cannot be so."""
     if not slip.columns.keys() & _columns(data, scene).keys() and (slip.columns or not any(scene.gravity)):
         return None
@@ -160,7 +157,7 @@ def _renumbered(names: Sequence[str]) -> Columns:
     return {name: (to, 1.0) for name, to in zip(names, reversed(names), strict=True)}
 
 
-def _undone_data(slip: Slip, data: Data) -> Data:
+def _undone_data(slip: PossibleMistake, data: Data) -> Data:
     def scaled(name: str, values: ArrayLike) -> ArrayLike:
         return slip.columns[name][1] * np.asarray(values, dtype=float) if name in slip.columns else values
 
@@ -183,7 +180,7 @@ def _undone_data(slip: Slip, data: Data) -> Data:
     return replace(data, measured=read(data.measured), conditions=conditions)
 
 
-def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
+def _changes(slip: PossibleMistake, scene: Scene) -> Iterator[tuple[str, Any]]:
     if slip.turn:
         yield "finger.base.angle", math.remainder(scene.finger.base.angle + slip.turn, 2.0 * math.pi)
     if slip.gravity != 1.0:

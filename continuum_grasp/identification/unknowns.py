@@ -8,16 +8,9 @@ from typing import Literal, NamedTuple, cast
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import nearest, unit_of
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.laws.section import POSITIVE
-from continuum_grasp.model.parameters import numbers_of
-from continuum_grasp.scene.consumer import refusals
-from continuum_grasp.scene.identify import Estimate
-from continuum_grasp.scene.methods import default_family
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.base import Array, InputError, nearest, unit_of
+from continuum_grasp.model import POSITIVE, FingerModel, numbers_of
+from continuum_grasp.scene import Estimate, Scene, default_family, refusals
 
 LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""

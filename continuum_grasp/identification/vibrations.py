@@ -9,13 +9,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import Array, InputError, SolverError, check_arguments
 from continuum_grasp.identification.data import Reading, column
 from continuum_grasp.identification.rows import Dual, Resting, symbols
 from continuum_grasp.model import FingerModel
-from continuum_grasp.simulation.spectrum import poles
+from continuum_grasp.simulation import poles
 
 _LEAST_SAMPLES = 12
 """Least samples of a signal: two per unknown, of which a damped sine with offset and drift has six."""

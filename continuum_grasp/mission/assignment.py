@@ -7,13 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.grasp.quality.resistance import Resistance
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.base import Array
+from continuum_grasp.grasp import GraspResult, Resistance
+from continuum_grasp.scene import ControlScene, GraspObject, MissionScene, Scene
 
 T = TypeVar("T")
 

@@ -12,14 +12,11 @@ from typing import Literal
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.grasp.quality.resistance import Resistance, resistance
-from continuum_grasp.grasp.quality.response import GraspResponse
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.base import Array
+from continuum_grasp.grasp import GraspResponse, GraspResult, Resistance, resistance
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.mission.plant import PlantVariation
+from continuum_grasp.scene import Finger, MissionScene
 
 ROUNDING = 1e-6
 """Excess, as a part of a number, that is none: the certificate itself holds to this."""
@@ -87,7 +84,7 @@ def is_table(name: str) -> bool:
 
 
 def plant_friction(
-    mission: MissionScene, variation: Variation, names: Sequence[str], fallen: float | Array = 0.0
+    mission: MissionScene, variation: PlantVariation, names: Sequence[str], fallen: float | Array = 0.0
 ) -> Array:
     """Friction coefficient (K,) of each contact on the plant, by its name there or in the grasp; NaN for the table.
 
@@ -101,7 +98,7 @@ def plant_friction(
     return now
 
 
-def plant_mass(mission: MissionScene, variation: Variation) -> float:
+def plant_mass(mission: MissionScene, variation: PlantVariation) -> float:
     """Mass of the object on the plant [kg]."""
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     return mass * variation.mass
@@ -186,7 +183,7 @@ def keep_position(fingers: Sequence[Finger]) -> bool:
     return all(bool(finger.winches) if (law := finger.drive_law) is None else law.locks for finger in fingers)
 
 
-def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) -> tuple[Lowered, ...]:
+def lowered_by_pulls(assignments: Sequence[Assignment], variation: PlantVariation) -> tuple[Lowered, ...]:
     """Distances by which pulls lower an object that weighs in the plane, once it rests; empty where it weighs out of
     it.
 

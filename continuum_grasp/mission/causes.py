@@ -10,10 +10,10 @@ from typing import Literal
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.mission.budget import CertifiedContact, Lowered, bodies, certified_contact, lowered_by_pulls
 from continuum_grasp.mission.plant import Span
-from continuum_grasp.mission.record import Record
+from continuum_grasp.mission.record import MissionRecord
 
 CLEAR = 0.003
 """Distance from the object at which the approach ends, and to which fingers open again [m]."""
@@ -24,7 +24,7 @@ ON_CONE = 0.99
 
 
 @dataclass(frozen=True)
-class Slip:
+class SlippedContact:
     """A contact that gave way before the object fell; forces are those of that instant [N]."""
 
     contact: str  # name on the plant, as of ``Shortfall``, or that of a support, whose corners count together
@@ -53,7 +53,7 @@ class Drop:
 
     time: float  # when it had lost 5 mm of height [s]
     phase: str  # in which the first contact gave way
-    slips: tuple[Slip, ...]  # contacts that gave way and stayed so until then, the first one first
+    slips: tuple[SlippedContact, ...]  # contacts that gave way and stayed so until then, the first one first
     lowered: Lowered | None = None  # by a pull in the plane at which none gave way: how far it lowers what is held
 
     @property
@@ -68,7 +68,7 @@ class Drop:
         return f"{first.text} ({self.phase}){then}; 5 mm lower at {self.time:.2f} s"
 
 
-def find_drop(record: Record, sunk: Array) -> Drop | None:
+def find_drop(record: MissionRecord, sunk: Array) -> Drop | None:
     """Why an object fell; None where it did not.
 
     ``sunk`` (K + 1,) is the height that it lost since the lift began; zero before, and where it does not count [m].
@@ -90,7 +90,7 @@ def find_drop(record: Record, sunk: Array) -> Drop | None:
         at = max(begin, int(np.searchsorted(t, lift)))
         pressed = float(normal[at].sum())
         slips.append(
-            Slip(
+            SlippedContact(
                 contact=name,
                 how="absent" if at > begin else "slipped" if pressed > 0.0 else "parted",
                 time=float(t[at]),
@@ -123,7 +123,7 @@ class Tripped:
         return f"{self.finger} at {self.time:.2f} s: {self.reason}"
 
 
-def find_tripped(record: Record) -> Tripped | None:
+def find_tripped(record: MissionRecord) -> Tripped | None:
     """The first controller that tripped; None where none did."""
     fingers = zip(record.assignments, record.runs, strict=True)
     trips = [
@@ -152,7 +152,7 @@ class Touching:
         return f"{where}, in the way of fingers that open to {1e3 * CLEAR:g} mm from there"
 
 
-def find_touching(record: Record) -> Touching | None:
+def find_touching(record: MissionRecord) -> Touching | None:
     """Contacts of fingers that touch at the end of a mission; None where none does."""
     contacts, grasp = record.contacts, np.array(record.assignments[0].object_pose[:2])
     last = zip(contacts.names, contacts.normal_force[-1].tolist(), strict=True)
@@ -191,7 +191,7 @@ class Turned:
         )
 
 
-def find_turned(record: Record) -> Turned | None:
+def find_turned(record: MissionRecord) -> Turned | None:
     """Turn of the object; None where none was asked for."""
     of, turn, timetable = record.assignments[0], record.mission.turn, record.timetable
     if turn is None:
@@ -233,7 +233,7 @@ def find_turned(record: Record) -> Turned | None:
     return replace(outcome, reason=why)
 
 
-def _short(record: Record, span: Span, short: float) -> str:
+def _short(record: MissionRecord, span: Span, short: float) -> str:
     """Why a stroke ended elsewhere than asked, ``short`` of its angle where negative [rad]."""
     run, contacts = record.runs[0], record.contacts
     if "tripped" in run.health and run.t[run.health.index("tripped")] < span.end:

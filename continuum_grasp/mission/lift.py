@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.base import Array
+from continuum_grasp.control import Stages
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plan import (
@@ -25,7 +25,7 @@ from continuum_grasp.mission.plan import (
     UNKNOWN,
     USUAL,
     WAITS,
-    Plan,
+    PhasePlan,
     certified_forces,
     doubt,
 )
@@ -169,18 +169,18 @@ class LiftCheck:
 
     def __init__(self, assignments: Sequence[Assignment]) -> None:
         self._of, self.timetable = tuple(assignments), Timetable(assignments[0])
-        self._plans: list[Plan] = []
+        self._plans: list[PhasePlan] = []
         self._seen: dict[int, Any] = {}
         self._over = False
         self.refused: NotLifted | None = None
         self.doubted: Doubted | None = None
         self.slipped: Slipped | None = None
 
-    def schedule(self, finger: int, stages: Stages) -> Plan:
+    def schedule(self, finger: int, stages: Stages) -> PhasePlan:
         """The phases of a finger, by number, which ask before the lift."""
         table, certified, leads = Timetable(self._of[finger]), certified_forces(self._of, self._of[finger]), finger == 0
         reported, waits = self._others if leads else lambda: self._plans[0].decision, partial(self._waited, finger)
-        plan = Plan(table, stages, certified, leads=leads, reported=reported, waits=waits, grips=self._firmest)
+        plan = PhasePlan(table, stages, certified, leads=leads, reported=reported, waits=waits, grips=self._firmest)
         self._plans.append(plan)
         return plan
 

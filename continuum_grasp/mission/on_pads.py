@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.shared_object import SharedModel
-from continuum_grasp.errors import SolverError
+from continuum_grasp.base import Array, SolverError
+from continuum_grasp.closed_loop import PlantModel, SharedModel
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.lift import Shortfall, shortfalls
 from continuum_grasp.mission.plan import NOTICES
 from continuum_grasp.mission.plant import MOVES, mission_plant_model, reserve
-from continuum_grasp.scene.controller import Plant
+from continuum_grasp.scene import PlantDifferences
 
 _STEP = 0.004
 """Step of the linearly implicit Euler method [s]. It has the equilibria of the equations; the forces that
@@ -122,9 +120,9 @@ def _as_known(assignment: Assignment, stiffer: float) -> Assignment:
     """Replace the plant of a task by the finger that its controller knows, on pads that are stiffer."""
     law = assignment.mission.contact_law
     mission = assignment.mission.replaced(
-        more_contacts=(), plant=Plant(), contact_law=law.replaced(stiffness=stiffer * law.stiffness)
+        more_contacts=(), plant=PlantDifferences(), contact_law=law.replaced(stiffness=stiffer * law.stiffness)
     )
-    return replace(assignment, mission=mission, control=assignment.control.replaced(plant=Plant()))
+    return replace(assignment, mission=mission, control=assignment.control.replaced(plant=PlantDifferences()))
 
 
 def _view(assignment: Assignment, model: PlantModel) -> Callable[[Array], list[Array]]:

@@ -10,25 +10,23 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.verdict import Verdict
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored
-from continuum_grasp.results.result import Result
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.table import csv_text
+from continuum_grasp.mission.plant import PlantVariation
+from continuum_grasp.mission.verdict import MissionVerdict
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored
+from continuum_grasp.scene import MissionScene, csv_text
 
 
 @dataclass(frozen=True)
 class Outcome:
     """A plant, and the outcome of the mission on it; ``error`` says why there is no verdict."""
 
-    variation: Variation
-    verdict: Verdict | None
+    variation: PlantVariation
+    verdict: MissionVerdict | None
     error: str = ""
 
     @property
     def succeeded(self) -> bool:
-        """As `Verdict.succeeded`; false where there is no verdict."""
+        """As `MissionVerdict.succeeded`; false where there is no verdict."""
         return self.verdict is not None and self.verdict.succeeded
 
     @property

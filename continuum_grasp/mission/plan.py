@@ -10,16 +10,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.compiled import Compiled, mission_source
-from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.parts import Settings
-from continuum_grasp.control.status import Anomaly, Health, Sight, Status
+from continuum_grasp.base import Array
+from continuum_grasp.control import (
+    ABSENT,
+    Anomaly,
+    CommandStatus,
+    Compiled,
+    Health,
+    Settings,
+    Sight,
+    Stages,
+    mission_source,
+)
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plant import Timetable, firmer, reserve
-from continuum_grasp.scene.mission import Slip
+from continuum_grasp.scene import Slip
 
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
 """Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""
@@ -64,7 +70,7 @@ def doubt(command: Any) -> str:
         return f"the controller is tripped ({command.trip.name.lower()})"
     if command.health is Health.FROZEN:
         return "a reading is frozen"
-    if command.status is Status.SAFE_RAMP:
+    if command.status is CommandStatus.SAFE_RAMP:
         return "no plan was found for as long as one lasts"
     return "no sensor shows the shape"
 
@@ -164,7 +170,7 @@ def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Se
     }
 
 
-class Plan:
+class PhasePlan:
     """Phases of one finger's mission for a closed loop.
 
     ``reported`` gives what a finger needs to know of others before the lift: the first one, whether they bear enough,

@@ -9,16 +9,11 @@ from functools import partial
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.plant_model import FALL, PlantModel, plant_scene
-from continuum_grasp.closed_loop.shared_object import WRENCH
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.closed_loop import FALL, WRENCH, Plant, PlantModel, plant_scene
+from continuum_grasp.control import Prediction
 from continuum_grasp.mission.assignment import Assignment, object_height, object_of
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.surroundings import Table
+from continuum_grasp.scene import GraspObject, MissionScene, Table
 
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
 """Numbers of finger and object that vary from plant to plant: run-time numbers, so that equations are compiled once.
@@ -36,7 +31,7 @@ _FACTORS = {
 
 
 @dataclass(frozen=True)
-class Variation:
+class PlantVariation:
     """A plant that differs from the one of the mission, by factors.
 
     Attributes
@@ -61,8 +56,8 @@ class Variation:
 
     Examples
     --------
-    >>> from continuum_grasp.mission import Variation
-    >>> Variation(mass=1.1, friction=0.8).friction_fall
+    >>> from continuum_grasp.mission import PlantVariation
+    >>> PlantVariation(mass=1.1, friction=0.8).friction_fall
     0.0
     """
 
@@ -126,7 +121,7 @@ class MissionPlant(Plant):
         assignment: Assignment,
         timetable: Timetable,
         prediction: Prediction,
-        variation: Variation,
+        variation: PlantVariation,
         equations: PlantModel,
     ) -> None:
         self._mission = mission = assignment.mission
@@ -356,7 +351,7 @@ class Timetable:
         """Height of the table, and what pulls at the object, as functions of instants."""
         return {"table_height [m]": self._table, **{name: partial(self._pull, k) for k, name in enumerate(WRENCH)}}
 
-    def fallen(self, variation: Variation, t: Array) -> Array:
+    def fallen(self, variation: PlantVariation, t: Array) -> Array:
         """Share (T,) by which friction of contacts has fallen on a plant at instants (T,) of the mission [s]."""
         span = self._plan("hold")
         return variation.friction_fall * _smooth(

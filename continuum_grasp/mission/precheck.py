@@ -10,18 +10,15 @@ from os import PathLike
 import numpy as np
 from scipy.optimize import brentq
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import BeyondCertificate, SolverError
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.mission.assign import assign
+from continuum_grasp.base import Array, BeyondCertificate, SolverError, check_arguments
+from continuum_grasp.grasp import GraspResult
 from continuum_grasp.mission.assignment import LARGEST, Assignment
 from continuum_grasp.mission.budget import ROUNDING, held_resistance, lowered_by_pulls, plant_friction, plant_mass
 from continuum_grasp.mission.causes import FALLEN
+from continuum_grasp.mission.from_grasp import assign
 from continuum_grasp.mission.on_pads import check_pads
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.mission.plant import PlantVariation
+from continuum_grasp.scene import MissionScene, scene_of
 
 
 @dataclass(frozen=True)
@@ -64,7 +61,7 @@ def check_mission(
     scene: MissionScene | str | PathLike[str],
     *,
     grasp: GraspResult | None = None,
-    variation: Variation | None = None,
+    variation: PlantVariation | None = None,
 ) -> tuple[Exceeded, ...]:
     """Compare what a mission asks for with what the certificate of its grasp promises; nothing moves.
 
@@ -101,12 +98,12 @@ def check_mission(
     ('mass', 0.8, 0.33, True)
     """
     assignments = assign(scene_of(scene, MissionScene), grasp)
-    beyond = exceeded(assignments, variation or Variation())
+    beyond = exceeded(assignments, variation or PlantVariation())
     check_pads(assignments)
     return beyond
 
 
-def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[Exceeded, ...]:
+def exceeded(assignments: Sequence[Assignment], variation: PlantVariation) -> tuple[Exceeded, ...]:
     """Numbers of a mission on a plant that go beyond the certificate."""
     plant = _OnPlant(assignments, variation)
     beyond = (*plant.weight(), *plant.tension(), *plant.turning())
@@ -116,14 +113,14 @@ def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[E
     return (*beyond, *plant.pulls(), *plant.sinking())
 
 
-def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variation]) -> tuple[str, ...]:
+def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[PlantVariation]) -> tuple[str, ...]:
     """Sentences about numbers beyond the certificate at the heavy and slippery end of the trials, and the count of
     plants.
     """
     asked = assignments[0].mission.trials
-    beyond = exceeded(assignments, Variation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
+    beyond = exceeded(assignments, PlantVariation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
     # What holds an object less against a pull holds it less against a push.
-    rough = Variation(mass=1.0 + asked.mass, friction=1.0 + asked.friction)
+    rough = PlantVariation(mass=1.0 + asked.mass, friction=1.0 + asked.friction)
     beyond += (
         tuple(_OnPlant(assignments, rough).turning()) if not any(number.name == "turn" for number in beyond) else ()
     )
@@ -155,7 +152,7 @@ def admit(assignments: Sequence[Assignment], reasons: Sequence[str]) -> None:
 class _OnPlant:
     """The contact forces of a grasp with mass and friction of a plant."""
 
-    def __init__(self, assignments: Sequence[Assignment], variation: Variation) -> None:
+    def __init__(self, assignments: Sequence[Assignment], variation: PlantVariation) -> None:
         self.fingers, self.of, self.mission = assignments, assignments[0], assignments[0].mission
         grasp, self.variation = self.of.grasp, variation
         self.mass, self.gravity = plant_mass(self.mission, variation), self.mission.gravity

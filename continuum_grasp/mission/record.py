@@ -5,27 +5,27 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.base import Array
+from continuum_grasp.closed_loop import ControlRun
 from continuum_grasp.mission.assignment import Assignment, present
 from continuum_grasp.mission.budget import plant_friction
-from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.mission.plant import PlantVariation, Timetable
+from continuum_grasp.scene import MissionScene
+from continuum_grasp.simulation import ContactHistory
 
 
 @dataclass(frozen=True)
-class Record:
+class MissionRecord:
     """A mission over K periods, which may have been stopped early, before it is judged."""
 
     assignments: tuple[Assignment, ...]
     """Task of each finger."""
     timetable: Timetable
-    variation: Variation
+    variation: PlantVariation
     """Difference of the plant from the mission's own."""
     runs: tuple[ControlRun, ...]
     """The closed loop of each finger."""
-    contacts: ContactForces = field(repr=False)
+    contacts: ContactHistory = field(repr=False)
     """Gaps and forces of all contacts."""
 
     @property

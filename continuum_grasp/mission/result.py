@@ -10,27 +10,34 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import columns
+from continuum_grasp.base import Array, InputError, columns
+from continuum_grasp.closed_loop import ControlRun
+from continuum_grasp.control import Stages
 from continuum_grasp.mission.assignment import object_of
 from continuum_grasp.mission.lift import Doubted, NotLifted, Slipped
 from continuum_grasp.mission.on_pads import reserved
-from continuum_grasp.mission.plan import Plan
+from continuum_grasp.mission.plan import PhasePlan
 from continuum_grasp.mission.plant import Span
 from continuum_grasp.mission.precheck import Exceeded, exceeded
-from continuum_grasp.mission.record import Record
-from continuum_grasp.mission.verdict import Verdict, force_estimate, judge
-from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored, maker_of
-from continuum_grasp.results.motion import MotionResult
-from continuum_grasp.results.plain import plain, yaml_text
-from continuum_grasp.results.result import Result
-from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import CONTACT, overlap_text
-from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
+from continuum_grasp.mission.record import MissionRecord
+from continuum_grasp.mission.verdict import MissionVerdict, force_estimate, judge
+from continuum_grasp.results import (
+    POSE,
+    TIME,
+    XY,
+    Dimension,
+    File,
+    MotionResult,
+    Picture,
+    Result,
+    Stored,
+    maker_of,
+    plain,
+    yaml_text,
+)
+from continuum_grasp.scene import GraspObject, Scene
+from continuum_grasp.simulation import CONTACT, overlap_text
+from continuum_grasp.simulation import STORED as CONTACTS_STORED
 
 _HEAD = """\
 # How a mission went: the verdict, why the object was dropped if it was, what was asked beyond the certificate.
@@ -39,7 +46,7 @@ _HEAD = """\
 
 
 @dataclass(frozen=True)
-class MissionRun(Record, MotionResult):
+class MissionRun(MissionRecord, MotionResult):
     """A mission that was carried out; the closed loop of each finger is stored in a folder of its name."""
 
     kind: ClassVar[str] = "mpc"
@@ -83,7 +90,7 @@ class MissionRun(Record, MotionResult):
     doubted: Doubted | None
 
     @cached_property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> MissionVerdict:
         """Verdict on the mission."""
         return judge(self, self.refused, self.slipped, self.doubted)
 
@@ -185,7 +192,7 @@ class MissionRun(Record, MotionResult):
         ``weights`` of setpoints and limits ``low`` and ``high`` of the input.
         """
         run, changes = self.runs[0], list[dict[str, Any]]()
-        plan = Plan(self.timetable, stages, np.zeros(0))
+        plan = PhasePlan(self.timetable, stages, np.zeros(0))
         for span in self.spans:
 
             def note(*, weights: Array, u_min: Array, u_max: Array, start: float = span.start) -> None:
@@ -279,7 +286,7 @@ class MissionRun(Record, MotionResult):
         return {"grasp": self.assignments[0].grasp, **self.fingers}
 
 
-def verdict_data(verdict: Verdict) -> dict[str, Any]:
+def verdict_data(verdict: MissionVerdict) -> dict[str, Any]:
     """A verdict as plain data, with the sentence on a drop."""
     entries = {**asdict(verdict), "succeeded": verdict.succeeded}
     for name, text in verdict.explained.items():

@@ -8,37 +8,40 @@ from os import PathLike
 
 import numpy as np
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.closed_loop.plant import SharedPlant
-from continuum_grasp.closed_loop.run import FingerLoop, run_fingers
-from continuum_grasp.closed_loop.shared_object import SharedModel
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.mission.assign import assign
+from continuum_grasp.base import (
+    ContinuumGraspError,
+    InputError,
+    Interrupted,
+    ProcessPool,
+    check_arguments,
+    cores,
+    interruptible,
+    interrupts_held,
+)
+from continuum_grasp.closed_loop import FingerLoop, SharedModel, SharedPlant, run_fingers
+from continuum_grasp.control import Controller
+from continuum_grasp.grasp import GraspResult
 from continuum_grasp.mission.assignment import Assignment, present
+from continuum_grasp.mission.from_grasp import assign
 from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.on_pads import reserved
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
-from continuum_grasp.mission.plant import MissionPlant, Variation, mission_plant_model
+from continuum_grasp.mission.plant import MissionPlant, PlantVariation, mission_plant_model
 from continuum_grasp.mission.precheck import admit, exceeded, exceeded_by_trials
 from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.mission import MissionScene, Trials
-from continuum_grasp.simulation.contacts import ContactForces
-from continuum_grasp.workers import ProcessPool, cores
+from continuum_grasp.scene import MissionScene, Trials, scene_of
+from continuum_grasp.simulation import ContactHistory
 
 Progress = Callable[[float], None]
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def run_mission(
     scene: MissionScene | str | PathLike[str],
     *,
     grasp: GraspResult | None = None,
-    variation: Variation | None = None,
+    variation: PlantVariation | None = None,
     progress: Progress | None = None,
 ) -> MissionRun:
     """Optimize a grasp, and carry it out in closed loop.
@@ -79,7 +82,7 @@ def run_mission(
     True
     """
     assignments = assign(scene_of(scene, MissionScene), grasp)
-    admit(assignments, [number.text for number in exceeded(assignments, variation or Variation())])
+    admit(assignments, [number.text for number in exceeded(assignments, variation or PlantVariation())])
     return MissionRunner(assignments).run(variation, progress)
 
 
@@ -94,9 +97,9 @@ class MissionRunner:
         self._models = [mission_plant_model(assignment) for assignment in assignments]
         self._shared = SharedModel(self._models) if len(assignments) > 1 else None
 
-    def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
+    def run(self, variation: PlantVariation | None = None, progress: Progress | None = None) -> MissionRun:
         """Carry the mission out on one plant; errors are those of ``run_mission``."""
-        asked, loops, check = variation or Variation(), [], LiftCheck(self.assignments)
+        asked, loops, check = variation or PlantVariation(), [], LiftCheck(self.assignments)
         for k, (assignment, control, model) in enumerate(
             zip(self.assignments, self._controllers, self._models, strict=True)
         ):
@@ -106,9 +109,9 @@ class MissionRunner:
         shared = SharedPlant([loop.plant for loop in loops], self._shared)
         runs, error = run_fingers(loops, shared, plan.duration, progress)  # all last equally long
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
-        with interrupt.held(quietly=True) as pressed:
+        with interrupts_held(quietly=True) as pressed:
             by_finger = zip(self.assignments, runs, strict=True)
-            contacts = ContactForces.joined({of.name: present(run.contacts) for of, run in by_finger})
+            contacts = ContactHistory.joined({of.name: present(run.contacts) for of, run in by_finger})
             scenes, found = tuple(model.scene for model in self._models), (check.refused, check.slipped, check.doubted)
             judged = MissionRun(self.assignments, check.timetable, asked, tuple(runs), contacts, scenes, *found)
             _ = judged.verdict, judged.exceeded
@@ -120,7 +123,7 @@ class MissionRunner:
         return judged
 
 
-def variations(trials: Trials) -> list[Variation]:
+def variations(trials: Trials) -> list[PlantVariation]:
     """The plants that are drawn, the same for the same seed."""
     rng = np.random.default_rng(trials.seed)
     of_tendons = np.random.default_rng((trials.seed, 1))  # a stream of its own: the others are what they are without it
@@ -136,7 +139,7 @@ def variations(trials: Trials) -> list[Variation]:
         dx, dy = (float(v) for v in trials.position * rng.uniform(-1.0, 1.0, 2))
         tendon_friction = float(1.0 + trials.tendon_friction * of_tendons.uniform(-1.0, 1.0))
         plants.append(
-            Variation(
+            PlantVariation(
                 stiffness,
                 damping,
                 mass,
@@ -150,7 +153,7 @@ def variations(trials: Trials) -> list[Variation]:
     return plants
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def run_trials(
     scene: MissionScene | str | PathLike[str],
@@ -216,7 +219,9 @@ def run_trials(
     return TrialsResult(mission, tuple(done[k] for k in range(len(drawn))), warnings=known)
 
 
-def _outcomes(assignments: Sequence[Assignment], drawn: list[Variation], jobs: int) -> Iterator[tuple[int, Outcome]]:
+def _outcomes(
+    assignments: Sequence[Assignment], drawn: list[PlantVariation], jobs: int
+) -> Iterator[tuple[int, Outcome]]:
     """Number and outcome of each plant, in the order in which they end."""
     first = MissionRunner(assignments)  # compiles once what all processes then load
     if jobs == 1:
@@ -233,7 +238,7 @@ def _outcomes(assignments: Sequence[Assignment], drawn: list[Variation], jobs: i
         pool.close(not finished)
 
 
-def _outcome(runner: MissionRunner, variation: Variation) -> Outcome:
+def _outcome(runner: MissionRunner, variation: PlantVariation) -> Outcome:
     try:
         return Outcome(variation, runner.run(variation).verdict)
     except ContinuumGraspError as error:
@@ -248,5 +253,5 @@ def _start(assignments: Sequence[Assignment]) -> None:
     _own.append(MissionRunner(assignments))
 
 
-def _run(variation: Variation) -> Outcome:
+def _run(variation: PlantVariation) -> Outcome:
     return _outcome(_own[0], variation)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.base import Array
+from continuum_grasp.closed_loop import ControlRun
 from continuum_grasp.mission.assignment import Assignment, object_height, present
 from continuum_grasp.mission.budget import is_table
 from continuum_grasp.mission.causes import (
@@ -25,7 +25,7 @@ from continuum_grasp.mission.causes import (
     find_turned,
 )
 from continuum_grasp.mission.lift import SOFT, Doubted, NotLifted, Slipped
-from continuum_grasp.mission.record import Record
+from continuum_grasp.mission.record import MissionRecord
 
 _SETTLED = 0.5
 """Last share of the hold over which forces are judged."""
@@ -45,7 +45,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True)
-class Verdict:
+class MissionVerdict:
     """A mission in numbers, as ``TrialsResult`` stores them; NaN for what was not reached.
 
     Forces are smoothed over 0.1 s, and looked at in the second half of the hold.
@@ -152,11 +152,11 @@ def _percent(share: float) -> str:
 
 
 def judge(
-    record: Record,
+    record: MissionRecord,
     refused: NotLifted | None = None,
     slipped: Slipped | None = None,
     doubted: Doubted | None = None,
-) -> Verdict:
+) -> MissionVerdict:
     """The verdict on a mission, read off the plant; ``refused`` is why nothing was lifted, ``slipped`` what was noticed
     of slip, ``doubted`` what contradicted the lift.
     """
@@ -174,7 +174,7 @@ def judge(
     ended = whole or refused is not None
     touching = find_touching(record) if ended else None
     margins = _margins(record)
-    return Verdict(
+    return MissionVerdict(
         held=whole and drop is None,
         sunk=sunk,
         moved=float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0)),
@@ -193,7 +193,7 @@ def judge(
     )
 
 
-def _force_errors(record: Record, still: NDArray[np.bool_]) -> dict[str, float]:
+def _force_errors(record: MissionRecord, still: NDArray[np.bool_]) -> dict[str, float]:
     """Errors of held forces and of their estimates over some instants (K + 1,), per setpoint: the worst of all."""
     # 0.1: time over which forces are averaged before their greatest error is taken [s]
     window = max(1, round(0.1 / record.runs[0].period))
@@ -216,7 +216,7 @@ def _force_errors(record: Record, still: NDArray[np.bool_]) -> dict[str, float]:
     }
 
 
-def _margins(record: Record) -> Array:
+def _margins(record: MissionRecord) -> Array:
     """Share of the friction cone (K + 1, contacts) that is left at each contact but the table's."""
     bearing = [k for k, name in enumerate(record.contacts.names) if not is_table(name)]
     normal = record.contacts.normal_force[:, bearing]

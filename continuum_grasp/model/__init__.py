@@ -1,8 +1,6 @@
 """The physics of the finger and of what it touches, written once as CasADi expressions."""
 
-from continuum_grasp.model.finger_model import FingerModel
-from continuum_grasp.model.parameters import ModelOptions
-from continuum_grasp.model.stumpff import stumpff
-from continuum_grasp.model.system import System
+from lazy_loader import attach_stub
 
 __all__ = ["FingerModel", "ModelOptions", "System", "stumpff"]
+__getattr__, __dir__, _ = attach_stub(__name__, __file__)

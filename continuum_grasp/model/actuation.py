@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.drives import Input
-from continuum_grasp.scene.profile import Channel
+from continuum_grasp.scene import Channel, Input
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ def lag_rates(states: Sequence[Any], commanded: Any, time_constant: Any) -> list
 
 
 @dataclass(frozen=True)
-class Source(Channel):
+class MomentSource(Channel):
     """Source of a bending moment of one shape, by a channel of the finger whose amplitude may lag behind its command.
 
     ``arms`` are per entry of the finger's own input, 1 for the tip moment itself; the lag is of first order, or a

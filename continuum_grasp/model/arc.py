@@ -16,14 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.model.family import Family, Rod, mean
-from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
-from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
+from continuum_grasp.base import Array
+from continuum_grasp.model.family import Family, RodProperties, mean
+from continuum_grasp.model.graded import CurvatureShapes, GradedLink, measured_rule
+from continuum_grasp.model.link import Bias, Inertia, Link, LinkSection, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum
-from continuum_grasp.model.stumpff import ROUNDING, stumpff
-from continuum_grasp.scene.methods import ONE_TURN
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.model.stumpff_functions import ROUNDING, stumpff
+from continuum_grasp.scene import ONE_TURN, Curve
 
 _MOMENTS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 2.0))
 """Weights of c_1, c_2, ... in the cosine part of J_0, J_1, J_2, by integration by parts."""
@@ -48,20 +47,20 @@ class Arc(Link):
         return stumpff(self.theta, self.angle_range, self.accuracy)
 
     @cached_property
-    def end(self) -> Section:
-        return Section(
+    def end(self) -> LinkSection:
+        return LinkSection(
             position=self._moment(0, self.length),
             rotation=Rotation(self._c[0], self.theta * self._c[1]),
             arms=(self._moment(1, self.length),),
             angles=(1.0,),
         )
 
-    def section(self, fraction: Scalar) -> Section:
+    def section(self, fraction: Scalar) -> LinkSection:
         if is_end(fraction):
             return self.end
         # Part of an arc is an arc, whose angle is the fraction of the whole one: the chain rule gives its factor.
         part = self._part(fraction).end
-        return Section(part.position, part.rotation, (part.arms[0].scaled(fraction),), (fraction,))
+        return LinkSection(part.position, part.rotation, (part.arms[0].scaled(fraction),), (fraction,))
 
     def bend(self, fraction: Scalar) -> Scalar:
         return self.theta if is_end(fraction) else fraction * self.theta
@@ -164,7 +163,7 @@ class ArcFamily(Family):
         rest = [h * mean(self.mesh, k, self.mesh.rest) for k, h in enumerate(self.mesh.lengths)]
         return np.asarray(bends - np.array(rest))
 
-    def link(self, element: int, local: Sequence[Scalar], rod: Rod, end_mass: float) -> Link:
+    def link(self, element: int, local: Sequence[Scalar], rod: RodProperties, end_mass: float) -> Link:
         mesh, reach, h = self.mesh, self.mesh.ranges[element], rod.lengths[element]
         density, rotary = (mesh.constant(curve, element) for curve in (mesh.linear_density, mesh.rotary_inertia))
         if density is None or rotary is None:
@@ -177,7 +176,7 @@ class ArcFamily(Family):
         theta, accuracy = local[0] + h * rest, self.accuracy or self.default_accuracy
         return Arc(theta, h, density * rod.linear_density, rotary * rod.rotary_inertia, reach, accuracy)
 
-    def _shapes(self, element: int) -> Shapes:
+    def _shapes(self, element: int) -> CurvatureShapes:
         """The shape of an arc whose mass is spread unevenly."""
         # With its mean, the first frequency of a cone of 1:4 is off by 5 % on four arcs; with the mass where it is, by
         # 0.4 %.
@@ -186,7 +185,7 @@ class ArcFamily(Family):
         densities = mesh.linear_density, mesh.rotary_inertia
         one, rest = Curve.along(whole, 1.0), Curve.along(whole, mean(mesh, element, mesh.rest))
         parts = tuple(mesh.panels(element, *densities))
-        return Shapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
+        return CurvatureShapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 
     def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
         # Of the energy. The harmonic mean, of the flexibility, is 10 to 20 times worse on a smooth taper.

@@ -3,7 +3,7 @@
 The tangents (-sin phi, cos phi) at the Gauss nodes of each element are written once. Every place on the element is a
 weighted sum of them, by the integral of the polynomial through them, and so are the ends of the elements, by the Gauss
 weights; the forces that are missing for rest are the gradient of the work of loads. Sines and cosines are instructions
-here, not the polynomials of `continuum_grasp.model.stumpff`: their derivatives are each other, so that second
+here, not the polynomials of `continuum_grasp.model.stumpff_functions`: their derivatives are each other, so that second
 derivatives share them.
 """
 

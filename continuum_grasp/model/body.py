@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, rotated
-from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene import GraspObject, Surroundings
 
 _POSE = ("object_x [m]", "object_y [m]", "object_angle [rad]", "object_z [m]")
 _WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]", "table_height [m]")

@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from continuum_grasp.model.link import Bias, Inertia, LoadedLink, Section, is_end
+from continuum_grasp.model.link import Bias, Inertia, LinkSection, LoadedLink, is_end
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec
 
 
 @dataclass(frozen=True)
-class Place:
+class ChainPlace:
     """A section of the chain: a link and a fraction of its length."""
 
     link: int
@@ -28,7 +28,7 @@ class Place:
 class Load:
     """A point force, in the base's axes or, where it follows, in the section's; a couple, counter-clockwise."""
 
-    place: Place
+    place: ChainPlace
     force: Vec = ZERO
     couple: Scalar = 0.0
     follows: bool = False
@@ -66,7 +66,7 @@ class Chain:
             tuple(r.apply(arm) for arm in k.link.end.arms) for r, k in zip(self.rotations, self.links, strict=False)
         )
 
-    def _section(self, place: Place) -> tuple[Section, Vec, tuple[Vec, ...]]:
+    def _section(self, place: ChainPlace) -> tuple[LinkSection, Vec, tuple[Vec, ...]]:
         """Section of a link; its position and arms turned into the base's axes."""
         section = self.links[place.link].link.section(place.fraction)
         if is_end(place.fraction):
@@ -74,14 +74,14 @@ class Chain:
         turn = self.rotations[place.link]
         return section, turn.apply(section.position), tuple(turn.apply(arm) for arm in section.arms)
 
-    def position(self, place: Place) -> Vec:
+    def position(self, place: ChainPlace) -> Vec:
         """Position of a section from the base."""
         total = self._section(place)[1]
         for span in self.spans[: place.link]:
             total = span + total
         return total
 
-    def rotation(self, place: Place) -> Rotation:
+    def rotation(self, place: ChainPlace) -> Rotation:
         if is_end(place.fraction):
             return self.rotations[place.link + 1]
         return self.rotations[place.link] @ self.links[place.link].link.section(place.fraction).rotation
@@ -106,7 +106,7 @@ class Chain:
             velocities.append((moved.perp(), omega))
         return velocities
 
-    def velocity(self, place: Place, rates: Sequence[Scalar]) -> tuple[Vec, Scalar]:
+    def velocity(self, place: ChainPlace, rates: Sequence[Scalar]) -> tuple[Vec, Scalar]:
         """Velocity and angular velocity of a section, of rates of the global coordinates."""
         velocity, omega = self.end_velocities(rates)[place.link - 1] if place.link else (ZERO, 0.0)
         section, at, arms = self._section(place)

@@ -20,11 +20,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
+from continuum_grasp.base import Array
+from continuum_grasp.model.link import Bias, Inertia, Link, LinkSection, is_end
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
 from continuum_grasp.model.quadrature import Collocation
-from continuum_grasp.model.stumpff import rotation
+from continuum_grasp.model.stumpff_functions import rotation
 from continuum_grasp.model.tabulated import Directions, LinkTable, TabulatedLink
 
 
@@ -183,16 +183,16 @@ class CollocatedLink(Link):
         return [rotation(ca.SX(angle), self._angle_range * float(step)) for angle, step in steps]
 
     @property
-    def end(self) -> Section:
+    def end(self) -> LinkSection:
         return self._whole.end
 
-    def section(self, fraction: Scalar) -> Section:
+    def section(self, fraction: Scalar) -> LinkSection:
         return self.end if is_end(fraction) else self._section(fraction, Directions(self._rotations(fraction)))
 
-    def _section(self, fraction: Scalar, nodes: Directions) -> Section:
+    def _section(self, fraction: Scalar, nodes: Directions) -> LinkSection:
         shapes = zip(*[self._angles(at, piece) for at, piece in self._places(fraction)], strict=True)
         ones = [1.0 for _ in self.rule.nodes]
-        return Section(
+        return LinkSection(
             position=self._integral(fraction, ones, nodes.tangents, self._length),
             rotation=nodes.end,
             arms=tuple(self._integral(fraction, s, nodes.tangents, self._length * self._length) for s in shapes),

@@ -16,8 +16,7 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.surroundings import ContactLaw
+from continuum_grasp.scene import ContactLaw, Rod
 
 _SPRINGS_BACK = 0.2
 """Slip per displacement, in a contact's time, up to which its friction springs back, so that what swings slowly in a

@@ -10,8 +10,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
-from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene import Rod, Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
 """Numbers of an object that can be run-time arguments, with units: mass, if it moves; a factor of all its friction

@@ -17,19 +17,19 @@ import numpy as np
 
 from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.actuation import Drive, lag_rates
-from continuum_grasp.model.chain import Chain, Load, Place
+from continuum_grasp.model.chain import Chain, ChainPlace, Load
 from continuum_grasp.model.contacts import Contacts
-from continuum_grasp.model.family import Rod
+from continuum_grasp.model.family import RodProperties
 from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
 from continuum_grasp.model.laws.shortening import remaining_shares
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.link import Attached, Section, ShortenedLink
+from continuum_grasp.model.link import Attached, LinkSection, ShortenedLink
 from continuum_grasp.model.memory import Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.touching import Station
-from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene import ForceLoad
 
 
 class Equations:
@@ -150,12 +150,12 @@ class Equations:
     # -- geometry ------------------------------------------------------------------------------------------------
 
     @cached_property
-    def rod(self) -> Rod:
+    def rod(self) -> RodProperties:
         """Properties of the rod that the family needs."""
         par = self._par
         masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._structure.masses())
         rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
-        return Rod(self.lengths, par["linear_density"], par["rotary_inertia"], rest, masses)
+        return RodProperties(self.lengths, par["linear_density"], par["rotary_inertia"], rest, masses)
 
     @cached_property
     def chain(self) -> Chain:
@@ -199,7 +199,7 @@ class Equations:
         return self.to_world(self.chain.position(self._structure.tip))
 
     @cached_property
-    def _partial_chain(self) -> list[tuple[Rotation, Section, Vec, Scalar]]:
+    def _partial_chain(self) -> list[tuple[Rotation, LinkSection, Vec, Scalar]]:
         """Per element its start's rotation, the section where it or the run-time position s ends, and that position and
         the angle there.
         """
@@ -241,9 +241,9 @@ class Equations:
     @cached_property
     def joints(self) -> list[tuple[Vec, Scalar]]:
         """World position [m] and angle [rad] of the end section of each element."""
-        return [self.section_at(Place(k)) for k in range(len(self.lengths))]
+        return [self.section_at(ChainPlace(k)) for k in range(len(self.lengths))]
 
-    def section_at(self, place: Place) -> tuple[Vec, Scalar]:
+    def section_at(self, place: ChainPlace) -> tuple[Vec, Scalar]:
         """World position [m] and angle [rad] of a section."""
         angle: Scalar = self._par["base_angle"]
         for bend in self.bends[: place.link]:
@@ -251,7 +251,7 @@ class Equations:
         angle += self.chain.links[place.link].link.bend(place.fraction)
         return self.to_world(self.chain.position(place)), angle
 
-    def section_velocity(self, place: Place) -> tuple[Vec, Scalar]:
+    def section_velocity(self, place: ChainPlace) -> tuple[Vec, Scalar]:
         """World velocity [m/s] and turning rate [rad/s] of a section."""
         velocity, spin = self.chain.velocity(place, self.full_rates)
         return self.turn.apply(velocity), spin
@@ -318,7 +318,7 @@ class Equations:
         return loads + couples + touched
 
     @cached_property
-    def _stations(self) -> list[tuple[Place, Station]]:
+    def _stations(self) -> list[tuple[ChainPlace, Station]]:
         """Stations at which the finger may touch something."""
         made = self._structure
         if made.around is None:

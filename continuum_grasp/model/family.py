@@ -16,11 +16,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.model.link import Attached, Link, LoadedLink
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.profile import Curve, integral, smooth_parts
+from continuum_grasp.scene import FAMILIES, Curve, integral, smooth_parts
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ def mean(mesh: Mesh, element: int, curve: Curve) -> float:
 
 
 @dataclass(frozen=True)
-class Rod:
+class RodProperties:
     """Properties of the rod that the links of a family need: lengths [m], factors of the mesh's densities, masses."""
 
     lengths: tuple[Scalar, ...]
@@ -162,7 +161,7 @@ class Family(ABC):
     def coordinates(self, bends: Array, curvatures: Array) -> Array:
         """Full coordinates near a shape of bends (N,) [rad] and curvatures (N, degree + 1) [1/m] at the places."""
 
-    def links(self, q: Sequence[Scalar], rod: Rod) -> list[LoadedLink]:
+    def links(self, q: Sequence[Scalar], rod: RodProperties) -> list[LoadedLink]:
         """The chain's links, with the point masses that they carry."""
         links = []
         for k in range(self.elements):
@@ -178,7 +177,7 @@ class Family(ABC):
         return links
 
     @abstractmethod
-    def link(self, element: int, local: Sequence[Scalar], rod: Rod, end_mass: float) -> Link:
+    def link(self, element: int, local: Sequence[Scalar], rod: RodProperties, end_mass: float) -> Link:
         """The link of an element at its local coordinates; a mass at its end [kg] is among its constants."""
 
     @abstractmethod

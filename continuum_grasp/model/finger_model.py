@@ -8,15 +8,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError, check_arguments
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.functions import Functions, named
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Finger, Scene
 
 
 class FingerModel(Functions):

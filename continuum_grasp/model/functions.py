@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import casadi as ca
 
-from continuum_grasp.labels import Summarized
+from continuum_grasp.base import Summarized
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.structure import Structure

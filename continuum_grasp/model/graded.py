@@ -9,13 +9,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Rod
+from continuum_grasp.model.family import RodProperties
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import STRICT, Collocation, graded_collocation
-from continuum_grasp.scene.profile import Curve, integral, nodes_of, smooth_parts
+from continuum_grasp.scene import Curve, integral, nodes_of, smooth_parts
 
 _MOST_NODES = 32
 """Most nodes of each smooth part of an element [1]."""
@@ -26,7 +25,7 @@ _FIT = 20
 
 
 @dataclass(frozen=True)
-class Shapes:
+class CurvatureShapes:
     """Curvature shapes on one element: hat functions or moments, less their values at its ends, per stiffness."""
 
     start: float
@@ -124,7 +123,7 @@ class Shapes:
 
 
 @lru_cache(maxsize=1024)
-def measured_rule(shapes: Shapes, reach: float, accuracy: float) -> Collocation:
+def measured_rule(shapes: CurvatureShapes, reach: float, accuracy: float) -> Collocation:
     """The rule of least nodes that is as accurate as asked, for bends up to ``reach`` [rad].
 
     Measured against a finer one: mass matrix and end point over extreme shapes, relative to the largest entry.
@@ -174,7 +173,13 @@ class GradedLink(CollocatedLink):
     """A link whose stiffness, mass or rest curvature changes along it, or on which a known moment ends."""
 
     def __init__(
-        self, local: Sequence[Scalar], shapes: Shapes, rod: Rod, reach: float, rule: Collocation, end_mass: float
+        self,
+        local: Sequence[Scalar],
+        shapes: CurvatureShapes,
+        rod: RodProperties,
+        reach: float,
+        rule: Collocation,
+        end_mass: float,
     ) -> None:
         self._shapes = shapes
         length = shapes.end - shapes.start

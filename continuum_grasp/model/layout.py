@@ -9,13 +9,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.chain import Place
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
-from continuum_grasp.scene.methods import DEFAULT_RANGE, ONE_TURN
-from continuum_grasp.scene.profile import Profile, smooth_parts
-from continuum_grasp.scene.value import SAME
+from continuum_grasp.base import InputError
+from continuum_grasp.model.chain import ChainPlace
+from continuum_grasp.scene import (
+    DEFAULT_RANGE,
+    ONE_TURN,
+    SAME,
+    Finger,
+    ForceLoad,
+    Load,
+    MomentLoad,
+    Profile,
+    smooth_parts,
+)
 
 WHOLE_RANGE = 8 * math.pi / 3
 """Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below that of one.
@@ -202,7 +208,7 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
     return tuple(np.minimum(allowed, limits * lengths).tolist())
 
 
-def place_at(at: float, lengths: Sequence[float]) -> Place:
+def place_at(at: float, lengths: Sequence[float]) -> ChainPlace:
     """The section at a position along the finger [m]; at a boundary, the end of the element before it."""
     total = sum(lengths)
     if not -SAME * total <= at <= total * (1 + SAME):
@@ -210,8 +216,8 @@ def place_at(at: float, lengths: Sequence[float]) -> Place:
     start = 0.0
     for k, h in enumerate(lengths):
         if abs(at - start - h) <= SAME * total:
-            return Place(k, 1.0)
+            return ChainPlace(k, 1.0)
         if at < start + h:
-            return Place(k, max(0.0, (at - start) / h))
+            return ChainPlace(k, max(0.0, (at - start) / h))
         start += h
-    return Place(len(lengths) - 1, 1.0)
+    return ChainPlace(len(lengths) - 1, 1.0)

@@ -24,7 +24,7 @@ def is_end(fraction: Scalar) -> bool:
 
 
 @dataclass(frozen=True)
-class Section:
+class LinkSection:
     """A cross-section of a link; tuples have an entry per local coordinate."""
 
     position: Vec  # from the start of the link
@@ -60,11 +60,11 @@ class Link(ABC):
 
     @property
     @abstractmethod
-    def end(self) -> Section:
+    def end(self) -> LinkSection:
         """The end section."""
 
     @abstractmethod
-    def section(self, fraction: Scalar) -> Section:
+    def section(self, fraction: Scalar) -> LinkSection:
         """The section at a fraction of the length, 0 at the start and 1 at the end."""
 
     @abstractmethod
@@ -102,15 +102,15 @@ class ShortenedLink(Link):
     def __init__(self, link: Link, share: Scalar) -> None:
         self._link, self._share = link, share
 
-    def _of(self, section: Section) -> Section:
+    def _of(self, section: LinkSection) -> LinkSection:
         arms = tuple(arm.scaled(self._share) for arm in section.arms)
         return replace(section, position=section.position.scaled(self._share), arms=arms)
 
     @cached_property
-    def end(self) -> Section:
+    def end(self) -> LinkSection:
         return self._of(self._link.end)
 
-    def section(self, fraction: Scalar) -> Section:
+    def section(self, fraction: Scalar) -> LinkSection:
         return self._of(self._link.section(fraction))
 
     def bend(self, fraction: Scalar) -> Scalar:
@@ -161,7 +161,7 @@ class LoadedLink:
     link: Link
     attached: tuple[tuple[Scalar, Attached], ...] = ()
 
-    def _bodies(self) -> Iterator[tuple[Scalar, Attached, Section]]:
+    def _bodies(self) -> Iterator[tuple[Scalar, Attached, LinkSection]]:
         """Fraction at which each body is attached, the body, and its center of mass as a section of the link."""
         for fraction, body in self.attached:
             section = self.link.section(fraction)

@@ -15,14 +15,13 @@ from functools import cached_property
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Family, Mesh, Rod, mean
-from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
+from continuum_grasp.model.family import Family, Mesh, RodProperties, mean
+from continuum_grasp.model.graded import CurvatureShapes, GradedLink, measured_rule
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import collocation, node_count
-from continuum_grasp.scene.methods import ONE_TURN
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene import ONE_TURN, Curve
 
 
 class Clothoid(CollocatedLink):
@@ -85,7 +84,7 @@ class MomentLinearFamily(Family):
         # 1e-12: share of a moment below which what is left of it between the nodes is rounding
         return bool(np.abs(moment(s) - line).max() > 1e-12 * np.abs(moment(self.mesh.ends)).max())
 
-    def _shapes(self, element: int) -> tuple[Shapes, bool]:
+    def _shapes(self, element: int) -> tuple[CurvatureShapes, bool]:
         """Shapes of an element, and whether it is a clothoid."""
         mesh, (start, end) = self.mesh, self.mesh.span(element)
         left = [k for k in self._left if self._rest_of(mesh.moments[k], element)]
@@ -95,14 +94,14 @@ class MomentLinearFamily(Family):
         same = first == last == mesh.constant(mesh.stiffness, element)
         if not left and same and all(mesh.constant(curve, element) is not None for curve in curves):
             one, hats = Curve.along(mesh.ends[-1], 1.0), ((1.0, 0.0), (0.0, 1.0))
-            return Shapes(start, end, one, mesh.rest, ((start, end),), hats, (None, None), one, one), True
+            return CurvatureShapes(start, end, one, mesh.rest, ((start, end),), hats, (None, None), one, one), True
         base = float(self._at_nodes[0])
         taken = [(-base * float(m[element]), -base * float(m[element + 1])) for m in (self._moments[k] for k in left)]
         moments = [mesh.moments[k] for k in left]
         parts, values = tuple(mesh.panels(element, *curves, *moments)), ((first, 0.0), (0.0, last), *taken)
         beside = (None, None, *(moment.scaled(base) for moment in moments))
         densities = mesh.linear_density, mesh.rotary_inertia
-        return Shapes(start, end, mesh.stiffness, mesh.rest, parts, values, beside, *densities), False
+        return CurvatureShapes(start, end, mesh.stiffness, mesh.rest, parts, values, beside, *densities), False
 
     @property
     def size(self) -> int:
@@ -153,7 +152,7 @@ class MomentLinearFamily(Family):
         nodes = np.concatenate([after[:1], 0.5 * (last[:-1] + after[1:]), last[-1:]])
         return np.concatenate([nodes, np.zeros(len(self._left))])
 
-    def link(self, element: int, local: Sequence[Scalar], rod: Rod, end_mass: float) -> CollocatedLink:
+    def link(self, element: int, local: Sequence[Scalar], rod: RodProperties, end_mass: float) -> CollocatedLink:
         mesh, reach, accuracy = self.mesh, self.mesh.ranges[element], self.accuracy or self.default_accuracy
         made, uniform = self._elements[element], self._are_clothoids[element]
         if uniform and reach <= ONE_TURN:

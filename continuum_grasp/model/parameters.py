@@ -15,17 +15,11 @@ from typing import Any, TypedDict
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arguments import choice, real_array, shown
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import nearest
+from continuum_grasp.base import InputError, choice, nearest, real_array, shown
 from continuum_grasp.model.laws import numbers_of as numbers_of_laws
 from continuum_grasp.model.laws.section import POSITIVE, Number
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.document import child, undotted
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import ForceLoad, MomentLoad
-from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import FAMILIES, Finger, ForceLoad, MomentLoad, Scene, child, undotted
 
 _ANY = -math.inf
 _KNOWN: dict[str, tuple[str, str, float]] = {

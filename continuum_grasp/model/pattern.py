@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.model.arc import Arc
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Family, Rod
+from continuum_grasp.model.family import Family, RodProperties
 from continuum_grasp.model.link import is_end
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure
@@ -27,14 +27,14 @@ class Pattern:
     link: Callable[[Sequence[Scalar], ca.SX], TabulatedLink | Arc]
 
 
-def pattern_of(family: Family, rod: Rod) -> Pattern | None:
+def pattern_of(family: Family, rod: RodProperties) -> Pattern | None:
     """The pattern of all elements, without their point masses; None where they are of several kinds.
 
     Lengths must be numbers; factors of the densities and the curvature at rest may be run-time arguments.
     """
     density, rotary = (1.0 if isinstance(f, float) else f for f in (rod.linear_density, rod.rotary_inertia))
     numeric = [f if isinstance(f, float) else 1.0 for f in (rod.linear_density, rod.rotary_inertia)]
-    plain = Rod(rod.lengths, numeric[0], numeric[1], None, ())
+    plain = RodProperties(rod.lengths, numeric[0], numeric[1], None, ())
     links = [loaded.link for loaded in family.links([0.0] * family.size, plain)]
     arcs = [link for link in links if isinstance(link, Arc)]
     if len(arcs) == len(links):

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,9 @@ from numbers import Integral
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.actuation import InputLayout, Source, lag_names
-from continuum_grasp.model.chain import Place
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.model.actuation import InputLayout, MomentSource, lag_names
+from continuum_grasp.model.chain import ChainPlace
 from continuum_grasp.model.family import Mesh, family_class
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import Kind
@@ -23,14 +22,23 @@ from continuum_grasp.model.memory import RETURN_SHARE
 from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, tendon_sets
 from continuum_grasp.model.winches import Motor, winches_of
-from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
-from continuum_grasp.scene.methods import FAMILIES, default_family
-from continuum_grasp.scene.profile import Channel, Curve
-from continuum_grasp.scene.simulate import Initial, Scene
-from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.scene.tendons import channels
+from continuum_grasp.scene import (
+    FAMILIES,
+    Channel,
+    Consumer,
+    Curve,
+    Finger,
+    ForceLoad,
+    Initial,
+    Load,
+    MomentLoad,
+    Samples,
+    Scene,
+    Surroundings,
+    beside,
+    channels,
+    default_family,
+)
 
 _CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: take choose_fidelity(scene).scene"})
 _RATES = (
@@ -214,7 +222,7 @@ class Structure:
         return self.family.coordinates(flat[:, 0], flat)[: self.n]
 
     @property
-    def lagging(self) -> list[tuple[Source, int]]:
+    def lagging(self) -> list[tuple[MomentSource, int]]:
         """Sources with a lag, and where in x what lags is."""
         lagging, place = [], 2 * self.n
         for source in self.sources:
@@ -229,14 +237,14 @@ class Structure:
         return sum(len(self.states[group]) for group in ("lag", "winches", "relaxation"))
 
     @property
-    def tip(self) -> Place:
-        return Place(len(self.lengths) - 1)
+    def tip(self) -> ChainPlace:
+        return ChainPlace(len(self.lengths) - 1)
 
     def on_tip(self, at: float) -> bool:
         """Whether a position is the tip."""
         return at_tip(at, self.length)
 
-    def masses(self) -> list[tuple[str, Place]]:
+    def masses(self) -> list[tuple[str, ChainPlace]]:
         """Names and places of the point masses that the model has."""
         runtime, value = self.parameters.is_runtime, self.parameters.__getitem__
         masses = [("tip_mass", self.tip)] if runtime("tip_mass") or value("tip_mass") != 0.0 else []
@@ -280,20 +288,20 @@ class Structure:
         """Whether the moment of a load is an input: on the tip, and wherever it is asked for."""
         return isinstance(load, MomentLoad) and (load.input or self.on_tip(load.at))
 
-    def _sources(self) -> tuple[Source, ...]:
+    def _sources(self) -> tuple[MomentSource, ...]:
         """Sources of bending moments, one per shape."""
         length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.inputs.drives)
-        wound, sources = bool(self.finger.winches), list[Source]()
+        wound, sources = bool(self.finger.winches), list[MomentSource]()
         for k, channel in enumerate(self.channels):
             arms = (*channel.arms, *[0.0] * (drives - len(channel.arms)))
             own = k if self.has_tendon_friction or wound else None
-            sources.append(Source(**vars(channel) | {"arms": arms}, tendon=own, wound=wound))
+            sources.append(MomentSource(**vars(channel) | {"arms": arms}, tendon=own, wound=wound))
         for _, _, channel, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
             # Of the input, whose last entries are chambers: drives may be fewer than tendons.
             arms = ((0.0,) * drives + channel.arms)[-drives:]
-            sources.append(Source(**vars(channel) | {"arms": arms}, chamber=True))
+            sources.append(MomentSource(**vars(channel) | {"arms": arms}, chamber=True))
         if not sources:
-            sources = [Source(whole, length, (1.0,))]
+            sources = [MomentSource(whole, length, (1.0,))]
         for k, load in enumerate(self.couples):
             shape = whole if self.on_tip(load.at) else Curve((0.0, load.at, self.length), ((1.0,), (0.0,)))
             for at, source in enumerate(sources):
@@ -301,7 +309,7 @@ class Structure:
                     sources[at] = replace(source, couples=(*source.couples, k))
                     break
             else:
-                sources.append(Source(shape, length, (0.0,) * drives, couples=(k,)))
+                sources.append(MomentSource(shape, length, (0.0,) * drives, couples=(k,)))
         return tuple(sources)
 
     @property

@@ -11,8 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError, check_arguments
 from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
 from continuum_grasp.model.equations import Equations
@@ -21,10 +20,7 @@ from continuum_grasp.model.functions import Functions, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import Vec, column
-from continuum_grasp.scene.consumer import beside, refusals
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene import Finger, Scene, Surroundings, beside, refusals
 
 _ANY = " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION))
 _SHARE = f"object_parameters={CONTACT_FRICTION}"

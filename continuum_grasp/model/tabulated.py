@@ -15,10 +15,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.model.link import Bias, Inertia, Section
+from continuum_grasp.base import Array
+from continuum_grasp.model.link import Bias, Inertia, LinkSection
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
-from continuum_grasp.model.stumpff import rotation
+from continuum_grasp.model.stumpff_functions import rotation
 
 
 class Directions:
@@ -137,10 +137,10 @@ class TabulatedLink:
         return tuple(self._weighed(row.T, scale) for row in ca.vertsplit(weights))
 
     @cached_property
-    def end(self) -> Section:
+    def end(self) -> LinkSection:
         table, length = self._table, self._length
         position, arms = self._weighed(table.position, length), self._rows(table.arms, length * length)
-        return Section(position, self.directions.end, arms, tuple(bend * length for bend in table.bends.elements()))
+        return LinkSection(position, self.directions.end, arms, tuple(bend * length for bend in table.bends.elements()))
 
     @cached_property
     def inertia(self) -> Inertia:

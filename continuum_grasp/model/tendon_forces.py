@@ -11,13 +11,7 @@ from continuum_grasp.model.family import gathered
 from continuum_grasp.model.memory import Instant, direction
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.tendon_friction import (
-    Cell,
-    CellSet,
-    Shares,
-    rounded,
-    shares,
-)
+from continuum_grasp.model.tendon_friction import Cell, CellSet, Shares, rounded, shares
 from continuum_grasp.model.winches import Cables, Motor, Winch, soft_integral, stiffnesses
 
 

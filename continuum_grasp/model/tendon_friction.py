@@ -15,11 +15,10 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.model.family import Family
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.profile import Channel, Curve
-from continuum_grasp.scene.tendons import Tendon
+from continuum_grasp.scene import Channel, Curve, Tendon
 
 
 @dataclass(frozen=True)

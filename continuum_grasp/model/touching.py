@@ -12,8 +12,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.contact_law import TouchLaw
 from continuum_grasp.model.planar import ZERO, Scalar, Vec
 from continuum_grasp.model.surfaces import nearest, surface_of
-from continuum_grasp.scene.supports import Peg, Wall
-from continuum_grasp.scene.surroundings import Table
+from continuum_grasp.scene import Peg, Table, Wall
 
 
 @dataclass(frozen=True)

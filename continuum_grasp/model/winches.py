@@ -24,9 +24,7 @@ import casadi as ca
 from continuum_grasp.model.memory import RETURN_SHARE, Memory, clipped, direction
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.tendons import Tendon
+from continuum_grasp.scene import Finger, LengthDrive, MotorDrive, Tendon, WinchDrive
 
 _SLOW = 1.0 / 6000.0
 """Speed of the cable below which dry friction without a memory is rounded off, per the finger's length in its natural

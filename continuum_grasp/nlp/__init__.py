@@ -1,10 +1,6 @@
 """Nonlinear problems: named blocks, budget, solvers by name, what a solver run gave."""
 
-from __future__ import annotations
-
-from continuum_grasp.nlp.attempt import Attempt, Budget, Multipliers, OptionSet, Start, Status
-from continuum_grasp.nlp.problem import NLP, Block, Constraints, Violation
-from continuum_grasp.nlp.solver import Settings, Solver, new_solver, outcome_words
+from lazy_loader import attach_stub
 
 __all__ = [
     "NLP",
@@ -16,9 +12,10 @@ __all__ = [
     "OptionSet",
     "Settings",
     "Solver",
+    "SolverStatus",
     "Start",
-    "Status",
     "Violation",
     "new_solver",
     "outcome_words",
 ]
+__getattr__, __dir__, _ = attach_stub(__name__, __file__)

@@ -10,11 +10,11 @@ from enum import StrEnum
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.methods import SolverOptions
+from continuum_grasp.base import Array
+from continuum_grasp.scene import SolverOptions
 
 
-class Status(StrEnum):
+class SolverStatus(StrEnum):
     """Outcome of a solver run; the same words for every solver."""
 
     SOLVED = "solved"
@@ -138,7 +138,7 @@ class Attempt:
         violated by more than an acceptable point may.
     """
 
-    status: Status
+    status: SolverStatus
     outcome: str
     x: Array
     g: Array
@@ -152,7 +152,7 @@ class Attempt:
     @property
     def converged(self) -> bool:
         """Whether it is a local optimum, if only to the acceptable tolerance."""
-        return self.status in (Status.SOLVED, Status.ACCEPTABLE)
+        return self.status in (SolverStatus.SOLVED, SolverStatus.ACCEPTABLE)
 
 
 @dataclass

@@ -29,7 +29,7 @@ _SETS: dict[OptionSet, dict[str, Any]] = {
 """Options of a cold start, beyond those of the settings."""
 
 
-class Method(Solver):
+class Ipopt(Solver):
     """Options of IPOPT; ``tuning`` may set any of them, and ``near`` in place of 1e-4."""
 
     plugin = "ipopt"

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array, Indices
+from continuum_grasp.base import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
 """Solvers of nonlinear problems by name: what all share, and the seam for a new one.
 
-A solver is a file of this package whose name is the value of the YAML key ``solver.method``. It holds a class
-``Method``, a `Solver` that names its CasADi plugin and gives that plugin's options.
+A solver is a file of this package whose name is the value of the YAML key ``solver.method``. It holds a
+class of that name, a `Solver` that names its CasADi plugin and gives that plugin's options.
 """
 
 from __future__ import annotations
@@ -16,12 +16,10 @@ from typing import Any, ClassVar, cast
 import casadi as ca
 import numpy as np
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.nlp.attempt import Approach, Attempt, Budget, Multipliers, Start, Status
+from continuum_grasp.base import Array, check_arguments, interrupt_pressed, interrupts_held
+from continuum_grasp.nlp.attempt import Approach, Attempt, Budget, Multipliers, SolverStatus, Start
 from continuum_grasp.nlp.problem import NLP
-from continuum_grasp.scene.methods import Method
+from continuum_grasp.scene import Method
 
 _GREATEST = 100.0
 """Greatest gradient at the start, beyond which functions are scaled, and greatest mean multiplier (IPOPT:
@@ -84,14 +82,14 @@ STALLED, KNOWN, SPENT = "Stalled", "Known", "Budget_Spent"
 CLOSE = 1e-3
 """Distance of every unknown from a known solution at which a run ends there [units of the problem]."""
 STATUS_OF = {
-    "Solve_Succeeded": Status.SOLVED,
-    "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
-    "Infeasible_Problem_Detected": Status.INFEASIBLE,
-    "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
-    "User_Requested_Stop": Status.STOPPED,
-    STALLED: Status.STOPPED,
-    KNOWN: Status.STOPPED,
-    SPENT: Status.STOPPED,
+    "Solve_Succeeded": SolverStatus.SOLVED,
+    "Solved_To_Acceptable_Level": SolverStatus.ACCEPTABLE,
+    "Infeasible_Problem_Detected": SolverStatus.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": SolverStatus.ITERATION_LIMIT,
+    "User_Requested_Stop": SolverStatus.STOPPED,
+    STALLED: SolverStatus.STOPPED,
+    KNOWN: SolverStatus.STOPPED,
+    SPENT: SolverStatus.STOPPED,
 }
 """Status by outcome; any other is a failure. CasADi's solvers share these names but the last three."""
 _WORDS = {
@@ -200,7 +198,7 @@ class Solver(ABC):
         Raises
         ------
         KeyboardInterrupt
-            Ctrl-C was pressed meanwhile; a block ``interrupt.held(quietly=True)`` around it gets the last iterate
+            Ctrl-C was pressed meanwhile; a block ``interrupts_held(quietly=True)`` around it gets the last iterate
             instead.
         """
         began = time.perf_counter()
@@ -210,7 +208,7 @@ class Solver(ABC):
         if start.multipliers is not None:
             warm_start = {"lam_x0": start.multipliers.bounds, "lam_g0": start.multipliers.constraints}
         bounds = {"lbx": start.low, "ubx": start.high, "lbg": start.lower, "ubg": start.upper}
-        with interrupt.held():  # an exception within the callback would be lost in C++
+        with interrupts_held():  # an exception within the callback would be lost in C++
             solution = function(x0=np.clip(start.x, start.low, start.high), p=start.p, **bounds, **warm_start)
         stats = self.statistics(function)
         x, g, bound_forces, forces = (np.array(solution[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
@@ -222,19 +220,19 @@ class Solver(ABC):
         # Where constraints are violated, the other conditions say nothing.
         near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
         error = optimality_error(problem, start, x, multipliers) if near else np.inf
-        status = self._status(STATUS_OF.get(outcome, Status.FAILED), error, violation)
+        status = self._status(STATUS_OF.get(outcome, SolverStatus.FAILED), error, violation)
         seconds, objective = time.perf_counter() - began, float(solution["f"])
         return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)
 
-    def _status(self, reported: Status, error: float, violation: float) -> Status:
+    def _status(self, reported: SolverStatus, error: float, violation: float) -> SolverStatus:
         """The status of a point, which is solved if, and only if, the conditions of optimality say so."""
         # The last step of a solver may fail by rounding, or the budget end, at a solution.
         tolerance, constraint_tolerance = self.settings.tolerance, self.settings.constraint_tolerance
         if error <= tolerance and violation <= constraint_tolerance:
-            return Status.SOLVED
-        if reported in (Status.SOLVED, Status.ACCEPTABLE, Status.FAILED):
+            return SolverStatus.SOLVED
+        if reported in (SolverStatus.SOLVED, SolverStatus.ACCEPTABLE, SolverStatus.FAILED):
             near = error <= _ACCEPTABLE * tolerance and violation <= _ACCEPTABLE * constraint_tolerance
-            return Status.ACCEPTABLE if near else Status.FAILED
+            return SolverStatus.ACCEPTABLE if near else SolverStatus.FAILED
         return reported
 
     def statistics(self, function: ca.Function) -> dict[str, Any]:
@@ -283,10 +281,10 @@ def new_solver(settings: Settings) -> Solver:
     >>> start = Start(np.array([0.0, -1.0]), *np.array([[-9.0, -9.0], [9.0, 9.0]]), *np.zeros((2, 1)))
     >>> found = new_solver(Settings()).solve(NLP("circle", x, x[0] + x[1], ca.dot(x, x) - 2), start, Budget())
     >>> found.status, found.x.round(6)
-    (<Status.SOLVED: 'solved'>, array([-1., -1.]))
+    (<SolverStatus.SOLVED: 'solved'>, array([-1., -1.]))
     """
     module = import_module(f"continuum_grasp.nlp.{settings.method}")
-    return cast("Solver", module.Method(settings))
+    return cast("Solver", getattr(module, settings.method.capitalize())(settings))
 
 
 class _Stop(ca.Callback):
@@ -326,7 +324,7 @@ class _Stop(ca.Callback):
             self.outcome = STALLED if self._stalls(violation) else ""
         if self._known.size and (np.abs(np.frombuffer(point[_UNKNOWNS]) - self._known) < CLOSE).all(axis=1).any():
             self.outcome = KNOWN
-        np.frombuffer(stop[0])[0] = interrupt.pressed() or self.until.over or bool(self.outcome)
+        np.frombuffer(stop[0])[0] = interrupt_pressed() or self.until.over or bool(self.outcome)
         return 0
 
     def _stalls(self, violation: float) -> bool:

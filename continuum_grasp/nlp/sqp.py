@@ -11,7 +11,7 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.nlp.attempt import Approach
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.nlp.solver import Solver
@@ -24,7 +24,7 @@ def qp_solver(key: str | None = "solver.method") -> str:
     raise InputError(f"needs PIQP, which comes with CasADi 3.8; this is {ca.CasadiMeta.version()}", key=key)
 
 
-class Method(Solver):
+class Sqp(Solver):
     """Options of ``sqpmethod``; ``tuning`` may set any of them.
 
     QPs have to be convex: a Hessian that is not positive semidefinite gives way to damped BFGS updates. Shifting its

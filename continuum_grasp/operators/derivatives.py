@@ -20,14 +20,9 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.arguments import choice
-from continuum_grasp.arrays import Array
-from continuum_grasp.core import Core
-from continuum_grasp.core.batches import Batch, Scan
-from continuum_grasp.core.calls import straight_function
-from continuum_grasp.core.integrators import differentiated_step, step_function
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.methods import CONTROL_METHODS, SIMULATION_METHODS
+from continuum_grasp.base import Array, InputError, choice
+from continuum_grasp.core import Batch, Core, Scan, differentiated_step, step_function, straight_function
+from continuum_grasp.scene import CONTROL_METHODS, SIMULATION_METHODS
 
 Arrays = list[Any]
 """Arrays of a toolkit, rows first."""
@@ -35,7 +30,7 @@ Check = Callable[[Sequence[Array]], None]
 Pick = Callable[[Arrays], Arrays]
 
 
-class Point:
+class RowFunction:
     """A function of columns, on rows (count, size)."""
 
     def __init__(
@@ -73,16 +68,16 @@ class Point:
         return arrays[:count], arrays[count:]
 
     @cached_property
-    def forward(self) -> Point:
+    def forward(self) -> RowFunction:
         """(inputs, tangents) -> tangents of the outputs."""
         symbols, tangents, results = derivative(self.function, forward=True)
-        return Point(_function(f"{self.name}_jvp", [*symbols, *tangents], results), self._core, origin=self)
+        return RowFunction(_function(f"{self.name}_jvp", [*symbols, *tangents], results), self._core, origin=self)
 
     @cached_property
-    def reverse(self) -> Point:
+    def reverse(self) -> RowFunction:
         """(inputs, cotangents) -> cotangents of the inputs."""
         symbols, cotangents, results = derivative(self.function, forward=False)
-        return Point(_function(f"{self.name}_vjp", [*symbols, *cotangents], results), self._core)
+        return RowFunction(_function(f"{self.name}_vjp", [*symbols, *cotangents], results), self._core)
 
 
 class Recursion:
@@ -169,7 +164,7 @@ class Rollout:
         return arrays[1 : 1 + count], [arrays[0], *arrays[1 + count :]]
 
 
-Operator = Point | Rollout
+Operator = RowFunction | Rollout
 """A differentiable function of arrays; ``origin`` is that of which it is the push."""
 
 

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.operators.derivatives import Operator
 from continuum_grasp.operators.operators import Operators, not_an_array, toolkit
 

@@ -11,17 +11,22 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from continuum_grasp import shell
-from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
-from continuum_grasp.arrays import Array
-from continuum_grasp.core import Core
-from continuum_grasp.core.call import check_moment, finite, section_check
-from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.labels import Summarized
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.functions import MATRICES, Remade, function_names
-from continuum_grasp.operators.derivatives import Operator, Point, Recursion, held_step
-from continuum_grasp.scene.methods import INTEGRATORS
+from continuum_grasp.base import (
+    Array,
+    InputError,
+    NumericalError,
+    Summarized,
+    check_arguments,
+    choice,
+    install_line,
+    positive,
+    shown,
+    whole,
+)
+from continuum_grasp.core import Core, check_moment, finite, section_check
+from continuum_grasp.model import MATRICES, FingerModel, Remade, System, function_names
+from continuum_grasp.operators.derivatives import Operator, Recursion, RowFunction, held_step
+from continuum_grasp.scene import INTEGRATORS
 
 
 class Operators(Remade, Summarized, ABC):
@@ -43,7 +48,7 @@ class Operators(Remade, Summarized, ABC):
         self.model: Any = model
         self.nonfinite = choice("nonfinite", nonfinite, ("raise", "nan"))
         self._core = Core(model, compiled=compiled)
-        self._points: dict[str, Point] = {}
+        self._points: dict[str, RowFunction] = {}
         self._recursions: dict[str, Recursion] = {}
         self._checks: dict[str, Callable[[Sequence[Array]], None]] = {}
 
@@ -108,11 +113,11 @@ class Operators(Remade, Summarized, ABC):
                 arrays[key] = arrays[key].reshape(1)
         return arrays, convert
 
-    def _point(self, name: str) -> Point:
+    def _point(self, name: str) -> RowFunction:
         if name not in self._points:
             function = getattr(self.model, name)
             check = section_check(self.model, function) if "s" in function.name_in() else None
-            self._points[name] = Point(function, self._core, check)
+            self._points[name] = RowFunction(function, self._core, check)
         return self._points[name]
 
     def _rows(self, array: Any, batch: tuple[int, ...], shape: tuple[int, ...]) -> Any:
@@ -281,7 +286,7 @@ def toolkit(name: str, called: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        text = f"{called} is not installed: {shell.installing(name)}"
+        text = f"{called} is not installed: {install_line(name)}"
         raise InputError(text) from error
 
 

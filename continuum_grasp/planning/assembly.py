@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arrays import Array, Indices
+from continuum_grasp.base import Array, Indices
 from continuum_grasp.nlp import NLP, Constraints, Multipliers, Start
 from continuum_grasp.planning.shooting import Term
 

@@ -26,11 +26,17 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from continuum_grasp import interrupt
-from continuum_grasp.arrays import Array
-from continuum_grasp.nlp import Attempt, Budget, Multipliers, Status
-from continuum_grasp.nlp.solver import SPENT, STATUS_OF, optimality_error
-from continuum_grasp.nlp.sqp import qp_solver
+from continuum_grasp.base import Array, interrupt_pressed
+from continuum_grasp.nlp import (
+    SPENT,
+    STATUS_OF,
+    Attempt,
+    Budget,
+    Multipliers,
+    SolverStatus,
+    optimality_error,
+    qp_solver,
+)
 from continuum_grasp.planning.problem import PlanProblem
 
 _FIRST_RADIUS, _LARGEST, _SMALLEST = 1.0, 1e3, 1e-9
@@ -106,7 +112,7 @@ class Condensed:
             if satisfied and len(passed) > _PATIENCE and passed[-1 - _PATIENCE] - point.f <= _PROGRESS * abs(point.f):
                 outcome = "Search_Direction_Becomes_Too_Small"
                 break
-            if count >= most or budget.over or interrupt.pressed():
+            if count >= most or budget.over or interrupt_pressed():
                 if count < most:
                     outcome = SPENT if budget.over else "User_Requested_Stop"
                 break
@@ -129,7 +135,7 @@ class Condensed:
         x, g, f = (start.x, np.full(start.lower.size, np.nan), np.nan) if point is None else (point.w, point.g, point.f)
         violation = start.violation(x, g)
         error = optimality_error(self.problem.assembly.nlp, start, x, lam) if point else float("inf")
-        status, seconds = STATUS_OF.get(outcome, Status.FAILED), time.perf_counter() - began
+        status, seconds = STATUS_OF.get(outcome, SolverStatus.FAILED), time.perf_counter() - began
         return Attempt(status, outcome, x, g, f, lam, count, seconds, violation, error)
 
     def _tried(

@@ -9,17 +9,14 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.errors import NumericalError
+from continuum_grasp.base import Array, NumericalError
+from continuum_grasp.control import Prediction
+from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
 from continuum_grasp.planning.guess import Path, first_state_of_plan
-from continuum_grasp.planning.motion import Motion, parameters_over_time
-from continuum_grasp.planning.result import Deviation, Plan, PlanStatus
-from continuum_grasp.scene.methods import INTEGRATORS
-from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.simulation.spectrum import partial_step, stiff_method
+from continuum_grasp.planning.motion import PlannedMotion, parameters_over_time
+from continuum_grasp.planning.result import Deviation, MotionPlan, PlanStatus
+from continuum_grasp.scene import INTEGRATORS, PlanScene
+from continuum_grasp.simulation import partial_step, stiff_method
 
 PARTS = 64
 """Parts of an interval at which bounds are looked at: as many as those at which the finest problem bounds the state. A
@@ -75,7 +72,7 @@ def simulated(
         u = path.u[k] + (last - path.u[k]) * at[:, None]
         w = np.ascontiguousarray(parameters_over_time(scene, model, (k + at) * interval))
         begin = np.ascontiguousarray(path.x[k : k + 1] if afresh else states[-1][-1:])
-        signals = Signal(u[None], model.nu, 0), Signal(w[None], model.np, 0)
+        signals = HalfStepSignal(u[None], model.nu, 0), HalfStepSignal(w[None], model.np, 0)
         interval_states, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))
         states.append(interval_states[0, 1 : count[0] + 1])
         if count[0] < parts:
@@ -128,7 +125,7 @@ def distances(one: Array, other: Array) -> Array:
     return np.stack([apart[:, 0], apart[:, 1:].max(axis=1, initial=0.0)], axis=1)
 
 
-def excess_over_intervals(motion: Motion, states: Array, parts: int = PARTS) -> Array:
+def excess_over_intervals(motion: PlannedMotion, states: Array, parts: int = PARTS) -> Array:
     """Largest amounts (N, ns) by which the state's bounds are left at the parts of each interval, as shares of their
     scales.
     """
@@ -143,7 +140,7 @@ def excess_over_intervals(motion: Motion, states: Array, parts: int = PARTS) -> 
     return np.asarray(inner.max(axis=1))
 
 
-def checked(plan: Plan, motion: Motion) -> Plan:
+def checked(plan: MotionPlan, motion: PlannedMotion) -> MotionPlan:
     """A copy of the plan with the results of a fine simulation of its inputs."""
     scene, model, warnings = plan.scene, motion.prediction, list(plan.warnings)
     path = Path(plan.x, plan.u, plan.duration)
@@ -183,13 +180,13 @@ def checked(plan: Plan, motion: Motion) -> Plan:
     return replace(plan, deviation=deviation, finer=finer, warnings=tuple(warnings))
 
 
-def _departed(plan: Plan, how: str) -> Plan:
+def _departed(plan: MotionPlan, how: str) -> MotionPlan:
     """A plan of its grid alone, which its motion does not keep."""
     status = PlanStatus.FEASIBLE if plan.status == PlanStatus.OPTIMAL else plan.status
     return replace(plan, status=status, message=f"{plan.message}, but {how}")
 
 
-def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Deviation) -> str:
+def _not_reproduced(plan: MotionPlan, model: Prediction, states: Array, deviation: Deviation) -> str:
     """Why a plan in the inputs alone is none on the finely integrated model; empty where it is one."""
     scene, tolerance = plan.scene, plan.scene.check.tolerance * plan.length
     if scene.transcription != "single_shooting":
@@ -207,7 +204,7 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Dev
     return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > tolerance else ""
 
 
-def _left(motion: Motion, states: Array) -> str:
+def _left(motion: PlannedMotion, states: Array) -> str:
     """The hard bound that states leave most, and by how much; empty where they leave none."""
     hard = excess_over_intervals(motion, states)[:, motion.hard]
     if hard.max(initial=0.0) <= LEFT:
@@ -216,7 +213,7 @@ def _left(motion: Motion, states: Array) -> str:
     return f"{name} is left by {100 * hard.max():.2g} % of its limit (of zones: of the finger's length)"
 
 
-def _left_after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
+def _left_after_the_end(motion: PlannedMotion, plan: MotionPlan, last: Array) -> str:
     """The hard bound that a finger, which need not stay where it ends, leaves most under its last input."""
     scene = plan.scene
     if scene.goal.end == "held" or scene.load_varies:
@@ -233,7 +230,7 @@ def _left_after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
     return left and f"within {after:.2g} s after the end, under its last input, {left}: {keeps}"
 
 
-def _deviation(name: str, model: Prediction, plan: Plan, planned: Array, states: Array) -> Deviation:
+def _deviation(name: str, model: Prediction, plan: MotionPlan, planned: Array, states: Array) -> Deviation:
     at_nodes = states[:: (len(states) - 1) // (len(plan.t) - 1)]
     p = np.array(model.p_nominal)
     off = distances(places(model, at_nodes, plan.u), planned)
@@ -243,7 +240,7 @@ def _deviation(name: str, model: Prediction, plan: Plan, planned: Array, states:
     return Deviation(name, tip, final_tip, float(np.abs(rates).max()), tuple(map(float, force)), body, final_body)
 
 
-def _on_finer(scene: PlanScene, plan: Plan, planned: Array, path: Path) -> tuple[Deviation | None, str]:
+def _on_finer(scene: PlanScene, plan: MotionPlan, planned: Array, path: Path) -> tuple[Deviation | None, str]:
     """Deviation on the finer model, and how it departs from the plan; empty where it does not."""
     law = scene.check.contact_law or scene.contact_law
     # Not validated again: this law may have dry friction, which plans themselves cannot have.

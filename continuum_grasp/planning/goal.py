@@ -7,12 +7,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import name_of
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.base import Array, InputError, name_of
+from continuum_grasp.planning.motion import PlannedMotion
 from continuum_grasp.planning.shooting import Term, derived
-from continuum_grasp.scene.reach import check_reach
+from continuum_grasp.scene import check_reach
 
 MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
@@ -45,16 +43,16 @@ class GoalPart:
         """Whether it asks for rest rather than for a posture."""
         return self.key == "goal.end"
 
-    def _error(self, motion: Motion) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def _error(self, motion: PlannedMotion) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Unknowns [s, last input], numbers, scaled error."""
         z, d = motion.node
         return z, d, (self.value - ca.DM(self.target)) / ca.DM(self.scale)
 
-    def rows(self, motion: Motion) -> Term:
+    def rows(self, motion: PlannedMotion) -> Term:
         """(z = [s, last input], d) -> scaled error."""
         return derived("goal", *self._error(motion), exact=motion.exact)
 
-    def cost(self, motion: Motion, relaxed: bool) -> Term:
+    def cost(self, motion: PlannedMotion, relaxed: bool) -> Term:
         """(z, d) -> what the error costs."""
         z, d, error = self._error(motion)
         if relaxed:
@@ -67,7 +65,7 @@ class GoalPart:
         return derived("goal_cost", z, d, 0.5 * ca.dot(scaled, scaled), exact=motion.exact, squared=scaled)
 
 
-def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
+def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
     """The aims of a scene; ``settles``: the finger comes to rest by itself after its drives.
 
     One with a wrong number of entries raises an InputError.
@@ -132,7 +130,7 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
     return parts
 
 
-def _stiffness(motion: Motion) -> Array:
+def _stiffness(motion: PlannedMotion) -> Array:
     """Greatest change (nx) of each rate of the straight finger, in its unit, by one unit of a state or input; or one.
 
     Accelerations that a micrometer of a stiff cable brings would count for more than all else.

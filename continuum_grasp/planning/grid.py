@@ -8,16 +8,16 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array, Indices
-from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.base import Array, Indices
+from continuum_grasp.control import ABSENT
 from continuum_grasp.nlp import Block
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.motion import PlannedMotion
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
 
 @dataclass(frozen=True)
-class Grid:
+class PlanGrid:
     """Columns of the unknowns of a plan: duration (1, 1), states at the nodes (N + 1, ns), controls (N, nu), and states
     at the collocation points of all elements (elements, degree, ns), which single shooting does not have.
 
@@ -82,7 +82,7 @@ class Grid:
 
 
 def add_shooting(
-    assembly: Assembly, motion: Motion, flow: Term, grid: Grid, weight: float, resolution: tuple[int, int]
+    assembly: Assembly, motion: PlannedMotion, flow: Term, grid: PlanGrid, weight: float, resolution: tuple[int, int]
 ) -> tuple[Term, list[ca.DM]]:
     """The end of each interval, by a flow, is the next node; the running objective is weighted by ``weight``.
 
@@ -99,7 +99,7 @@ def add_shooting(
     return term, [ca.DM(each.T) for each in data]
 
 
-def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: float) -> None:
+def add_collocation(assembly: Assembly, motion: PlannedMotion, grid: PlanGrid, weight: float) -> None:
     """Polynomials whose rates are those of the motion at the collocation points."""
     intervals, degree, count = len(grid.v), grid.points.shape[1], len(grid.interval)
     data = motion.numbers((grid.interval[:, None] + grid.shares) / intervals)
@@ -118,7 +118,7 @@ def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: floa
     assembly.add_linear(rows, grid.s[1:], -1.0)
 
 
-def _defects(assembly: Assembly, motion: Motion, intervals: int, name: str = "motion") -> Indices:
+def _defects(assembly: Assembly, motion: PlannedMotion, intervals: int, name: str = "motion") -> Indices:
     return assembly.rows(name, "intervals", "state", intervals, motion.s_scale)
 
 
@@ -129,7 +129,7 @@ class StateBounds:
     where there is contact.
     """
 
-    def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
+    def __init__(self, assembly: Assembly, motion: PlannedMotion, grid: PlanGrid, relaxed: bool) -> None:
         self._assembly, self._motion = assembly, motion
         # Terms of each bound by its key, columns that they read, and their numbers.
         self._terms: dict[str, tuple[Term, Indices, Array]] = {}

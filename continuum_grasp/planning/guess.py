@@ -11,15 +11,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.ocp.setpoints import LEAST_FORCE
-from continuum_grasp.control.prediction import Prediction, start_state
-from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.base import Array, InputError, Interrupted, SolverError
+from continuum_grasp.control import LEAST_FORCE, Prediction, start_state
 from continuum_grasp.planning.goal import GoalPart
-from continuum_grasp.planning.motion import Motion, objective_scale
-from continuum_grasp.scene.finger import BasePose
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.plan import PlanScene, RowAim
+from continuum_grasp.planning.motion import PlannedMotion, objective_scale
+from continuum_grasp.scene import BasePose, GraspScene, PlanScene, RowAim
 
 _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
@@ -51,7 +47,9 @@ class Path:
     duration: float
 
 
-def final_postures(motion: Motion, goal: list[GoalPart], first: Posture, near: Posture | None = None) -> list[Posture]:
+def final_postures(
+    motion: PlannedMotion, goal: list[GoalPart], first: Posture, near: Posture | None = None
+) -> list[Posture]:
     """Postures at rest and nearly in balance that meet the goal as well as may be, near the first one or the hint; the
     best one comes first.
     """
@@ -85,7 +83,7 @@ def _with_bends(model: Prediction, first: Posture, bends: Array) -> Array:
     return np.asarray(first.q + np.linalg.lstsq(slope, bends - bending(first.q), rcond=None)[0])
 
 
-def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Function:
+def _residual(motion: PlannedMotion, goal: list[GoalPart], first: Posture) -> ca.Function:
     """(y = scaled [q, u]) -> errors of the goal and of balance, and their Jacobian."""
     model, n, reach = _without_play(motion.prediction, motion.scene), len(first.q), motion.reach
     y = ca.SX.sym("y", n + motion.nu)
@@ -142,7 +140,7 @@ def _driven(model: Prediction, x: ca.SX, q: ca.SX, u: ca.SX) -> ca.SX:
     return x
 
 
-def _spring_forces(motion: Motion, x: ca.SX, u: ca.SX, p: ca.DM) -> ca.SX:
+def _spring_forces(motion: PlannedMotion, x: ca.SX, u: ca.SX, p: ca.DM) -> ca.SX:
     """Contact forces as if surfaces that are apart pulled: they point to where they touch."""
     model, law = motion.prediction, motion.scene.contact_law
     gap = ca.Function("gap", [model.x, model.u, model.p], [model.system.touch(*model.arguments)[0]])(x, u, p)
@@ -177,7 +175,7 @@ def _least_squares(residual: ca.Function, y: Array, low: Array, high: Array) -> 
 
 
 def smooth_path(
-    motion: Motion, x0: Array, first: Posture, last: Posture, side: float = 0.0, share: float = 1.0
+    motion: PlannedMotion, x0: Array, first: Posture, last: Posture, side: float = 0.0, share: float = 1.0
 ) -> Path:
     """Postures that go smoothly from the first to the last in a share of the duration, and stay there.
 

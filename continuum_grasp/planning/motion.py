@@ -10,18 +10,21 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.ocp.bounds import HARD, BoundedRows, state_bounds
-from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
-from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import unit_of
-from continuum_grasp.model.memory import clipped
+from continuum_grasp.base import Array, InputError, unit_of
+from continuum_grasp.control import (
+    HARD,
+    BoundedRows,
+    Outputs,
+    Prediction,
+    cost_terms,
+    missed_setpoints,
+    setpoints,
+    state_bounds,
+)
+from continuum_grasp.model import clipped
 from continuum_grasp.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
-from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.simulation.signals import interpolate
+from continuum_grasp.scene import MotorDrive, PlanScene
+from continuum_grasp.simulation import interpolate
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class _Scales:
     objective: float
 
 
-class Motion:
+class PlannedMotion:
     """State, control and duration of a plan, and how the state moves.
 
     The state s (ns) is that of the model and, where the input is a straight line over each interval (``linear``), the

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array, Indices
+from continuum_grasp.base import Array, Indices
 from continuum_grasp.nlp import Attempt, Violation
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
-from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
+from continuum_grasp.planning.grid import PlanGrid, StateBounds, add_collocation, add_shooting
 from continuum_grasp.planning.guess import Path
-from continuum_grasp.planning.motion import Motion, without_rows
+from continuum_grasp.planning.motion import PlannedMotion, without_rows
 from continuum_grasp.planning.result import Constraint
 from continuum_grasp.planning.shooting import amplification, derived
 
@@ -56,7 +56,7 @@ class PlanProblem:
 
     def __init__(
         self,
-        motion: Motion,
+        motion: PlannedMotion,
         x0: Array,
         *,
         relaxed: bool = False,
@@ -129,7 +129,7 @@ class PlanProblem:
         degree, elements = scene.solver.degree if scene.transcription == "collocation" else 0, int(self._counts.sum())
         points = assembly.variables(elements * degree, motion.ns).reshape(elements, degree, motion.ns)
         assembly.fix(s[0], motion.scaled_state(x0, first))
-        self.grid = Grid(time, s, v, points, self._counts)
+        self.grid = PlanGrid(time, s, v, points, self._counts)
         if motion.linear:
             self.before, self.inputs = s[:1, motion.nx :], s[:, motion.nx :]
             return

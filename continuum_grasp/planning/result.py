@@ -14,15 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.labels import unit_of
+from continuum_grasp.base import Array, unit_of
+from continuum_grasp.control import Prediction
 from continuum_grasp.model import System
 from continuum_grasp.planning.motion import parameters_over_time
-from continuum_grasp.results.declared import TIME, XY, Dimension, Picture, Stored
-from continuum_grasp.results.motion import MotionResult
-from continuum_grasp.scene.plan import PlanScene
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.results import TIME, XY, Dimension, MotionResult, Picture, Stored
+from continuum_grasp.scene import PlanScene
+from continuum_grasp.simulation import ContactHistory
 
 _PARTS = {
     "values": "what is bounded",
@@ -108,7 +106,7 @@ class Deviation:
 
 
 @dataclass(frozen=True)
-class Plan(MotionResult):
+class MotionPlan(MotionResult):
     """A motion from an initial state to a goal; SI units, world frame.
 
     Attributes
@@ -307,7 +305,7 @@ class Plan(MotionResult):
         return self._over_time(self.prediction.contact_force)
 
     @cached_property
-    def contacts(self) -> ContactForces | None:
+    def contacts(self) -> ContactHistory | None:
         """Forces at the contacts of the object; None without an object."""
         model = self.prediction
         if not model.system.touch_names:
@@ -317,7 +315,7 @@ class Plan(MotionResult):
         def rows(value: ca.SX) -> Array:
             return self._over_time(ca.Function("touch", [model.x, model.u, model.p], [value]))
 
-        return ContactForces.from_expressions(tuple(model.system.touch_names), touch, rows)
+        return ContactHistory.from_expressions(tuple(model.system.touch_names), touch, rows)
 
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the nodes [m]."""
@@ -376,7 +374,7 @@ class Plan(MotionResult):
         }
 
     @classmethod
-    def load(cls, folder: str | PathLike[str]) -> Plan:
+    def load(cls, folder: str | PathLike[str]) -> MotionPlan:
         """Read a plan from its run folder.
 
         Raises

@@ -11,25 +11,17 @@ from itertools import product
 
 import numpy as np
 
-from continuum_grasp import interrupt
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, Status, new_solver
+from continuum_grasp.base import Array, InputError, NumericalError, interrupts_held
+from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, SolverStatus, new_solver
 from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose, missed_goals
 from continuum_grasp.planning.fine import LEFT, PARTS, distances, excess_over_intervals, places, simulated
 from continuum_grasp.planning.goal import MET
-from continuum_grasp.planning.guess import (
-    Path,
-    Posture,
-    final_postures,
-    first_state_of_plan,
-    smooth_path,
-)
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.guess import Path, Posture, final_postures, first_state_of_plan, smooth_path
+from continuum_grasp.planning.motion import PlannedMotion
 from continuum_grasp.planning.problem import OneWay, PlanProblem
-from continuum_grasp.planning.result import Plan
-from continuum_grasp.scene.plan import DurationRange, Goal, PlanScene
+from continuum_grasp.planning.result import MotionPlan
+from continuum_grasp.scene import DurationRange, Goal, PlanScene
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
@@ -71,7 +63,7 @@ _SLIDES = 5.0
 all along."""
 
 
-class Search:
+class PlanSearch:
     """Starts of the solver, and the best of what they gave.
 
     ``warm`` is a plan from which to begin, ``near`` a posture near which the last one is sought. ``attempts`` and
@@ -79,14 +71,14 @@ class Search:
     the goal; ``diagnosis`` is what stops the nearest one of these.
     """
 
-    def __init__(self, scene: PlanScene, warm: Plan | None = None, near: Posture | None = None) -> None:
+    def __init__(self, scene: PlanScene, warm: MotionPlan | None = None, near: Posture | None = None) -> None:
         self.scene, self.warm, self.near = scene, warm, near
         self.attempts: list[tuple[str, Attempt]] = []
         self.relaxed: list[tuple[str, Attempt]] = []
         self.best: Attempt | None = None
         self.diagnosis: Diagnosis | None = None
         self.interrupted = False
-        self.motion = Motion(scene)
+        self.motion = PlannedMotion(scene)
         # 1e-5: violation below which constraints count as satisfied where inputs alone are unknowns: a micrometer of a
         # finger of 1 m, and rates of 1e-5 of their range
         self.feasible = 1e-5 if scene.transcription == "single_shooting" else FEASIBLE
@@ -323,7 +315,7 @@ class Search:
         """Whether there is nothing left to spend, or Ctrl-C was pressed."""
         return self.interrupted or self.budget.over
 
-    def _warm_start(self, earlier: Plan) -> tuple[Array, Multipliers | None]:
+    def _warm_start(self, earlier: MotionPlan) -> tuple[Array, Multipliers | None]:
         """Unknowns and, where everything has its place as before, multipliers of an earlier plan."""
         known, wanted = earlier.x_names, list(self.motion.prediction.x_names)
         if earlier.n != self.motion.prediction.system.n or earlier.u.shape[1] != self.motion.nu:
@@ -404,7 +396,7 @@ class Search:
     ) -> Attempt:
         """Run the solver; Ctrl-C leaves the last iterate."""
         assembly = problem.assembly
-        with interrupt.held(quietly=True) as pressed:
+        with interrupts_held(quietly=True) as pressed:
             if self.scene.transcription == "single_shooting":
                 options, tolerance = self.scene.solver, max(self.scene.solver.tolerance, 1e-5)
                 # Of a distance nothing may be left that counts as one.
@@ -441,7 +433,7 @@ class Search:
             if not self._try(f"{name}, from the goal", w, barrier) and self.best is None:
                 # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
                 f, g = (np.array(v).ravel() for v in self._usual.assembly.values(w))
-                self.best = replace(self.attempts[-1][1], status=Status.FAILED, x=w, g=g, objective=float(f[0]))
+                self.best = replace(self.attempts[-1][1], status=SolverStatus.FAILED, x=w, g=g, objective=float(f[0]))
         elif attempt.objective <= self.nearest[1].objective:
             self.diagnosis = diagnosis
         ends = [a.objective for _, a in self.relaxed if self._ended(a)]

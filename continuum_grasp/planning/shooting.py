@@ -15,10 +15,8 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import CompileError, find_compiler
-from continuum_grasp.core.source import externals_source
+from continuum_grasp.base import Array
+from continuum_grasp.core import CompileError, externals_source, find_compiler, library_for
 
 _MARGIN = np.array([1.0, 1.2, 1.5])[:, None]
 """Factors on the eigenvalues up to which steps must be stable [1], since they are those of some shapes alone."""

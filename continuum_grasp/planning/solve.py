@@ -9,32 +9,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import Interrupted, SolverError
+from continuum_grasp.base import Array, Interrupted, SolverError, check_arguments, interruptible
 from continuum_grasp.nlp import Attempt, outcome_words
 from continuum_grasp.planning.diagnosis import missed_goals
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
-from continuum_grasp.planning.result import Plan, PlanStatus
-from continuum_grasp.planning.search import Search
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.planning.result import MotionPlan, PlanStatus
+from continuum_grasp.planning.search import PlanSearch
+from continuum_grasp.scene import PlanScene, scene_of
 
 if TYPE_CHECKING:
-    from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.grasp import GraspResult
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def plan(
     scene: PlanScene | str | os.PathLike[str],
     *,
-    warm: Plan | str | os.PathLike[str] | None = None,
+    warm: MotionPlan | str | os.PathLike[str] | None = None,
     grasp: GraspResult | str | os.PathLike[str] | None = None,
     raise_on_failure: bool = True,
-) -> Plan:
+) -> MotionPlan:
     """Plan a motion as a whole.
 
     The motion is transcribed by collocation or single shooting (Runge-Kutta steps) into one nonlinear problem,
@@ -75,8 +71,8 @@ def plan(
     """
     began = time.perf_counter()
     asked, near = closing(scene_of(scene, PlanScene), grasp)
-    earlier = Plan.load(warm) if isinstance(warm, (str, os.PathLike)) else warm
-    search = Search(asked, earlier, near)
+    earlier = MotionPlan.load(warm) if isinstance(warm, (str, os.PathLike)) else warm
+    search = PlanSearch(asked, earlier, near)
     built = time.perf_counter()
     try:
         search.run()
@@ -101,7 +97,7 @@ def plan(
     return result
 
 
-def _result(search: Search) -> Plan:
+def _result(search: PlanSearch) -> MotionPlan:
     """The best plan, or what comes nearest."""
     problem, attempt, scene, motion = search.problem, search.best, search.scene, search.motion
     if attempt is None:
@@ -124,7 +120,7 @@ def _result(search: Search) -> Plan:
             advice = "raise the weight of the goal, or a limit that is active (constraints with multipliers)"
             warnings += [f"{goal}: {advice}" for goal in missed]
     tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
-    return Plan(
+    return MotionPlan(
         scene=scene,
         status=status,
         message=f"{message}; on a drive without jumps up to one interval longer" if lead else message,
@@ -153,7 +149,7 @@ def _result(search: Search) -> Plan:
     )
 
 
-def _success(search: Search, attempt: Attempt) -> tuple[PlanStatus, str]:
+def _success(search: PlanSearch, attempt: Attempt) -> tuple[PlanStatus, str]:
     """Status of a plan that satisfies all constraints, and why it is not known to be the best."""
     motion = search.motion
     if not attempt.converged:
@@ -188,7 +184,7 @@ def _lead(scene: PlanScene, u: Array, duration: float, unit: str) -> str:
     )
 
 
-def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
+def _failure(search: PlanSearch) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     """Status, message, advice and what is violated."""
     diagnosis = search.diagnosis
     if diagnosis is not None and not search.budget.stopped:
@@ -213,7 +209,7 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     return status, f"no plan was found: {_stopped(search, last)}", advice, violated
 
 
-def _cut(search: Search) -> str:
+def _cut(search: PlanSearch) -> str:
     """Cause that cut the search short, in words."""
     options = search.scene.solver
     if search.budget.stopped:
@@ -221,7 +217,7 @@ def _cut(search: Search) -> str:
     return f"all {search.allowed} iterations were used up (solver.max_total_iterations)"
 
 
-def _stopped(search: Search, attempt: Attempt) -> str:
+def _stopped(search: PlanSearch, attempt: Attempt) -> str:
     """Why the solver stopped."""
     if search.budget.cut:
         return _cut(search)

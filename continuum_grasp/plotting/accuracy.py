@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE
-from continuum_grasp.scene.methods import FAMILIES
+from continuum_grasp.scene import FAMILIES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.accuracy.report import AccuracyReport
+    from continuum_grasp.accuracy import AccuracyReport
 
 _LOOKS = ((BLUE, "o"), (GREEN, "s"), (ORANGE, "D"), (INK, "^"))
 """Color and marker of the families, in the order of their table."""

@@ -13,7 +13,7 @@ from continuum_grasp.plotting.grasp.picture import plot_grasp
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.design.result import DesignResult
+    from continuum_grasp.design import DesignResult
 
 
 def plot_design(result: DesignResult) -> list[Axes]:

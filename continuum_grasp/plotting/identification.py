@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.labels import SHOWN_IN, name_of, unit_of
+from continuum_grasp.base import SHOWN_IN, name_of, unit_of
 from continuum_grasp.plotting.drawing.axes import (
     bend_box,
     curves,
@@ -27,10 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import LineCollection
 
-    from continuum_grasp.identification.comparison import Predicted
-    from continuum_grasp.identification.experiments import ExperimentPlan
-    from continuum_grasp.identification.fit import Fit
-    from continuum_grasp.identification.replayed import Replay
+    from continuum_grasp.identification import ExperimentPlan, Fit, Predicted, Replay
 
 _PANELS = 6
 """Panels of a new figure [1]: two rows of three; more are not read at a glance."""

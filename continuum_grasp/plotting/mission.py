@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.axes import Box, bend_box, colors, head, new_figure, plain, quiet, show_box, words
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_arrow, draw_forces, force_keys, force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, EDGE, GRAY, GREEN, INK, ORANGE, Z
-from continuum_grasp.scene.drives import COMMANDS
+from continuum_grasp.scene import COMMANDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.mission.outcomes import Outcome
-    from continuum_grasp.mission.result import MissionRun
+    from continuum_grasp.mission import MissionRun, Outcome
 
 
 _COLUMNS = (4, 5, 6)

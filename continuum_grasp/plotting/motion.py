@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import split_unit
+from continuum_grasp.base import InputError, split_unit
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale
@@ -21,12 +20,10 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-    from continuum_grasp.closed_loop.result import ControlRun
-    from continuum_grasp.planning.result import Plan
-    from continuum_grasp.scene.finger import Finger
-    from continuum_grasp.simulation.modes import Modes
-    from continuum_grasp.simulation.static_shape import Equilibrium
-    from continuum_grasp.simulation.trajectory import Trajectory
+    from continuum_grasp.closed_loop import ControlRun
+    from continuum_grasp.planning import MotionPlan
+    from continuum_grasp.scene import Finger
+    from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
 
 _FORCE = 0.25
 """Length of the greatest force per that of the finger: the direction is seen, the finger not dwarfed."""
@@ -39,7 +36,7 @@ _STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 
 
 def plot_snapshots(
-    motion: Trajectory | Plan, *, times: Sequence[float] | int = _INSTANTS, ax: Axes | None = None
+    motion: Trajectory | MotionPlan, *, times: Sequence[float] | int = _INSTANTS, ax: Axes | None = None
 ) -> Axes:
     """Draw the finger at several instants, colored by time, with clamp, point masses and the last forces to scale.
 
@@ -52,7 +49,7 @@ def plot_snapshots(
 
 
 def _snapshots(
-    motion: Trajectory | Plan,
+    motion: Trajectory | MotionPlan,
     times: Sequence[float] | int,
     ax: Axes | None,
     beside: Callable[[Axes], None] = lambda ax: None,
@@ -84,7 +81,7 @@ def _snapshots(
     return ax
 
 
-def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
+def plot_plan_path(plan: MotionPlan, *, ax: Axes | None = None) -> Axes:
     """Draw snapshots of a plan, the path of its tip, and the goal."""
     tip, goal = np.asarray(plan.tip_path), plan.scene.goal
     goals = [*([] if goal.tip is None else [goal.tip.value]), *([] if goal.shape is None else goal.shape.value)]
@@ -97,7 +94,7 @@ def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
     return _snapshots(plan, _INSTANTS, ax, path, [tip])
 
 
-def _along_the_way(motion: Trajectory | Plan, count: int) -> np.ndarray:
+def _along_the_way(motion: Trajectory | MotionPlan, count: int) -> np.ndarray:
     """Indices of the first and the last instant, and of others between which finger or object go equally far.
 
     The way from instant to instant is that of the point that goes farthest.
@@ -128,7 +125,7 @@ def _nearest(t: np.ndarray, times: Sequence[float]) -> np.ndarray:
 
 
 def motion_frames(
-    motion: Trajectory | Plan | ControlRun,
+    motion: Trajectory | MotionPlan | ControlRun,
     indices: NDArray[Any],
     width: int,
     ahead: Callable[[Film, NDArray[Any]], Callable[[int], list[Artist]]] | None = None,
@@ -170,7 +167,7 @@ def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
     return [bodies.finger_outline(shape, finger) for shape in shapes] if bodies.shows_thickness(finger) else []
 
 
-def _forces_at(motion: Trajectory | Plan | ControlRun, indices: NDArray[Any]) -> list[list[Force]]:
+def _forces_at(motion: Trajectory | MotionPlan | ControlRun, indices: NDArray[Any]) -> list[list[Force]]:
     """Forces at each of some instants, without those that are zero but for rounding."""
     every = [motion.loads_at(int(k)) for k in indices]
     # 1e-9: force per the greatest that is rounding, as of a load that has faded
@@ -217,7 +214,7 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
 
 
 @axes.over_time(columns=8)
-def plot_coordinates(ax: Axes, trajectory: Trajectory | Plan) -> str:
+def plot_coordinates(ax: Axes, trajectory: Trajectory | MotionPlan) -> str:
     """Draw every bending coordinate over time, in order."""
     names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
     symbols, units = [axes.symbol(name) for name, _ in names], ", ".join(dict.fromkeys(unit for _, unit in names))
@@ -237,7 +234,7 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> str:
 
 
 @axes.over_time()
-def plot_contact_forces(ax: Axes, trajectory: Trajectory | Plan) -> str:
+def plot_contact_forces(ax: Axes, trajectory: Trajectory | MotionPlan) -> str:
     """Draw the normal force of every contact that ever touches over time, and dashed the size of its friction force."""
     contacts: Any = trajectory.contacts
     touching = np.flatnonzero(np.any(contacts.normal_force > 0.0, axis=0))

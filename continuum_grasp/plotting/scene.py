@@ -6,16 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.labels import clipped
+from continuum_grasp.base import Array, check_arguments, clipped
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import GREEN, INK, ORANGE, SLATE, Z
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.view import FINGERS, turned
 from continuum_grasp.plotting.scene_view import SceneView
-from continuum_grasp.scene.value import Value
+from continuum_grasp.scene import Value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.grasp.view import turned, unloaded
-from continuum_grasp.scene.cost import CircleReference, RowSamples
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.supports import Palm
+from continuum_grasp.scene import CircleReference, Finger, FingerSetup, GraspScene, Palm, RowSamples
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.supports import Peg, Support, Wall
+    from continuum_grasp.scene import Peg, Support, Wall
 
 
-class Acting(NamedTuple):
+class AppliedLoad(NamedTuple):
     """A force or a moment on a finger."""
 
     at: Array
@@ -131,19 +128,19 @@ class SceneView:
         }
 
     @cached_property
-    def loads(self) -> list[Acting]:
+    def loads(self) -> list[AppliedLoad]:
         """Forces and moments on the finger of a simulation, those that hold it at first too."""
         initial = getattr(self.scene, "initial", None)
         loads = (*getattr(self.scene, "loads", ()), *getattr(initial, "held_by", ()))
         return [acting for acting in map(self._acting, loads) if acting is not None]
 
-    def _acting(self, load: Any) -> Acting | None:
+    def _acting(self, load: Any) -> AppliedLoad | None:
         """Effect of a load where it is greatest; None where it is zero, as one that data replace."""
         at, turn = self.on("finger", [load.at])[0], 0.0
         if load.kind == "moment":
             values = np.atleast_1d(getattr(load.moment, "values", load.moment))
             moment = float(values[np.abs(values).argmax()])
-            return Acting(at, np.zeros(2), f"moment {moment:.3g} N m") if moment else None
+            return AppliedLoad(at, np.zeros(2), f"moment {moment:.3g} N m") if moment else None
         values = np.reshape(getattr(load.force, "values", load.force), (-1, 2))
         force = values[np.hypot(*values.T).argmax()]
         if not force.any():
@@ -151,7 +148,7 @@ class SceneView:
         if load.follows:
             line = self.backbones["finger"]
             turn = float(np.interp(load.at, line[:, 0], line[:, 3]))
-        return Acting(at, turned(force, turn), f"force {np.hypot(*force):.3g} N")
+        return AppliedLoad(at, turned(force, turn), f"force {np.hypot(*force):.3g} N")
 
     def on(self, finger: str, places: Any) -> Array:
         """World points (n, 2) at positions along an unloaded finger [m]."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing.axes import color_bar, head, label, new_axes, plain, time_map
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
 
-    from continuum_grasp.sweeps.table import SweepTable
+    from continuum_grasp.sweeps import SweepTable
 
 _HATCHES = ("////", "....", "xxxx", "\\\\\\\\", "oooo", "++++", "----")
 _MARKERS = ("x", "+", "v", "s", "^", "d", "1")

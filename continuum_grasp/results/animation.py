@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.declared import maker_of
 

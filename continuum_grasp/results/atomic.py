@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.results.record import kind_of_run, naming, note_file, swapped
 
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.results.declared import maker_of
 from continuum_grasp.results.result import Result
 

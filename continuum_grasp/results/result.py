@@ -9,9 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import Summarized, clipped, quoted
+from continuum_grasp.base import InputError, Summarized, check_arguments, clipped, quoted
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.run_folder import Run, read_run, write_run

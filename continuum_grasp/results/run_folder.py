@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import Summarized
+from continuum_grasp.base import InputError, Summarized, check_arguments
 from continuum_grasp.results.atomic import flush_folder, replacing, write_text
-from continuum_grasp.results.plain import digest, plain
+from continuum_grasp.results.plain_values import digest, plain
 from continuum_grasp.results.record import begin_run, created_now, machine, versions
 
 RESULT = "result.npz"
@@ -93,7 +91,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
 
     Notes
     -----
-    The meta data is converted as by `continuum_grasp.results.plain.plain`: NaN and infinity become strings.
+    The meta data is converted as by `continuum_grasp.results.plain_values.plain`: NaN and infinity become strings.
 
     Examples
     --------

@@ -9,10 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp import shell
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import split_unit
+from continuum_grasp.base import Array, InputError, install_line, split_unit
 from continuum_grasp.results.declared import Stored, attribute
 
 if TYPE_CHECKING:
@@ -27,7 +24,7 @@ def package(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError:
-        raise InputError(f"this needs {name}, which is not installed: {shell.installing('data')}") from None
+        raise InputError(f"this needs {name}, which is not installed: {install_line('data')}") from None
 
 
 def to_xarray(result: Any) -> xarray.Dataset:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.base import Array
+from continuum_grasp.scene import Finger
 
 
 def with_places(fixed: ArrayLike, others: Iterable[float]) -> Array:
@@ -50,7 +50,7 @@ def _integrals(local: Array, count: int) -> Array:
     return np.concatenate([(local + 1.0)[..., None], higher], axis=-1)
 
 
-class Mesh:
+class PanelMesh:
     """Panels of an interval with Gauss-Legendre nodes.
 
     On each panel a function is the polynomial through its values at the nodes, and integrals are those of the
@@ -122,10 +122,10 @@ class Mesh:
         panel = np.clip(np.searchsorted(self.edges, at, side="right") - 1, 0, self.panels - 1)
         return panel, 2.0 * (at - self.edges[panel]) / self.widths[panel] - 1.0
 
-    def refined(self, marked: NDArray[np.bool_], count: int) -> Mesh:
+    def refined(self, marked: NDArray[np.bool_], count: int) -> PanelMesh:
         """The mesh with the marked panels halved and another number of nodes per panel."""
         middles = 0.5 * (self.edges[:-1] + self.edges[1:])[marked]
-        return Mesh(np.sort(np.concatenate([self.edges, middles])), count)
+        return PanelMesh(np.sort(np.concatenate([self.edges, middles])), count)
 
 
 class DenseRod:
@@ -154,7 +154,7 @@ class DenseRod:
         marks = [mass.at for mass in finger.masses] if marks is None else marks
         inner = [at for at in (*marks, *finger_breaks(finger)) if at < self.joints[-1]]
         # 5: Gauss points per panel
-        self.mesh = Mesh(panel_edges(with_places(self.joints, inner), panel * self.joints[-1]), 5)
+        self.mesh = PanelMesh(panel_edges(with_places(self.joints, inner), panel * self.joints[-1]), 5)
         self.nodes, self.edges, self.weights = self.mesh.nodes, self.mesh.edges, self.mesh.weights
 
     def angle(self, curvature: Array) -> Array:

@@ -13,14 +13,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.rod.dense_rod import Mesh, panel_edges, with_places
-from continuum_grasp.scene.consumer import Consumer
-from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
-from continuum_grasp.scene.profile import Curve, Profile
-from continuum_grasp.scene.simulate import EXACT_ROD, Scene
+from continuum_grasp.base import InputError
+from continuum_grasp.rod.dense_rod import PanelMesh, panel_edges, with_places
+from continuum_grasp.scene import (
+    EXACT_ROD,
+    Consumer,
+    Curve,
+    Finger,
+    ForceLoad,
+    Load,
+    MotorDrive,
+    Profile,
+    Samples,
+    Scene,
+    VectorSamples,
+)
 
 _PANELS, _NODES = 8, 16
 """Panels along the rod and their nodes, for means along it: exact to rounding unless a panel tapers to a tenth."""
@@ -37,7 +44,7 @@ class Cable(NamedTuple):
     onset: float  # half the length in which it goes from slack to tension [m]
 
 
-class Tendon(NamedTuple):
+class TendonMoment(NamedTuple):
     """The bending moment of a tendon, or of some without friction that run alike."""
 
     shape: Curve  # along the rod in SI units
@@ -66,7 +73,7 @@ class RodProblem:
     levers: tuple[tuple[float, complex, complex], ...]
     following: tuple[tuple[float, complex], ...]  # that turn with their section: across + i along
     couples: tuple[tuple[float, float], ...]
-    tendons: tuple[Tendon, ...]
+    tendons: tuple[TendonMoment, ...]
     # Curvature from which on links touch, in SI units; signs of the curvatures that are stopped; stiffness added there.
     stops: tuple[Curve, tuple[float, ...], float] | None
 
@@ -99,7 +106,7 @@ class RodProblem:
         further places [m] at which panels are to end.
         """
         profile, length = finger.profile, finger.profile.length
-        mesh = Mesh(panel_edges((0.0, *profile.breaks, length), length / _PANELS), _NODES)
+        mesh = PanelMesh(panel_edges((0.0, *profile.breaks, length), length / _PANELS), _NODES)
         stiffness = length / float(mesh.weights @ (1.0 / profile.bending_stiffness(mesh.nodes)))
         mass = float(mesh.weights @ profile.linear_density(mesh.nodes))
         force, moment = length**2 / stiffness, length / stiffness
@@ -139,7 +146,7 @@ class RodProblem:
 
 
 @dataclass(frozen=True)
-class Body:
+class FastenedMass:
     """A mass fastened to a section."""
 
     at: float  # [m]
@@ -148,11 +155,13 @@ class Body:
     rotary_inertia: float = 0.0  # about the center of mass [kg m2]
 
 
-def bodies(finger: Finger) -> list[Body]:
+def bodies(finger: Finger) -> list[FastenedMass]:
     """Point masses and the body at the tip."""
-    point_masses, tip = [Body(point.at, point.mass) for point in finger.masses], finger.tip_body
+    point_masses, tip = [FastenedMass(point.at, point.mass) for point in finger.masses], finger.tip_body
     if tip is not None:
-        point_masses.append(Body(finger.profile.length, tip.mass, complex(*tip.center_of_mass), tip.rotary_inertia))
+        point_masses.append(
+            FastenedMass(finger.profile.length, tip.mass, complex(*tip.center_of_mass), tip.rotary_inertia)
+        )
     return point_masses
 
 
@@ -163,10 +172,10 @@ def _tendons(
     pressures: Sequence[float],
     scale: float,
     way: float,
-) -> list[Tendon]:
+) -> list[TendonMoment]:
     """Moments of tendons and chambers, of tendons with one shape and without friction together, scaled."""
     tendons = [
-        Tendon(pull.channel.shape, pull.channel.gain * pressure * scale)
+        TendonMoment(pull.channel.shape, pull.channel.gain * pressure * scale)
         for pull, pressure in zip(finger.pulls[len(finger.tendon_list) :], pressures, strict=True)
         if pressure != 0.0
     ]
@@ -180,13 +189,13 @@ def _tendons(
                 to = tendon.end(finger.profile.length) / finger.profile.length
                 elongations = 1.0 / tendon.series_stiffness, 1.0 / tendon.axial_stiffness
                 cable = Cable(wound[k], arm, *elongations, to, finger.onset(tendon))
-                tendons.append(Tendon(channel.shape, arm * scale, friction, tendon.conduit_bend, cable))
+                tendons.append(TendonMoment(channel.shape, arm * scale, friction, tendon.conduit_bend, cable))
             elif tendon.friction == 0.0:
                 free += arm * tension
             elif tension != 0.0:
-                tendons.append(Tendon(channel.shape, arm * tension * scale, friction, tendon.conduit_bend))
+                tendons.append(TendonMoment(channel.shape, arm * tension * scale, friction, tendon.conduit_bend))
         if free != 0.0:
-            tendons.append(Tendon(channel.shape, free * scale))
+            tendons.append(TendonMoment(channel.shape, free * scale))
     return tendons
 
 

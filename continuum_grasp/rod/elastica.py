@@ -16,15 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments, choice, real_array, within
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.rod.dense_rod import Mesh, panel_edges
+from continuum_grasp.base import Array, InputError, SolverError, check_arguments, choice, real_array, within
+from continuum_grasp.rod.dense_rod import PanelMesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
-from continuum_grasp.scene.loads import Load
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Load, Scene
 
 Guess = Callable[[Array], ArrayLike] | ArrayLike
 
@@ -164,7 +161,8 @@ def solve_elastica(
     Notes
     -----
     Axial strain, shear and contact of the rod with itself are not modeled. See ``RodEquations`` for the balance,
-    ``Mesh`` for the collocation, and S. S. Antman, Nonlinear Problems of Elasticity, 2005, doi:10.1007/0-387-27649-1.
+    ``PanelMesh`` for the collocation, and S. S. Antman, Nonlinear Problems of Elasticity, 2005,
+    doi:10.1007/0-387-27649-1.
 
     Examples
     --------
@@ -210,7 +208,7 @@ def _first_equations(problem: RodProblem) -> RodEquations:
     longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)))
     if longest < _FINE / _MAX_NODES:
         raise _too_many("the loads bend the rod on too small a scale; check their units")
-    equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, longest), _COARSE))
+    equations = RodEquations(problem, PanelMesh(panel_edges(problem.breaks, longest), _COARSE))
     while True:
         # Shorter where the rod itself changes steeply.
         # 2.5: turn [rad] of a panel of the first mesh, at most, as far as moments say: some load always undoes part of

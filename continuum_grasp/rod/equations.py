@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.rod.dense_rod import Mesh
-from continuum_grasp.rod.dimensionless import RodProblem, Tendon
+from continuum_grasp.base import Array
+from continuum_grasp.rod.dense_rod import PanelMesh
+from continuum_grasp.rod.dimensionless import RodProblem, TendonMoment
 
 Complex = NDArray[np.complex128]
 
@@ -50,7 +50,7 @@ class RodEquations:
     beyond s. The mesh has panels between the problem's breaks.
     """
 
-    def __init__(self, problem: RodProblem, mesh: Mesh) -> None:
+    def __init__(self, problem: RodProblem, mesh: PanelMesh) -> None:
         self.problem, self.mesh = problem, mesh
         s, place = mesh.nodes, problem.length * mesh.nodes
         self.bending_stiffness: Array = problem.profile.bending_stiffness(place) / problem.stiffness
@@ -68,7 +68,7 @@ class RodEquations:
             limit, self._signs, self._added = problem.stops
             self._limit: Array = problem.length * limit(place)
         # Moments of tendons before friction.
-        self._drives: list[tuple[Array, Tendon]] = [
+        self._drives: list[tuple[Array, TendonMoment]] = [
             (each.amplitude * each.shape(place), each) for each in problem.tendons
         ]
         self.metric: Array = mesh.weights * self.bending_stiffness  # of the integral of EI (change of curvature)^2
@@ -155,7 +155,7 @@ class RodEquations:
         slope.flat[:: mesh.size + 1] += stiffness
         return Balance(elastic - share * moment, slope, -moment)
 
-    def _pull(self, drive: Array, tendon: Tendon, curvature: Array) -> tuple[Array, Array | None]:
+    def _pull(self, drive: Array, tendon: TendonMoment, curvature: Array) -> tuple[Array, Array | None]:
         """Moment of a tendon, and its derivative; None where it does not depend on the curvature."""
         share, rate = self._share(tendon, curvature)
         if tendon.cable is None:
@@ -166,7 +166,7 @@ class RodEquations:
             derivative += (tension * drive)[:, None] * rate
         return tension * drive * share, derivative
 
-    def _share(self, tendon: Tendon, curvature: Array) -> tuple[Array, Array | None]:
+    def _share(self, tendon: TendonMoment, curvature: Array) -> tuple[Array, Array | None]:
         """Share of the tension at the drive along the rod, and its derivative; None where it is one."""
         mesh, friction = self.mesh, tendon.friction
         if friction == 0.0:
@@ -184,7 +184,7 @@ class RodEquations:
         share = np.exp(-friction * bend)
         return share, (-friction * share)[:, None] * by_bend
 
-    def _tension(self, tendon: Tendon, curvature: Array, share: Array, rate: Array | None) -> tuple[float, Array]:
+    def _tension(self, tendon: TendonMoment, curvature: Array, share: Array, rate: Array | None) -> tuple[float, Array]:
         """Tension [N] of a tendon that is wound up, and its derivative."""
         mesh, length, cable = self.mesh, self.problem.length, tendon.cable
         if cable is None:

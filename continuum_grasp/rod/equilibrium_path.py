@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import SolverError
+from continuum_grasp.base import Array, SolverError
 from continuum_grasp.rod.equations import Balance, RodEquations
 
 _CLOSE = 1e-8

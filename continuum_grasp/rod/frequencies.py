@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.rod.dimensionless import bodies
 from continuum_grasp.rod.elastica import Elastica
 from continuum_grasp.rod.equations import RodEquations
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene import Finger
 
 
 @check_arguments

@@ -12,7 +12,7 @@ from typing import Any, cast
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 CONSUMERS: dict[str, Consumer] = {}
 """All declarations by name, in the order of their import."""
@@ -89,7 +89,7 @@ def beside(keys: str, where: Callable[[Any], Any], why: str) -> Consumer:
 
 
 @dataclass(frozen=True)
-class Condition:
+class KeyCondition:
     """Whether one of some keys, properties or functions of a scene is something, or ``absent`` none of them is."""
 
     others: Sequence[str]
@@ -121,7 +121,7 @@ def refusals(rules: str, **functions: Callable[..., Any]) -> tuple[Consumer, ...
         for key in _spelled_out(rule["keys"]):
             name = re.split(r"[.=]", key)[-1]
             other, why = ((rule[part] or "").replace("NAME", name) for part in ("other", "why"))
-            where = Condition(_spelled_out(other), rule["how"] != "with", functions)
+            where = KeyCondition(_spelled_out(other), rule["how"] != "with", functions)
             declared.append(beside(key, where, why or f"needs {other.replace('=', ': ')}"))
     return tuple(declared)
 

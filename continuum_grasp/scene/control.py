@@ -8,10 +8,10 @@ from typing import Annotated
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import refusals
-from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
+from continuum_grasp.scene.controller import CommandedScene, ControllerSettings, PlantDifferences
 from continuum_grasp.scene.cost import tracked
 from continuum_grasp.scene.drives import MotorDrive, WinchDrive
-from continuum_grasp.scene.estimator import Estimator, Mounting
+from continuum_grasp.scene.estimator import EstimatorSettings, Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_references
@@ -138,14 +138,14 @@ class ControlScene(CommandedScene):
 
     fidelity: Fidelity = Fidelity()
     """Resolution of the controller's model."""
-    controller: Controller
+    controller: ControllerSettings
     """The controller: horizon, weights, limits."""
-    estimator: Estimator | None = None
+    estimator: EstimatorSettings | None = None
     """Estimator of the state; None: the controller measures the state."""
     mounting: Mounting | None = None
     """Mounting of the bench, as ``commission`` finds it; what drives read and are sent goes through it. None: as the
     model does."""
-    plant: Plant = Plant()
+    plant: PlantDifferences = PlantDifferences()
     """Differences of the plant from the controller's model."""
     loads: ListOf[ForceLoad] = ()
     """Forces on the plant that the controller does not know."""
@@ -193,7 +193,7 @@ class ControlScene(CommandedScene):
         if estimator is not None and estimator.measured.tip is not None and "delay" not in estimator.model_fields_set:
             doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
 
-    def _check_estimator(self, estimator: Estimator) -> None:
+    def _check_estimator(self, estimator: EstimatorSettings) -> None:
         if estimator.contact_detection is not None:
             self.finger.rod.check_inside("estimator.contact_detection.places[{}]", estimator.contact_detection.places)
         if estimator.measured.bending is not None:

@@ -289,7 +289,7 @@ class Limited(Value):
     """Time after which a command counts as late [s]; None: the period."""
 
 
-class Controller(Limited):
+class ControllerSettings(Limited):
     """Nonlinear model predictive control by real-time iterations."""
 
     period: Annotated[float, Field(ge=1e-6, le=10.0), Unit("s")] | None = None
@@ -334,7 +334,7 @@ class Controller(Limited):
         return self.horizon.stage if self.period is None else self.period
 
 
-class Plant(_Differs):
+class PlantDifferences(_Differs):
     """Differences of the plant from the controller's model."""
 
     fidelity: Fidelity = Fidelity(family=default_family(free_tip=True), elements=8)

@@ -9,12 +9,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.labels import nearest
+from continuum_grasp.base import nearest
 from continuum_grasp.scene.sweep import InSI, Key, Varied
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Positive, Real, Value
 
-QUANTITIES = {
+DESIGN_QUANTITIES = {
     "tension": ("N", "sum of all tendon tensions"),
     "tension_max": ("N", "greatest tendon tension"),
     "normal_force_max": ("N", "greatest normal force of a contact"),
@@ -52,7 +52,7 @@ class DesignVariable(Value):
             raise ValueError(f"min = {self.min:g}: spacing: log needs positive bounds")
         if self.start is not None and not self.min <= self.start <= self.max:
             raise ValueError(f"start = {self.start:g} is not within {self.min:g} and {self.max:g}")
-        if self.name in QUANTITIES or self.name in FUNCTIONS:
+        if self.name in DESIGN_QUANTITIES or self.name in FUNCTIONS:
             raise ValueError(f"name: {self.name!r} has a meaning in expressions already")
 
     def value(self, coordinate: float) -> float:
@@ -150,7 +150,7 @@ class Design(Varied):
         for key in self.tolerances:
             if key in self.follow:
                 raise ValueError(f"tolerances: {key!r} follows {self.follow[key].key!r}; state the error of that key")
-        known = (*QUANTITIES, *names)
+        known = (*DESIGN_QUANTITIES, *names)
         check_expression("minimize", self.minimize, known)
         for expression in self.limits:
             check_expression("limits", expression, known)

@@ -13,7 +13,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene.assembly import changed, placed, validated
 from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.design import Design, DesignVariable, Tolerance

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 KeyPath = tuple[str | int, ...]
 

@@ -207,7 +207,7 @@ class ContactDetection(Value):
     tip."""
 
 
-class Estimator(Value):
+class EstimatorSettings(Value):
     """An extended Kalman filter with disturbance states."""
 
     REFUSALS = refusals(

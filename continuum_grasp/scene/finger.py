@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, refusals
 from continuum_grasp.scene.drives import ONSET, DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
@@ -50,7 +50,7 @@ from continuum_grasp.scene.value import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from continuum_grasp.arrays import Array
+    from continuum_grasp.base import Array
     from continuum_grasp.scene.profile import Channel, Curve, Profile
 
 _AT_ONCE = 1e-3

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.methods import SolverOptions
-from continuum_grasp.scene.objects import Freedom
+from continuum_grasp.scene.objects.shapes import Freedom
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Switch
 from continuum_grasp.scene.units import Unit

@@ -6,8 +6,7 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from continuum_grasp import shell
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError, command_line
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -79,7 +78,7 @@ def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], lo
     names = [accepted.__name__ for accepted in each_of(wanted)]
     asked = [kind for kind in KINDS.values() if kind.model in names]
     got = KINDS[kind_of_scene(loaded)]
-    advice = f" ({shell.called(got.command)})" if got.command else ""
+    advice = f" ({command_line(got.command)})" if got.command else ""
     expected = " or ".join(kind.expected for kind in asked)
     return InputError(f"expected {expected}, got {got.words}{advice}", file=os.fspath(file))
 

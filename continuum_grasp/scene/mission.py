@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import refusals
-from continuum_grasp.scene.controller import Horizon, Limited, Plant
-from continuum_grasp.scene.estimator import Estimator
+from continuum_grasp.scene.controller import Horizon, Limited, PlantDifferences
+from continuum_grasp.scene.estimator import EstimatorSettings
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.surroundings import ContactLaw
@@ -237,9 +237,9 @@ class MissionScene(Configuration):
     """Law of all contacts; the controller knows it but for its friction."""
     controller: MissionController = MissionController()
     """The controller in all phases."""
-    estimator: Estimator
+    estimator: EstimatorSettings
     """Measured quantities, and estimated ones."""
-    plant: Plant = Plant()
+    plant: PlantDifferences = PlantDifferences()
     """Differences of the plant from the controller's model."""
     tendons: Tendons | TendonList | None = None
     """Tendons of the finger that carries the grasp out, with what drives them; None: those of the grasp."""

@@ -10,7 +10,7 @@ from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TypeAlias
 
-Point: TypeAlias = tuple[float, float]
+PlanePoint: TypeAlias = tuple[float, float]
 
 _DIRECTIONS = 256
 """Directions among which the nearest supporting line of a superellipse is sought: those of an exponent of 12 turn by
@@ -26,7 +26,7 @@ class Part(ABC):
     """
 
     @abstractmethod
-    def placed(self, position: Point, angle: float) -> Part:
+    def placed(self, position: PlanePoint, angle: float) -> Part:
         """The part after a turn about the origin and a shift."""
 
     @abstractmethod
@@ -34,11 +34,11 @@ class Part(ABC):
         """Support function [m]: greatest extent from the origin in the direction of an angle [rad]."""
 
     @abstractmethod
-    def outline(self, count: int = 240) -> list[Point]:
+    def outline(self, count: int = 240) -> list[PlanePoint]:
         """Points on the boundary, counter-clockwise [m]."""
 
     @abstractmethod
-    def curvature(self, point: Point, tolerance: float) -> float:
+    def curvature(self, point: PlanePoint, tolerance: float) -> float:
         """Curvature of the boundary at a point of it [1/m]; infinite at a sharp corner, which is ``tolerance`` wide."""
 
     @property
@@ -51,7 +51,7 @@ class Part(ABC):
         """Convex parts that the part consists of."""
         return (self,)
 
-    def distance(self, point: Point) -> float:
+    def distance(self, point: PlanePoint) -> float:
         """Distance of a point of the object's frame from the boundary [m], negative inside."""
         return _polygon_distance(point, self.outline())
 
@@ -60,19 +60,19 @@ class Part(ABC):
 class OffsetPolygon(Part):
     """Everything within a distance of a simple polygon, of a segment (a stadium), or of a point (a disc)."""
 
-    vertices: tuple[Point, ...]
+    vertices: tuple[PlanePoint, ...]
     """Counter-clockwise corners of the core; one for a disc, two for a stadium [m]."""
     radius: float = 0.0
     """The part is everything within this distance of the core [m]."""
 
-    def placed(self, position: Point, angle: float) -> OffsetPolygon:
+    def placed(self, position: PlanePoint, angle: float) -> OffsetPolygon:
         return OffsetPolygon(tuple(map(_mover(position, angle), self.vertices)), self.radius)
 
     def support(self, angle: float) -> float:
         c, s = math.cos(angle), math.sin(angle)
         return max(c * x + s * y for x, y in self.vertices) + self.radius
 
-    def outline(self, count: int = 240) -> list[Point]:
+    def outline(self, count: int = 240) -> list[PlanePoint]:
         if self.radius == 0.0:
             return list(self.vertices)
         # An arc about each corner, from the normal of the edge before it to that of the edge after it; where the corner
@@ -89,7 +89,7 @@ class OffsetPolygon(Part):
         return points
 
     @cached_property
-    def turns(self) -> tuple[Point, ...]:
+    def turns(self) -> tuple[PlanePoint, ...]:
         """At each corner of the core the angle of the outward normal before it, and by how much the normal turns
         there, negative where the corner is reflex [rad].
         """
@@ -102,7 +102,7 @@ class OffsetPolygon(Part):
             return (self,)
         return tuple(OffsetPolygon(piece, self.radius) for piece in _convex_pieces(self.vertices))
 
-    def curvature(self, point: Point, tolerance: float) -> float:
+    def curvature(self, point: PlanePoint, tolerance: float) -> float:
         # On the rounding of a corner no edge is nearer than its ends.
         corners = (corner for corner, (_, turn) in zip(self.vertices, self.turns, strict=True) if turn > 0.0)
         if min(math.dist(point, corner) for corner in corners) > self.radius + tolerance:
@@ -113,7 +113,7 @@ class OffsetPolygon(Part):
     def extent(self) -> float:
         return max(math.hypot(*v) for v in self.vertices) + self.radius
 
-    def distance(self, point: Point) -> float:
+    def distance(self, point: PlanePoint) -> float:
         return _polygon_distance(point, self.vertices) - self.radius
 
 
@@ -121,15 +121,15 @@ class OffsetPolygon(Part):
 class SuperellipsePart(Part):
     """A superellipse |x/a|^p + |y/b|^p <= 1 in axes of its own."""
 
-    semi_axes: Point
+    semi_axes: PlanePoint
     """Semi-axes a and b [m]."""
     exponent: float = 2.0
     """Exponent p; 2 is an ellipse."""
-    center: Point = (0.0, 0.0)
+    center: PlanePoint = (0.0, 0.0)
     angle: float = 0.0
     """From the object's axes to those of the superellipse [rad]."""
 
-    def placed(self, position: Point, angle: float) -> SuperellipsePart:
+    def placed(self, position: PlanePoint, angle: float) -> SuperellipsePart:
         return replace(self, center=_mover(position, angle)(self.center), angle=self.angle + angle)
 
     def support(self, angle: float) -> float:
@@ -139,7 +139,7 @@ class SuperellipsePart(Part):
         u, v = a * abs(math.cos(angle - self.angle)), b * abs(math.sin(angle - self.angle))
         return float(c * self.center[0] + s * self.center[1] + (u**dual + v**dual) ** (1.0 / dual))
 
-    def outline(self, count: int = 240) -> list[Point]:
+    def outline(self, count: int = 240) -> list[PlanePoint]:
         move, power = _mover(self.center, self.angle), 2.0 / self.exponent
         # x = a |cos t|^(2/p) satisfies the equation exactly, with the sign of the quadrant.
         turns = (math.tau * k / count for k in range(count))
@@ -153,7 +153,7 @@ class SuperellipsePart(Part):
             for t in turns
         ]
 
-    def curvature(self, point: Point, tolerance: float) -> float:
+    def curvature(self, point: PlanePoint, tolerance: float) -> float:
         c, s = math.cos(self.angle), math.sin(self.angle)
         x, y = point[0] - self.center[0], point[1] - self.center[1]
         (a, b), p = self.semi_axes, self.exponent
@@ -164,7 +164,7 @@ class SuperellipsePart(Part):
         # Of an implicit curve f = 0, whose mixed derivative is zero here.
         return float((fxx * fy**2 + fyy * fx**2) / (fx**2 + fy**2) ** 1.5)
 
-    def distance(self, point: Point) -> float:
+    def distance(self, point: PlanePoint) -> float:
         # The farthest supporting line of a convex body is as far as its boundary, from either side.
         def away(angle: float) -> float:
             return math.cos(angle) * point[0] + math.sin(angle) * point[1] - self.support(angle)
@@ -183,21 +183,21 @@ class SuperellipsePart(Part):
 
 
 @lru_cache(maxsize=256)
-def farthest(part: Part, point: Point) -> float:
+def farthest(part: Part, point: PlanePoint) -> float:
     return max(math.dist(point, p) for p in part.outline())
 
 
-def _mover(position: Point, angle: float) -> Callable[[Point], Point]:
+def _mover(position: PlanePoint, angle: float) -> Callable[[PlanePoint], PlanePoint]:
     c, s = math.cos(angle), math.sin(angle)
     return lambda p: (position[0] + c * p[0] - s * p[1], position[1] + s * p[0] + c * p[1])
 
 
-def _edge_normal(a: Point, b: Point) -> float:
+def _edge_normal(a: PlanePoint, b: PlanePoint) -> float:
     """Angle of the outward normal of an edge of a counter-clockwise polygon [rad]."""
     return math.atan2(a[0] - b[0], b[1] - a[1])
 
 
-def _turns(vertices: Sequence[Point]) -> tuple[Point, ...]:
+def _turns(vertices: Sequence[PlanePoint]) -> tuple[PlanePoint, ...]:
     """Angle of the outward normal before each corner, and the turn of the normal there, up to half a turn [rad]."""
     turns = []
     for before, here, after in zip((vertices[-1], *vertices), vertices, (*vertices[1:], vertices[0]), strict=False):
@@ -208,7 +208,7 @@ def _turns(vertices: Sequence[Point]) -> tuple[Point, ...]:
     return tuple(turns)
 
 
-def _segment_distance(p: Point, a: Point, b: Point) -> float:
+def _segment_distance(p: PlanePoint, a: PlanePoint, b: PlanePoint) -> float:
     dx, dy = b[0] - a[0], b[1] - a[1]
     # 1e-300: a segment of no length is its start.
     share = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / max(dx * dx + dy * dy, 1e-300)
@@ -216,7 +216,7 @@ def _segment_distance(p: Point, a: Point, b: Point) -> float:
     return math.dist(p, (a[0] + share * dx, a[1] + share * dy))
 
 
-def _polygon_distance(point: Point, vertices: Sequence[Point]) -> float:
+def _polygon_distance(point: PlanePoint, vertices: Sequence[PlanePoint]) -> float:
     """Distance of a point from a simple polygon, a segment or a point [m], negative inside the polygon."""
     x, y = point
     nearest, inside = math.inf, False
@@ -227,7 +227,7 @@ def _polygon_distance(point: Point, vertices: Sequence[Point]) -> float:
     return -nearest if inside else nearest
 
 
-def polygon_moments(vertices: Sequence[Point], about: Point = (0.0, 0.0)) -> tuple[float, Point, float]:
+def polygon_moments(vertices: Sequence[PlanePoint], about: PlanePoint = (0.0, 0.0)) -> tuple[float, PlanePoint, float]:
     """Area [m2], first moments [m3] and polar second moment [m4] about a point; negative for clockwise corners."""
     area = x = y = second = 0.0
     points = [(px - about[0], py - about[1]) for px, py in vertices]
@@ -240,18 +240,18 @@ def polygon_moments(vertices: Sequence[Point], about: Point = (0.0, 0.0)) -> tup
     return area, (x, y), second
 
 
-def polygon_centroid(vertices: tuple[Point, ...]) -> Point:
+def polygon_centroid(vertices: tuple[PlanePoint, ...]) -> PlanePoint:
     area, (x, y), _ = polygon_moments(vertices)
     return x / area, y / area
 
 
-def corners_of(vertices: Sequence[Point]) -> tuple[Point, ...]:
+def corners_of(vertices: Sequence[PlanePoint]) -> tuple[PlanePoint, ...]:
     """The corners of a simple polygon counter-clockwise, without those in line with their neighbors."""
     ring = tuple(vertices) if polygon_moments(vertices)[0] > 0.0 else tuple(vertices[::-1])
     return tuple(corner for corner, (_, turn) in zip(ring, _turns(ring), strict=True) if abs(turn) > _IN_LINE)
 
 
-def check_simple(vertices: Sequence[Point], key: str = "vertices") -> None:
+def check_simple(vertices: Sequence[PlanePoint], key: str = "vertices") -> None:
     """Refuse an outline that crosses or touches itself, at a key."""
     import shapely
 
@@ -265,7 +265,7 @@ def check_simple(vertices: Sequence[Point], key: str = "vertices") -> None:
         )
 
 
-def _convex_pieces(vertices: tuple[Point, ...]) -> list[tuple[Point, ...]]:
+def _convex_pieces(vertices: tuple[PlanePoint, ...]) -> list[tuple[PlanePoint, ...]]:
     """Convex polygons between the corners of a simple one, at most four times as many as are needed.
 
     Of the triangles of Delaunay those are joined whose common side no reflex corner needs: S. Hertel and K. Mehlhorn,
@@ -287,7 +287,7 @@ def _convex_pieces(vertices: tuple[Point, ...]) -> list[tuple[Point, ...]]:
     return list(dict.fromkeys(owner.values()))
 
 
-def rounded(vertices: tuple[Point, ...], radius: float) -> OffsetPolygon:
+def rounded(vertices: tuple[PlanePoint, ...], radius: float) -> OffsetPolygon:
     """The part whose sharp outline is given and whose corners are rounded off inside it, but for reflex ones."""
     if radius == 0.0:
         return OffsetPolygon(vertices)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, ValidationError
 
-from continuum_grasp.labels import nearest
+from continuum_grasp.base import nearest
 from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
-from continuum_grasp.scene.parts import Point
+from continuum_grasp.scene.parts import PlanePoint
 from continuum_grasp.scene.supports import Peg, Place, Support, Wall
 from continuum_grasp.scene.value import SAME, Value
 
@@ -92,7 +92,7 @@ def gap(body: ObjectBody, place: Place, position: tuple[float, float] | None = N
     return body.distance((place.position[0] - back[0], place.position[1] - back[1])) - place.radius
 
 
-def touching_points(curve: Sequence[Point], supports: Any, frames: Sequence[Any]) -> set[int]:
+def touching_points(curve: Sequence[PlanePoint], supports: Any, frames: Sequence[Any]) -> set[int]:
     """Indices of the points of a curve nearest to supports, as they are written in a configuration.
 
     ``frames`` have ``position`` and ``angle`` of the object and, for a member of a union, of the member in it. What is

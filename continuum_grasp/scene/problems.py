@@ -11,8 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import nearest
+from continuum_grasp.base import InputError, nearest
 from continuum_grasp.scene.document import Document, KeyPath, dotted
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.units import QUANTITIES, advice_on, expected
@@ -58,7 +57,7 @@ _LIMITS = {
 
 
 @dataclass(frozen=True)
-class Problem:
+class Fault:
     """A fault: its place in the data, and its text; ``at_key`` points at the key rather than at its value."""
 
     path: KeyPath
@@ -130,10 +129,10 @@ def _locate(error: Any, data: Any, shape: Shape) -> _Located:
     return _Located(tuple(path), tuple(branches), error)
 
 
-def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[Problem]:
+def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[Fault]:
     """Keep the branches of each union whose kind of value fits; where none does, say what all expect."""
     unions = sorted(dict.fromkeys(path for item in located for path, _ in item.branches), key=len)
-    problems: list[Problem] = []
+    problems: list[Fault] = []
     for union in unions:
         here = [item for item in located if any(path == union for path, _ in item.branches)]
         labels = {dict(item.branches)[union] for item in here}
@@ -152,7 +151,7 @@ def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[P
     return problems + [_problem(item, shape, data) for item in located]
 
 
-def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
+def _problem(item: _Located, shape: Shape, data: Any) -> Fault:
     error, path = item.error, item.path
     kind, got, context = error["type"], error["input"], error.get("ctx") or {}
     if kind in _KINDS:
@@ -167,48 +166,48 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
         what = f"a number {words} {limit:g}" + (f" ({about})" if about else "")
         written = Document(data).get(path)
         also = f" ({written[:60]})" if isinstance(written, str) else ""
-        return Problem(path, f"out of range: expected {what}, got {_show(got)}{also}")
+        return Fault(path, f"out of range: expected {what}, got {_show(got)}{also}")
     match kind:
         case "missing" if isinstance(path[-1], int):
             size = shape.size(path[:-1], data)
-            return Problem(path[:-1], f"the list is too short: expected {size or 'more'} entries, got {path[-1]}")
+            return Fault(path[:-1], f"the list is too short: expected {size or 'more'} entries, got {path[-1]}")
         case "missing":
             about = shape.description(path, data)
-            return Problem(path, "missing" + (f"; expected {about}" if about else ""))
+            return Fault(path, "missing" + (f"; expected {about}" if about else ""))
         case "extra_forbidden":
             word, section = str(path[-1]), f"{path[0]}.{path[-1]}" if len(path) == 3 else ""
             instead = _RENAMED.get(word, _RENAMED.get(section))
             hint = f"; write {instead!r}" if instead else nearest(word, shape.keys(path[:-1], data))
-            return Problem(path, f"unknown key{hint}", at_key=True)
+            return Fault(path, f"unknown key{hint}", at_key=True)
         case "finite_number":
-            return Problem(path, f"not finite: expected a finite number, got {_show(got)}")
+            return Fault(path, f"not finite: expected a finite number, got {_show(got)}")
         case "literal_error":
             allowed = shape.choices(path, data)
             hint = nearest(got, allowed, say_all=False) if isinstance(got, str) else ""
-            return Problem(path, f"not one of the choices: expected {context['expected']}, got {_show(got)}{hint}")
+            return Fault(path, f"not one of the choices: expected {context['expected']}, got {_show(got)}{hint}")
         case "union_tag_not_found":
             tag = str(context["discriminator"]).strip("'")
             words = " or ".join(map(repr, shape.tags(path, data)))
-            return Problem((*path, tag), "missing" + (f"; expected {words}" if words else ""))
+            return Fault((*path, tag), "missing" + (f"; expected {words}" if words else ""))
         case "union_tag_invalid":
             tag = str(context["discriminator"]).strip("'")
             instead = _RENAMED.get(f"kind: {context['tag']}")
             hint = f"; write {instead}" if instead else nearest(context["tag"], shape.tags(path, data), say_all=False)
             what = f"not one of the choices: expected {context['expected_tags']}, got {context['tag']!r}{hint}"
-            return Problem((*path, tag), what)
+            return Fault((*path, tag), what)
         case "too_short":
-            return Problem(path, f"too short: expected at least {context['min_length']} entries, got {_show(got)}")
+            return Fault(path, f"too short: expected at least {context['min_length']} entries, got {_show(got)}")
         case "too_long":
             hint = " (write decimal points, not commas)" if shape.size(path, data) else ""
-            return Problem(path, f"too long: expected at most {context['max_length']} entries, got {_show(got)}{hint}")
+            return Fault(path, f"too long: expected at most {context['max_length']} entries, got {_show(got)}{hint}")
         case "value_error":
             message = str(context.get("error", error["msg"]))
             mentioned = _mentioned(message, path, data)
-            return Problem(mentioned, message.removeprefix(f"{dotted(mentioned[len(path) :])}: "))
-    return Problem(path, f"{error['msg']}; got {_show(got)}")
+            return Fault(mentioned, message.removeprefix(f"{dotted(mentioned[len(path) :])}: "))
+    return Fault(path, f"{error['msg']}; got {_show(got)}")
 
 
-def _wrong_type(path: KeyPath, wanted: str, got: Any, unit: str | None) -> Problem:
+def _wrong_type(path: KeyPath, wanted: str, got: Any, unit: str | None) -> Fault:
     hint = ""
     if isinstance(got, str) and "true" in wanted and got.lower() in {"yes", "no", "on", "off", "y", "n"}:
         hint = f" (write {'true' if got.lower() in {'yes', 'on', 'y'} else 'false'})"
@@ -221,7 +220,7 @@ def _wrong_type(path: KeyPath, wanted: str, got: Any, unit: str | None) -> Probl
             hint = f" ({advice})" if (advice := advice_on(got, unit)) else ""
         elif re.match(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[a-zA-Z%°]", got):
             hint = " (write the bare number, in SI units)"
-    return Problem(path, f"wrong type: expected {wanted}, got {_show(got)}{hint}")
+    return Fault(path, f"wrong type: expected {wanted}, got {_show(got)}{hint}")
 
 
 def _kind(item: _Located, shape: Shape, data: Any) -> str:

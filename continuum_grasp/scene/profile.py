@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.scene.graded import Along, RodSamples, RodSection, SpiRob, Varying, ends
 from continuum_grasp.scene.value import SAME
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene.cost import CircleReference, Cost, RowSamples
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.methods import DEFAULT_RANGE

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends
 from continuum_grasp.scene.units import Unit

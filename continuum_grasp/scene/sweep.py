@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, PrivateAttr
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene.assembly import path_of
 from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.control import ControlScene
@@ -114,7 +114,7 @@ class Varied(Configuration):
 MOST_SCENES = 10_000_000
 """A plan is held in memory, about 100 bytes a scene: 1 GB."""
 
-QUANTITIES = {
+SWEEP_QUANTITIES = {
     "tension_sum": ("N", "sum of all tensions"),
     "tension_max": ("N", "greatest tension"),
     "normal_force_max": ("N", "greatest normal force"),
@@ -288,4 +288,4 @@ class Sweep(Varied):
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns of numbers that every run fills, besides the keys."""
-        return (*QUANTITIES, *self.record)
+        return (*SWEEP_QUANTITIES, *self.record)

@@ -15,10 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import nearest
+from continuum_grasp.base import Array, InputError, check_arguments, nearest
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.units import QUANTITIES, factor_to_si, units_of
 
@@ -54,7 +51,7 @@ _SURE = 0.6
 
 
 @dataclass(frozen=True)
-class Table:
+class DataTable:
     """Rows of text cells, and the line of each. Every method raises `InputError` with the place of what is wrong.
 
     Attributes
@@ -80,7 +77,7 @@ class Table:
     """Whether numbers have decimal commas."""
 
     @classmethod
-    def of(cls, columns: Sequence[str], rows: Sequence[tuple[str, ...]]) -> Table:
+    def of(cls, columns: Sequence[str], rows: Sequence[tuple[str, ...]]) -> DataTable:
         """A table of columns, with units in brackets, that is in no file."""
         parts = [cast(re.Match[str], _HEADING.fullmatch(column)) for column in columns]
         lines = tuple(range(2, len(rows) + 2))
@@ -97,7 +94,7 @@ class Table:
             hint = "; separate cells by commas, semicolons or tabs"
         raise self.error(f"no column {heading!r}{hint} (it has {', '.join(self.headings)})", 0)
 
-    def chosen(self, heading: str, texts: Sequence[str]) -> Table:
+    def chosen(self, heading: str, texts: Sequence[str]) -> DataTable:
         """The rows in which a column has one of some texts; numbers are compared as such."""
         at = self.index(heading)
         keep = [k for k, row in enumerate(self.rows) if any(_same(row[at], text) for text in texts)]
@@ -235,7 +232,7 @@ class Table:
 
 
 @check_arguments
-def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
+def read_table(path: str | Path, names: Sequence[str] = ()) -> DataTable:
     r"""Read a table: UTF-8, a line of headings; empty lines and comments, behind #, %, // or ;, are skipped.
 
     Commas, semicolons, tabs or blanks separate columns; numbers have decimal points, or commas where these separate
@@ -258,7 +255,7 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     Examples
     --------
     >>> import pathlib, tempfile
-    >>> from continuum_grasp.identification import read_table
+    >>> from continuum_grasp.scene import read_table
     >>> file = pathlib.Path(tempfile.mkdtemp()) / "tip.csv"
     >>> _ = file.write_text("t [s],x [mm]\n0.0,1.5\n0.1,1.2\n")
     >>> table = read_table(file)
@@ -287,7 +284,7 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     _check_widths(rows, row_lines, headings, separator, name)
     every = [cell for row in rows for cell in row]
     comma = not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
-    table = Table(name, headings, units, rows, row_lines, header_line, comma)
+    table = DataTable(name, headings, units, rows, row_lines, header_line, comma)
     return table if cells[0][0] != "scorer" else _sure(table)
 
 
@@ -416,7 +413,7 @@ def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
     return 1, first
 
 
-def _sure(table: Table) -> Table:
+def _sure(table: DataTable) -> DataTable:
     """The table of DeepLabCut with points that are hardly likely as empty cells."""
     rows = [list(row) for row in table.rows]
     for at, heading in enumerate(table.headings):

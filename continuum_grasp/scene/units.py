@@ -12,8 +12,7 @@ from typing import Any
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import nearest
+from continuum_grasp.base import InputError, nearest
 
 _NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
 """Pattern of numbers of YAML 1.2, without infinity and NaN."""

@@ -25,8 +25,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import table
+from continuum_grasp.base import InputError, table
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 
@@ -138,7 +137,7 @@ class Value(BaseModel):
         (0.4, 0.3)
         >>> scene.changed({"object.mas": 0.4})
         Traceback (most recent call last):
-        continuum_grasp.errors.InputError: GraspScene: object.mas: unknown key; did you mean 'mass'?
+        continuum_grasp.base.errors.InputError: GraspScene: object.mas: unknown key; did you mean 'mass'?
         """
         from continuum_grasp.scene.assembly import changed, placed, read_overrides, validated
         from continuum_grasp.scene.document import Place

@@ -12,8 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import nearest
+from continuum_grasp.base import InputError, nearest
 from continuum_grasp.scene.assembly import assembled, changed, named_file, path_of, placed, validated
 from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.document import Change, Document, KeyPath, undotted

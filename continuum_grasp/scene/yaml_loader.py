@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene.document import Document, KeyPath, Place, text_of
 
 MAX_BYTES = 2_000_000

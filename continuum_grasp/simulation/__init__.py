@@ -1,12 +1,6 @@
 """Motion, equilibrium and modes of a finger in its scene."""
 
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.modes import Modes, modes
-from continuum_grasp.simulation.simulate import simulate
-from continuum_grasp.simulation.slack import SlackTime, TensionLimit
-from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium, equilibrium_path, equilibrium_under
-from continuum_grasp.simulation.trajectory import Trajectory
+from lazy_loader import attach_stub
 
 __all__ = [
     "Equilibrium",
@@ -21,3 +15,4 @@ __all__ = [
     "modes",
     "simulate",
 ]
+__getattr__, __dir__, _ = attach_stub(__name__, __file__)

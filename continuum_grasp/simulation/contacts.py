@@ -9,17 +9,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.core import Core
-from continuum_grasp.model.planar import Vec
-from continuum_grasp.model.surfaces import nearest
-from continuum_grasp.results.declared import Dimension, Stored
-from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.model import Vec, nearest
+from continuum_grasp.results import Dimension, Stored
+from continuum_grasp.scene import Curve, GraspObject
 
 
 @dataclass(frozen=True)
-class ContactForces:
+class ContactHistory:
     """Gaps and forces of C contacts at T instants, as ``STORED`` describes them.
 
     Names are ``finger.1`` and so on, ``finger.tip``, of several fingers with their names in place of ``finger``, then
@@ -36,26 +34,26 @@ class ContactForces:
     fingers: tuple[str, ...] = ("finger",)
 
     @staticmethod
-    def of(core: Core, x: Array, u: Array, w: Array) -> ContactForces:
+    def of(core: Core, x: Array, u: Array, w: Array) -> ContactHistory:
         """Contact forces of a compiled system at states x (T, nx), inputs u and forces w."""
         outputs = dict(zip(core.model.touch.name_out(), core.batch("touch", x, u, w), strict=True))
         wanted: dict[str, Any] = {name: np.asarray(outputs[name]) for name in _ARRAYS}
-        return ContactForces(tuple(core.model.touch_names), **wanted)
+        return ContactHistory(tuple(core.model.touch_names), **wanted)
 
     @staticmethod
     def from_expressions(
         names: tuple[str, ...], touch: Mapping[str, ca.SX], rows: Callable[[ca.SX], Array]
-    ) -> ContactForces:
+    ) -> ContactHistory:
         """Contact forces from outputs of ``System.touch``, where ``rows`` gives the values of an expression over
         time.
         """
         arrays: dict[str, Any] = {name: rows(ca.vec(touch[name])) for name in _ARRAYS}
         for name in ("force", "point"):
             arrays[name] = arrays[name].reshape(-1, len(names), 2).transpose(0, 2, 1)
-        return ContactForces(names, **arrays)
+        return ContactHistory(names, **arrays)
 
     @staticmethod
-    def joined(fingers: Mapping[str, ContactForces]) -> ContactForces:
+    def joined(fingers: Mapping[str, ContactHistory]) -> ContactHistory:
         """Contact forces of several fingers by name, each with the supports, which are the same for all."""
         names: list[str] = []
         columns: dict[str, list[Array]] = {name: [] for name in _ARRAYS}
@@ -68,7 +66,7 @@ class ContactForces:
         for name, values in columns.items():
             values.append(getattr(contacts, name)[..., rest])
         whole: dict[str, Any] = {name: np.concatenate(values, axis=-1) for name, values in columns.items()}
-        return ContactForces((*names, *(contacts.names[k] for k in rest)), **whole, fingers=tuple(fingers))
+        return ContactHistory((*names, *(contacts.names[k] for k in rest)), **whole, fingers=tuple(fingers))
 
     def on_finger(self, name: str) -> bool:
         """Whether a contact is one of a finger, and none of a support."""
@@ -126,7 +124,7 @@ def overlap_text(run: Any, body: GraspObject, poses: Array, half_thickness: Curv
     """By how much the finger of a run is deeper in an object with poses (T, 3 or 4) than its stations are pressed into
     it, and when; empty if it is not. Backbones are looked at in so many points.
     """
-    contacts: ContactForces = run.contacts
+    contacts: ContactHistory = run.contacts
     # 50: instants at which overlaps are looked for
     looked = np.unique(np.linspace(0, len(run.t) - 1, 50).astype(int))
     columns = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]

@@ -6,13 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.memory import state_of
-from continuum_grasp.model.structure import tip_moment_jumps
-from continuum_grasp.scene.methods import default_family
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.base import Array, check_arguments
+from continuum_grasp.model import FingerModel, System, state_of, tip_moment_jumps
+from continuum_grasp.scene import Scene, default_family
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import friction_history, friction_states, states_of_motors
 from continuum_grasp.simulation.statics import equilibrium_at, friction_of, statics_model

@@ -9,11 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import ForceLoad, Load, Samples, Scene, VectorSamples
 
 Value = float | tuple[float, float] | Samples | VectorSamples
 

@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.tendons import Tendon
+from continuum_grasp.scene import Finger, Tendon
 
 _SLACK = 1e-7
 """Tension below which a tendon is slack, per ``max_tension`` [1]."""

@@ -9,11 +9,10 @@ from itertools import chain, product
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.structure import Structure
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.model import FingerModel, Structure, System
+from continuum_grasp.scene import Finger
 
 _EVEN, _EXTREME = 12, 6
 """States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""

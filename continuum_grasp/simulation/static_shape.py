@@ -9,13 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results.declared import XY, Dimension, Picture, Stored, maker_of
-from continuum_grasp.results.result import Result
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.results import XY, Dimension, Picture, Result, Stored, maker_of
+from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.slack import TensionLimit, tension_limits
 from continuum_grasp.simulation.trajectory import acting_forces, backbones, error_text
 

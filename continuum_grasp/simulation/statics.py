@@ -17,15 +17,19 @@ from typing import Any, TypedDict
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments, choice, real_array
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, SolverError, check_arguments, choice, real_array
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer
-from continuum_grasp.scene.drives import LengthDrive
-from continuum_grasp.scene.loads import Actuation, Load
-from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene import (
+    LIMITS_OF_BENDING,
+    LIMITS_OF_COMMANDS,
+    Actuation,
+    Consumer,
+    Initial,
+    LengthDrive,
+    Load,
+    Scene,
+)
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
 from continuum_grasp.simulation.static_shape import Equilibrium, friction_history, slid
@@ -42,7 +46,7 @@ clothoids have errors of 4e-3 to 4e-2 of the length; arcs shift the buckling loa
 number."""
 
 
-class Search:
+class EquilibriumSearch:
     """Equilibria of a model at given input, forces and parameters; ``history`` is that of tendon friction."""
 
     def __init__(self, model: FingerModel, u: Array, w: Array, p: Array, history: Array) -> None:
@@ -377,7 +381,9 @@ def equilibrium_under(
     if count and reached_by == "state" and states.size != count:
         raise InputError(f"friction_states: expected {count} entries, got {states.tolist()}")
     first = "pulling" if reached_by == "releasing" else reached_by
-    search = Search(model, command, forces, p, friction_history(model, np.zeros(model.n), command, p, first, states))
+    search = EquilibriumSearch(
+        model, command, forces, p, friction_history(model, np.zeros(model.n), command, p, first, states)
+    )
     solution = search.find(search.rest() if start is None else start, stable, side)
     # 8: searches in which the directions of friction settle
     for _ in range(8 if reached_by == "releasing" else 0):
@@ -385,7 +391,7 @@ def equilibrium_under(
         history = friction_history(model, solution.q, command, p, reached_by)
         if np.array_equal(history, solution.history):
             break
-        solution = Search(model, command, forces, p, history).find(solution.q, stable, side)
+        solution = EquilibriumSearch(model, command, forces, p, history).find(solution.q, stable, side)
     return solution
 
 
@@ -430,9 +436,9 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
         scaled = p.copy()
         scaled[gravity] *= factor
         arguments = model, factor * u, factor * w, scaled
-        q = path[-1].q if path else Search(*arguments, np.zeros(0)).rest()
+        q = path[-1].q if path else EquilibriumSearch(*arguments, np.zeros(0)).rest()
         # A friction state follows what slides in the step as a stop does.
         history = np.append(states - slid(model, q, u, scaled), 1.0) if states.size else states
-        path.append(Search(*arguments, history).find(q, True, side))
+        path.append(EquilibriumSearch(*arguments, history).find(q, True, side))
         states = path[-1].friction_states
     return path

@@ -17,14 +17,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp import interrupt
-from continuum_grasp.arrays import Array
-from continuum_grasp.core import Core
-from continuum_grasp.core.rollouts import signal
-from continuum_grasp.errors import Interrupted, NumericalError
+from continuum_grasp.base import Array, Interrupted, NumericalError, interrupts_held
+from continuum_grasp.core import Core, signal
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene.methods import INTEGRATORS
-from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.scene import INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import acting_input
@@ -45,7 +41,7 @@ _RELATIVE, _ABSOLUTE = 1e-11, 1e-12
 
 
 @dataclass(frozen=True)
-class Plan:
+class SteppingPlan:
     """Plan of an integration: method and steps."""
 
     method: str  # name in ``INTEGRATORS``, or ``reference``
@@ -58,7 +54,7 @@ class Plan:
     start_substeps: int = 0  # steps of the method in the first output step, where these are more
 
     @property
-    def start(self) -> Plan:
+    def start(self) -> SteppingPlan:
         """Plan of the first output step: what is released may at first move far faster than later."""
         return replace(self, substeps=max(self.substeps, self.start_substeps))
 
@@ -139,14 +135,14 @@ class Stepper:
         self.steps = round(time.duration / time.step)
         self.taken = 0
 
-    def prepare(self, plan: Plan) -> None:
+    def prepare(self, plan: SteppingPlan) -> None:
         """Compile what a plan needs."""
         # Before the motion is timed; the positions' function is compiled by its first call.
         self._ends(np.zeros((1, self._model.nx)), np.zeros((1, self._model.nu)))
         if plan.method != "reference":
             self.core.prepare_rollout(plan.method)
 
-    def run(self, x0: Array, plan: Plan) -> Motion:
+    def run(self, x0: Array, plan: SteppingPlan) -> Motion:
         """Integrate until the end, an error, Ctrl-C, or a time error beyond the plan's tolerance."""
         parts, differences = [x0[None]], _Differences(plan)
         error: Stop | None
@@ -160,7 +156,7 @@ class Stepper:
             error.__cause__ = stop
         return Motion(np.concatenate(parts), error, differences.estimate)
 
-    def _advance(self, parts: list[Array], differences: _Differences, plan: Plan) -> NumericalError | None:
+    def _advance(self, parts: list[Array], differences: _Differences, plan: SteppingPlan) -> NumericalError | None:
         """Add the states after the last one and their differences, and say what stopped them."""
         substeps, h, start = plan.substeps, self._time.step, 0
         wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
@@ -195,7 +191,7 @@ class Stepper:
                 return None
         return None
 
-    def _levels(self, ends: list[Array], start: int, count: int, plan: Plan) -> list[Array]:
+    def _levels(self, ends: list[Array], start: int, count: int, plan: SteppingPlan) -> list[Array]:
         """States at every output step by the steps, and at the shared ones by longer ones; the finite ones of them."""
         if plan.method == "reference":
             # 100.0: factor on the tolerances of the variable-step integrator with which its error is measured
@@ -214,7 +210,7 @@ class Stepper:
         self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
         return [x[: last + 1] for x, last in zip(states, valid, strict=True)]
 
-    def _stopped(self, plan: Plan, index: int, state: Array) -> NumericalError:
+    def _stopped(self, plan: SteppingPlan, index: int, state: Array) -> NumericalError:
         """Error about a motion that is not finite after an output step."""
         time = index * self._time.step
         other = "reference" if self._time.method == "auto" else "auto"
@@ -230,7 +226,7 @@ class Stepper:
         )
         return NumericalError(reason, time=time, state=state)
 
-    def _inputs(self, start: float, count: int, plan: Plan) -> tuple[Array, Array]:
+    def _inputs(self, start: float, count: int, plan: SteppingPlan) -> tuple[Array, Array]:
         """Inputs and forces at half sub-steps, or one row where nothing varies."""
         if self.signals.constant:
             return self.signals.u(start)[0], self.signals.w(start)[0]
@@ -262,7 +258,7 @@ class Stepper:
 class _Differences:
     """Greatest differences so far between steps of several lengths, per length of the finger [1]."""
 
-    plan: Plan
+    plan: SteppingPlan
     greatest: list[float] = field(default_factory=list)
     finite: bool = True
 
@@ -302,7 +298,7 @@ def _integrate_reference(
     integrator = _reference_part(model, looser)
     states = np.empty((len(t), model.nx))
     states[0] = x0
-    with interrupt.held(quietly=True) as pressed:
+    with interrupts_held(quietly=True) as pressed:
         for k, (begin, end) in enumerate(pairwise(t.tolist())):
             x, reason = states[k], "the state is not finite"
             for a, b in pairwise([begin, *signals.knots(begin, end), end]):

@@ -12,15 +12,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.layout import WIDEST
-from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
-from continuum_grasp.results.motion import MotionResult
-from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import CONTACT, ContactForces
+from continuum_grasp.model import WIDEST, FingerModel, System
+from continuum_grasp.results import POSE, TIME, XY, Dimension, MotionResult, Picture, Stored
+from continuum_grasp.scene import ForceLoad, Scene
+from continuum_grasp.simulation.contacts import CONTACT, ContactHistory
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.slack import SlackTime, slack_times
 
@@ -223,9 +220,9 @@ class Trajectory(MotionResult):
         return self._energies[1]
 
     @cached_property
-    def contacts(self) -> ContactForces | None:
+    def contacts(self) -> ContactHistory | None:
         """Forces at the contacts of the object; None without an object."""
-        return None if self.system is None else ContactForces.of(self.system_core, self.x, self.u, self.w)
+        return None if self.system is None else ContactHistory.of(self.system_core, self.x, self.u, self.w)
 
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the instants [m]."""

@@ -15,12 +15,20 @@ from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Any
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.results.atomic import locked, write_text
-from continuum_grasp.results.record import begin_run, created_now, kind_of_run, naming, swapped, versions
-from continuum_grasp.results.run_folder import RESULT
-from continuum_grasp.scene.document import refuse_what_is_no_file
-from continuum_grasp.sweeps.plan import Plan, differences
+from continuum_grasp.base import InputError
+from continuum_grasp.results import (
+    RESULT,
+    begin_run,
+    created_now,
+    kind_of_run,
+    locked,
+    naming,
+    swapped,
+    versions,
+    write_text,
+)
+from continuum_grasp.scene import refuse_what_is_no_file
+from continuum_grasp.sweeps.plan import SweepPlan, differences
 
 PLAN = "sweep.json"
 TABLE = "table.jsonl"
@@ -32,7 +40,7 @@ _ABOUT = ("name", "created", "versions", "columns", "units", "pictures")
 """Entries of the stored plan that do not decide what is computed."""
 
 
-def store_plan(folder: Path, plan: Plan) -> list[str]:
+def store_plan(folder: Path, plan: SweepPlan) -> list[str]:
     """Write the plan into a new folder, or compare it with the one that is there: what to know before work goes on.
 
     Another plan in it, or a table without one, raises an InputError.

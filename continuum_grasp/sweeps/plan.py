@@ -14,13 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.labels import clipped
-from continuum_grasp.results.plain import plain
-from continuum_grasp.scene.assembly import Overrides
-from continuum_grasp.scene.document import KeyPath
-from continuum_grasp.scene.load import placed_scene_of
-from continuum_grasp.scene.sweep import QUANTITIES, Draw, Sweep
-from continuum_grasp.scene.variation import Variation, VariedKey, variation_of
+from continuum_grasp.base import clipped
+from continuum_grasp.results import plain
+from continuum_grasp.scene import (
+    SWEEP_QUANTITIES,
+    Draw,
+    KeyPath,
+    Overrides,
+    Sweep,
+    Variation,
+    VariedKey,
+    placed_scene_of,
+    variation_of,
+)
 
 FORMAT_VERSION = 1
 """Version of the stored plan: a sweep resumes with the version that began it."""
@@ -29,7 +35,7 @@ _BLOCK = 4096
 
 
 @dataclass(frozen=True)
-class Point:
+class SweepPoint:
     """A scene of a sweep: its number, the changes of the scene, and their names in the table."""
 
     index: int
@@ -37,7 +43,7 @@ class Point:
     labels: tuple[Any, ...]
 
 
-class Plan:
+class SweepPlan:
     """The scenes of a sweep, one by one; ``variation`` is the same sweep, resolved.
 
     ``keys`` are the varied keys: of the grid, drawn, and following; ``paths`` is where they lie in the scene.
@@ -50,7 +56,7 @@ class Plan:
         self.keys: tuple[str, ...] = tuple(entry.key for entry in varied)
         self.paths: tuple[KeyPath, ...] = tuple(entry.path for entry in varied)
         self.columns = sweep.columns
-        self.units = {name: unit for name, (unit, _) in QUANTITIES.items()}
+        self.units = {name: unit for name, (unit, _) in SWEEP_QUANTITIES.items()}
         self.units |= {entry.key: entry.unit for entry in varied}
         self._counts = [len(axis.values) for axis in variation.axes]
         self._sources = [self.keys.index(tie.way.key) for tie in variation.ties]
@@ -60,10 +66,10 @@ class Plan:
     def __len__(self) -> int:
         return self.sweep.count
 
-    def __iter__(self) -> Iterator[Point]:
+    def __iter__(self) -> Iterator[SweepPoint]:
         return map(self.point, range(len(self)))
 
-    def point(self, index: int) -> Point:
+    def point(self, index: int) -> SweepPoint:
         """The scene of a number: draws change fastest, then the last key of the grid."""
         # Every place of the grid meets the same draws: differences between places are not those of samples.
         place, draw = divmod(index, 1 if self.sweep.sample is None else self.sweep.sample.count)
@@ -81,7 +87,7 @@ class Plan:
             # 15 digits: 0.1 times 3 is 0.3 in the table.
             values.append(float(f"{tie.way.value(values[source]):.15g}"))
             labels.append(values[-1])
-        return Point(index, tuple(values), tuple(labels))
+        return SweepPoint(index, tuple(values), tuple(labels))
 
     def as_json(self) -> dict[str, Any]:
         """Plain data that determine the scenes and the contents of their rows."""
@@ -184,7 +190,7 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
     return [*plan["vary"], *(sample["keys"] if sample else ()), *plan["follow"]]
 
 
-def plan_of(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> Plan:
+def plan_of(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> SweepPlan:
     """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
     sweep, document, file = placed_scene_of(config, Sweep, overrides)
-    return Plan(sweep, variation_of(sweep, document, file))
+    return SweepPlan(sweep, variation_of(sweep, document, file))

@@ -13,24 +13,30 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments, whole
-from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
-from continuum_grasp.results.record import begin_run
-from continuum_grasp.scene.assembly import Overrides
-from continuum_grasp.scene.consumer import Consumer
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.sweep import Sweep
+from continuum_grasp.base import (
+    ContinuumGraspError,
+    ExecutorPool,
+    InputError,
+    Interrupted,
+    ProcessPool,
+    SolverError,
+    WorkerPool,
+    check_arguments,
+    cores,
+    interruptible,
+    whole,
+)
+from continuum_grasp.results import begin_run
+from continuum_grasp.scene import Consumer, GraspScene, Overrides, Sweep
 from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, held_folder, rows_of, store_plan, write_run_file
-from continuum_grasp.sweeps.plan import Plan, Point, plan_of
+from continuum_grasp.sweeps.plan import SweepPlan, SweepPoint, plan_of
 from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
-from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
-from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, cores
+from continuum_grasp.sweeps.worker import Job, Keep, SceneOutcome, dask_pool, row_of_crash, run_chunk, solve
 
 _ANYWHERE = Consumer("sweep at a scheduler", {"executor": "is given beside scheduler: give one of them, not both"})
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def sweep(
     config: Sweep | str | os.PathLike[str] | Mapping[str, Any],
@@ -108,7 +114,7 @@ def sweep(
         # The plan comes before any row: a table is never without the plan that it is of.
         notes = store_plan(target, plan)
         job = Job(plan.variation.base, plan.keys, plan.paths, plan.sweep.record, keep, evaluate or solve)
-        run = _Run(plan, job, target, progress)
+        run = _SweepRun(plan, job, target, progress)
         if run.done < len(plan):
             begin_run(target, "sweep", retained=(PLAN,))
             with _pool(executor, scheduler, count) as pool:
@@ -117,8 +123,8 @@ def sweep(
     return replace(sweep_table(target), statistics={**run.statistics, "notes": notes})
 
 
-class _Run:
-    def __init__(self, plan: Plan, job: Job, folder: Path, progress: Callable[[float, str], None] | None) -> None:
+class _SweepRun:
+    def __init__(self, plan: SweepPlan, job: Job, folder: Path, progress: Callable[[float, str], None] | None) -> None:
         self.plan, self.job, self.folder, self.listener = plan, job, folder, progress
         self.there = bytearray(len(plan))
         self.counts: Counter[str] = Counter()
@@ -127,8 +133,8 @@ class _Run:
             self.there[row["index"]] = 1
             self.counts[row["status"]] += 1
         self.done = self.before = sum(self.there)
-        self.flying: dict[Future[list[Outcome]], list[Point]] = {}
-        self.again: deque[Point] = deque()
+        self.flying: dict[Future[list[SceneOutcome]], list[SweepPoint]] = {}
+        self.again: deque[SweepPoint] = deque()
         self.tries: Counter[int] = Counter()
         self.fresh = (index for index in range(len(plan)) if not self.there[index])
         self.each: float | None = None
@@ -173,7 +179,7 @@ class _Run:
             self.flying[pool.submit(run_chunk, self.job, points)] = points
         return bool(self.flying)
 
-    def _next(self, workers: int) -> list[Point]:
+    def _next(self, workers: int) -> list[SweepPoint]:
         """The next chunk: suspects one by one, then about half a second of scenes, fewer towards the end."""
         if self.again:
             return [self.again.popleft()]
@@ -186,7 +192,7 @@ class _Run:
             size = int(min(0.5 / max(self.each, 1e-4), left / (3 * workers), 64))
         return [self.plan.point(index) for index in islice(self.fresh, max(1, size))]
 
-    def _taken(self, pool: WorkerPool, future: Future[list[Outcome]]) -> list[Outcome]:
+    def _taken(self, pool: WorkerPool, future: Future[list[SceneOutcome]]) -> list[SceneOutcome]:
         points = self.flying.pop(future)
         try:
             outcomes = future.result()
@@ -204,7 +210,7 @@ class _Run:
         self.busy += seconds
         return outcomes
 
-    def _suspected(self, points: Sequence[Point]) -> list[Outcome]:
+    def _suspected(self, points: Sequence[SweepPoint]) -> list[SceneOutcome]:
         """Scenes that were with a worker when it died: each is tried again alone, and given up if that kills it too."""
         given_up = []
         for point in points:
@@ -216,7 +222,7 @@ class _Run:
                 given_up.append(row_of_crash(self.job, point, "its worker process died, also with this scene alone"))
         return given_up
 
-    def _write(self, outcomes: Sequence[Outcome]) -> None:
+    def _write(self, outcomes: Sequence[SceneOutcome]) -> None:
         lines = []
         for outcome in outcomes:
             if self.there[outcome.index]:  # a cluster may compute a scene twice

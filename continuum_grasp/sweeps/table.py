@@ -15,15 +15,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array, Indices
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import nearest
-from continuum_grasp.results.atomic import replacing
-from continuum_grasp.results.declared import Dimension, Picture, Stored
-from continuum_grasp.results.result import Format, Result, Style
-from continuum_grasp.results.tables import pareto
-from continuum_grasp.scene.sweep import QUANTITIES
+from continuum_grasp.base import Array, Indices, InputError, check_arguments, nearest
+from continuum_grasp.results import Dimension, Format, Picture, Result, Stored, Style, pareto, replacing
+from continuum_grasp.scene import SWEEP_QUANTITIES
 from continuum_grasp.sweeps.folder import SOLVED, read_plan, rows_of, run_path
 from continuum_grasp.sweeps.plan import keys_of
 
@@ -129,7 +123,7 @@ class SweepTable(Result):
     def label(self, name: str) -> str:
         """Words for a column, with its unit."""
         numbers = self[name].dtype.kind in "iuf"
-        unit, (_, words) = self.units.get(name) or "1" * numbers, QUANTITIES.get(name, ("", name))
+        unit, (_, words) = self.units.get(name) or "1" * numbers, SWEEP_QUANTITIES.get(name, ("", name))
         return f"{words} [{unit}]" if unit else words
 
     def of_grasps(self, name: str) -> Array:
@@ -241,7 +235,7 @@ class SweepTable(Result):
         declared = []
         for name, values in self.columns.items():
             unit = "text" if values.dtype.kind == "U" else self.units.get(name, "")
-            _, meaning = QUANTITIES.get(name, ("", "varied key" if name in self.keys else name))
+            _, meaning = SWEEP_QUANTITIES.get(name, ("", "varied key" if name in self.keys else name))
             declared.append(Stored(name, "(row,)", unit, meaning))
         return declared
 

@@ -18,16 +18,11 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
-from continuum_grasp import shell
-from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
-from continuum_grasp.labels import clipped
-from continuum_grasp.results.plain import digest
-from continuum_grasp.results.run_folder import pack_run
-from continuum_grasp.scene.document import KeyPath
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.base import ContinuumGraspError, ExecutorPool, InputError, SolverError, clipped, install_line
+from continuum_grasp.results import digest, pack_run
+from continuum_grasp.scene import GraspScene, KeyPath
 from continuum_grasp.sweeps.folder import SOLVED, encode
-from continuum_grasp.sweeps.plan import Point
-from continuum_grasp.workers import ExecutorPool
+from continuum_grasp.sweeps.plan import SweepPoint
 
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
@@ -53,7 +48,7 @@ class Job:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SceneOutcome:
     """Outcome of one scene: its line in the table, and the file of its run."""
 
     index: int
@@ -69,19 +64,19 @@ def solve(scene: GraspScene) -> Any:
     return optimize_grasp(scene, raise_on_failure=False)
 
 
-def run_chunk(job: Job, points: Sequence[Point]) -> list[Outcome]:
+def run_chunk(job: Job, points: Sequence[SweepPoint]) -> list[SceneOutcome]:
     """Evaluate scenes, one at a time. Raises an InputError where a column is asked for that grasps do not have."""
     with _ONE_AT_A_TIME, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # thousands of rows would repeat them
         return [_run(job, point) for point in points]
 
 
-def row_of_crash(job: Job, point: Point, message: str) -> Outcome:
+def row_of_crash(job: Job, point: SweepPoint, message: str) -> SceneOutcome:
     """The row of a scene that took its worker process with it, twice."""
     return _outcome(job, point, scene_data(job.base, job.paths, point), "crashed", message)
 
 
-def _run(job: Job, point: Point) -> Outcome:
+def _run(job: Job, point: SweepPoint) -> SceneOutcome:
     data = scene_data(job.base, job.paths, point)
     began, result, numbers = time.perf_counter(), None, dict[str, Any]()
     try:
@@ -102,14 +97,14 @@ def _run(job: Job, point: Point) -> Outcome:
 
 def _outcome(
     job: Job,
-    point: Point,
+    point: SweepPoint,
     data: dict[str, Any],
     status: str,
     message: str,
     numbers: Mapping[str, Any] = MappingProxyType({}),
     reason: str = "",
     run: bytes = b"",
-) -> Outcome:
+) -> SceneOutcome:
     row = {
         "index": point.index,
         "scene": digest(data)[:16],
@@ -120,10 +115,10 @@ def _outcome(
         "message": clipped(message, 300),
         **numbers,
     }
-    return Outcome(point.index, status, float(numbers.get("seconds", 0.0)), encode(row), run)
+    return SceneOutcome(point.index, status, float(numbers.get("seconds", 0.0)), encode(row), run)
 
 
-def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> dict[str, Any]:
+def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: SweepPoint) -> dict[str, Any]:
     """The scene of a point as plain data; shorter paths are set first."""
     data = copy.deepcopy(base)
     # So that ``finger.base`` is set in the ``finger`` that is varied too.
@@ -206,7 +201,7 @@ def dask_pool(address: str) -> Iterator[ExecutorPool]:
         distributed: Any = import_module("distributed")
     except ImportError:
         raise InputError(
-            f"a Dask cluster needs the extra 'cluster': {shell.installing('cluster')}", key="scheduler"
+            f"a Dask cluster needs the extra 'cluster': {install_line('cluster')}", key="scheduler"
         ) from None
     try:
         # Not the default one: the caller may use Dask for something else.

@@ -9,7 +9,8 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp import equilibrium, modes
-from continuum_grasp.accuracy.space import motion_within, refined, translated
+from continuum_grasp.accuracy import motion_within, refined
+from continuum_grasp.accuracy.space import translated
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod import natural_frequencies, solve_elastica

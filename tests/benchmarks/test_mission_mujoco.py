@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.mission_mujoco import scene_of_plant, with_pads
-from continuum_grasp.export.mjcf.write import export_mjcf
+from continuum_grasp.export import export_mjcf
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.scene.load import load
+from continuum_grasp.mission import PlantVariation, assign
+from continuum_grasp.scene import load
 from tests.mission_cases import MUG
 
 
@@ -21,7 +20,7 @@ def plant():
     """Assignment, scene of a heavier and shifted mug, and the text of its chain."""
     mission = load(MUG)
     (of,) = assign(mission, optimize_grasp(mission.grasp))
-    scene = scene_of_plant(of, Variation(mass=1.1, friction=0.9, shift=(1e-3, 0.0)))
+    scene = scene_of_plant(of, PlantVariation(mass=1.1, friction=0.9, shift=(1e-3, 0.0)))
     return of, scene, with_pads(export_mjcf(scene, hinges=12).text, scene)
 
 
@@ -50,7 +49,7 @@ def test_a_block_lies_with_its_corners_where_its_outline_has_them():
     """Its flat faces and rounds, seen from four sides, against the support function of the rounded box."""
     mission = load(MUG.with_name("turn_block.yaml"))
     (of,) = assign(mission, optimize_grasp(mission.grasp))
-    scene = scene_of_plant(of, Variation(friction=1.1))
+    scene = scene_of_plant(of, PlantVariation(friction=1.1))
     assert scene.table.friction == pytest.approx(1.1 * mission.table_friction)
     root = ET.fromstring(with_pads(export_mjcf(scene, hinges=12).text, scene))
     assert [body.get("name") for body in root.iter("body") if "pad" in body.get("name")] == ["pad_tip", "pad_palm"]

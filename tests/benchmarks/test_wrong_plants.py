@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.bench_robustness import NEAR, SWINGS, Outcome
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
-from continuum_grasp.scene.finger import PointMass
+from continuum_grasp.scene import PointMass
 from tests.control_cases import HAND, hand_scene
 
 PERIOD = 0.01

@@ -98,7 +98,7 @@ def test_an_option_that_is_gone_says_what_to_write(config):
 
 @pytest.mark.parametrize(("outcome", "code"), [("finished", 0), ("missed", 1), ("tripped", 1)])
 def test_a_loop_that_does_not_finish_at_its_setpoint_has_failed(outcome, code, config, tmp_path, monkeypatch):
-    from continuum_grasp.closed_loop.result import ControlRun
+    from continuum_grasp.closed_loop import ControlRun
 
     monkeypatch.setattr(ControlRun, "outcome", outcome)
     result = run("mpc", config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05")
@@ -140,7 +140,7 @@ def test_bad_input_exits_with_2(arguments, said, tmp_path):
 
 
 def test_an_interrupted_run_is_saved(config, tmp_path, monkeypatch):
-    from continuum_grasp.closed_loop.plant import Plant
+    from continuum_grasp.closed_loop import Plant
 
     advance = Plant.advance
 

@@ -7,11 +7,9 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import continuum_grasp as cg
+from continuum_grasp.closed_loop import Plant, PlantModel, lump
 from continuum_grasp.closed_loop.integration import ChainIntegration
-from continuum_grasp.closed_loop.links import lump
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene import ControlScene
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
 from tests.truth.geared_chain import GearedChain
 from tests.truth.tendon_motion import MovingFinger

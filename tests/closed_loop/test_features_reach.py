@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.prediction import Prediction, first_state
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.closed_loop import run_closed_loop
+from continuum_grasp.control import Controller, Prediction, first_state
+from continuum_grasp.core import find_compiler
+from continuum_grasp.scene import ControlScene
 from tests.features import FEATURES, scene_of
 
 pytestmark = [pytest.mark.deep, pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")]

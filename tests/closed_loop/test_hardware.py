@@ -12,14 +12,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop import drivers, hardware
-from continuum_grasp.closed_loop.drivers import RealTime, SerialBoard, SimulatedBench, line_of
-from continuum_grasp.closed_loop.hardware import run_hardware
-from continuum_grasp.control import Controller
-from continuum_grasp.control.status import Health, Status
-from continuum_grasp.errors import InputError, Interrupted
-from continuum_grasp.identification.replayed import replay
-from continuum_grasp.scene.estimator import Camera, Connection, Mounting
+from continuum_grasp.base import InputError, Interrupted
+from continuum_grasp.closed_loop import RealTime, SerialBoard, SimulatedBench, drivers, hardware, run_hardware
+from continuum_grasp.closed_loop.drivers import line_of
+from continuum_grasp.control import CommandStatus, Controller, Health
+from continuum_grasp.identification import replay
+from continuum_grasp.scene import Camera, Connection, Mounting
 from tests.identification.test_replay import PLANT, SCENE, scene
 
 REST = 1.0
@@ -70,7 +68,7 @@ class Steps(Controller):
             self.clock.now += next(self.durations, 0.0)
         health = next(self.health, Health.OK)
         u = np.array([REST if health is Health.TRIPPED else self.wanted])
-        return Sent(u=u, status=Status.SOLVED, health=health, health_text="tripped: it swings")
+        return Sent(u=u, status=CommandStatus.SOLVED, health=health, health_text="tripped: it swings")
 
 
 class Fake:
@@ -150,7 +148,7 @@ def test_whatever_fails_ends_at_rest(clock, failing):
     found = raised.value.result
     assert found.ended == "failed"
     assert "input at rest" in raised.value.__notes__[0]
-    ramp = [u for u, status in driver.sent if status is Status.SAFE_RAMP]
+    ramp = [u for u, status in driver.sent if status is CommandStatus.SAFE_RAMP]
     assert ramp[-1] == REST
     assert len(ramp) == 25
     assert np.all(np.diff(ramp) < 0.0)
@@ -169,7 +167,7 @@ def test_ctrl_c_ends_at_rest(clock):
     with pytest.raises(Interrupted) as raised:
         ran(Steps(clock, []), driver)
     assert raised.value.result.ended == "interrupted"
-    assert driver.sent[-1] == (REST, Status.SAFE_RAMP)
+    assert driver.sent[-1] == (REST, CommandStatus.SAFE_RAMP)
 
 
 def test_a_trip_ends_when_the_command_rests(clock):
@@ -185,7 +183,7 @@ def test_silence_ends_the_loop(clock, silence):
     found = ran(Steps(clock, []), driver, watchdog=0.035)
     assert found.ended == "silent"
     assert len(found.jitter) == 4
-    assert driver.sent[-1] == (REST, Status.SAFE_RAMP)
+    assert driver.sent[-1] == (REST, CommandStatus.SAFE_RAMP)
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs timers of Unix")
@@ -201,7 +199,7 @@ def test_a_driver_that_hangs_is_broken_off(clock, hanging):
     assert found.ended == "silent"
     assert "did not return" in found.cause
     assert time.monotonic() - began < 4.0
-    assert driver.sent[-1] == (REST, Status.SAFE_RAMP)
+    assert driver.sent[-1] == (REST, CommandStatus.SAFE_RAMP)
 
 
 def test_the_bench_counts_in_its_own_way(clock):

@@ -13,28 +13,21 @@ import pytest
 from scipy.optimize import minimize
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.drivers import SimulatedBench
-from continuum_grasp.closed_loop.plant import Plant, Sensors
-from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
-from continuum_grasp.closed_loop.readings import Bound, Readings
-from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.ocp.setpoints import missed_setpoints
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError, Interrupted, NumericalError
-from continuum_grasp.plotting import control as plotting
-from continuum_grasp.scene import (
-    ControlScene,
-    Damping,
-    Fidelity,
-    Finger,
-    ForceLoad,
-    Reference,
-    Scene,
-    VectorSamples,
+from continuum_grasp.base import InputError, Interrupted, NumericalError
+from continuum_grasp.closed_loop import (
+    Plant,
+    PlantModel,
+    Readings,
+    Sensors,
+    SimulatedBench,
+    plant_scene,
+    run_closed_loop,
 )
+from continuum_grasp.closed_loop.readings import Bound
+from continuum_grasp.control import Controller, Prediction, missed_setpoints, stages_of
+from continuum_grasp.control.estimation.model import estimation_of
+from continuum_grasp.plotting import control as plotting
+from continuum_grasp.scene import ControlScene, Damping, Fidelity, Finger, ForceLoad, Reference, Scene, VectorSamples
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
 from tests.declared import assert_declared
 from tests.marks import few

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.control.ocp.setpoints import rms
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import load
+from continuum_grasp.closed_loop import run_closed_loop
+from continuum_grasp.control import rms
+from continuum_grasp.scene import ControlScene, load
 from tests.marks import few
 
 FOLDER = Path(__file__).parents[2] / "configs/mpc"

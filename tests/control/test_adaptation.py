@@ -9,13 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.control.controller import Controller
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import run_closed_loop
+from continuum_grasp.control import Controller, Estimator
 from continuum_grasp.control.estimation import excitation
 from continuum_grasp.control.estimation.adaptation import Observability
-from continuum_grasp.control.estimation.estimator import Estimator
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.control_cases import hand_scene, rod_scene
 from tests.marks import few
 from tests.rods import ROOT

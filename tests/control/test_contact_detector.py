@@ -8,9 +8,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from continuum_grasp.control import Contact, ContactDetector, Estimator
+from continuum_grasp.base import InputError
+from continuum_grasp.control import ContactDetector, Estimator, ResidualContact
 from continuum_grasp.control.estimation.free_finger import FreeFinger
-from continuum_grasp.errors import InputError
 from tests.contact_cases import (
     EXACT,
     LENGTH,
@@ -100,7 +100,7 @@ def test_a_push_is_detected_early(pushed, back, speed):
         speed=speed * (1.0 if place else 3.0),
     )
     before = [feels for _, force, feels in rows if force == 0.0]
-    assert all(feels.contact is Contact.FREE for feels in before)
+    assert all(feels.contact is ResidualContact.FREE for feels in before)
     threshold = before[-1].threshold[place]
     detected = next(t for t, force, feels in rows if force != 0.0 and feels.detected)
     assert detected <= next(t for t, force, _ in rows if abs(force) > 3.0 * threshold) + 0.05
@@ -129,7 +129,7 @@ def test_two_tendons_raise_no_alarm_at_the_ends_of_all_errors(arrangement):
     for stiffness, factor, payload in ((0.8, 0.5, 0.002), (1.2, 0.5, 0.002), (1.2, 1.5, 0.0)):
         given = {"stiffness": stiffness, "friction_factor": factor, "dry": 0.7, "payload": payload}
         reports = wander(own, PairPlant(arrangement, 0.1, **given), 320, np.random.default_rng(0))
-        assert {feels.contact for feels in reports} == {Contact.FREE}
+        assert {feels.contact for feels in reports} == {ResidualContact.FREE}
 
 
 IDENTIFIED = {"bending_stiffness": 0.02, "tendon_friction": 0.1, "coulomb_friction": 0.1, "tension": 0.03}
@@ -160,7 +160,7 @@ def test_two_tendons_feel_a_push_beyond_the_threshold(arrangement, at, place, de
             driven.advance(min(2.0 * k * driven.period, 0.8))
             feels, pushed = own.step(driven.readings(rng)), max(0.0, k * driven.period - 0.8) * rate
             if not pushed:
-                assert feels.contact is Contact.FREE
+                assert feels.contact is ResidualContact.FREE
                 threshold = float(feels.threshold[place])
             elif feels.detected:
                 break
@@ -173,7 +173,7 @@ def test_without_a_reading_it_stays_as_it_is():
     own.reset()
     own.step([0.0, 0.0])
     saved = own.save_state()
-    assert own.step([math.nan, 0.0]).contact is Contact.MISSING
+    assert own.step([math.nan, 0.0]).contact is ResidualContact.MISSING
     assert own.save_state() == saved
 
 
@@ -206,7 +206,7 @@ def test_the_estimator_reports_it_along():
     names = own.measurement_names
     assert names == ("motor_angle_1 [rad]", "motor_torque_1 [N m]")
     found = own.step([0.0, 0.0], [0.02])
-    assert found.contact.contact is Contact.FREE
+    assert found.contact.contact is ResidualContact.FREE
     saved = own.save_state()
     first = own.step([0.01, 0.02], [0.02])
     own.restore(saved)

@@ -8,12 +8,11 @@ import re
 import numpy as np
 import pytest
 
-from continuum_grasp.control import Controller, Estimator
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Controller, Estimator, Prediction
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import noise_of
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene import ControlScene
 from tests.control_cases import hand_scene
 from tests.truth.differences import differences
 

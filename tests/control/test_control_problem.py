@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.control.status import Anomaly, Status
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Anomaly, CommandStatus
+from continuum_grasp.core import find_compiler
 from tests.rti_problems import cart_pole, cart_pole_rates
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
@@ -75,10 +75,10 @@ def test_converged_iterations_of_a_cart_pole_end_at_the_optimum(target):
     # The power is beyond its soft bound, which the status says by name.
     power = np.abs(u * x[:-1, 2]).max() / 8.0 - 1.0
     if target == 0.0:
-        assert command.status == Status.ROW_VIOLATED
+        assert command.status == CommandStatus.ROW_VIOLATED
         assert command.violated == pytest.approx({"power": power}, rel=1e-5)
     else:
-        assert (command.status == Status.ROW_VIOLATED) == bool(command.violated) == (power > 1e-5)
+        assert (command.status == CommandStatus.ROW_VIOLATED) == bool(command.violated) == (power > 1e-5)
 
 
 # ---- names and shapes ----
@@ -174,7 +174,7 @@ def test_costs_without_a_term_of_one_kind(cost, expected):
     solver = cg.rti(cg.ControlProblem(**{**GOOD, "cost": cost, "rows": rows}))
     solver.reference(**({"x": 0.2} if "x" in cost else {"u": 0.7}))
     command = solver.step([0.0])
-    assert command.status == Status.SOLVED
+    assert command.status == CommandStatus.SOLVED
     if expected is not None:
         np.testing.assert_allclose(command.planned("u"), expected, atol=1e-6)
     else:
@@ -189,10 +189,10 @@ def test_a_state_that_is_not_finite_follows_the_last_plan_and_then_goes_to_the_s
     solver = cg.rti(cart_pole(), safe={"force": 2.0})
     plan = solver.step(START).plan
     found = [solver.step([0.0, math.nan, 0.0, 0.0]) for _ in range(60)]
-    assert found[0].status == Status.PREVIOUS_PLAN
+    assert found[0].status == CommandStatus.PREVIOUS_PLAN
     assert found[0].anomaly & Anomaly.MISSING
     np.testing.assert_array_equal(found[0].u, plan.u[1])
-    assert found[-1].status == Status.SAFE_RAMP
+    assert found[-1].status == CommandStatus.SAFE_RAMP
     assert found[-1].inputs == {"force": 2.0}
     assert all(np.all(np.abs(command.u) <= 12.0) for command in found)
 

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from benchmarks.real_time_iteration import RealTimeIteration
-from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import run_closed_loop
+from continuum_grasp.control import Anomaly, CommandStatus, Controller, Health
 from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.compiled import controller_source
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.status import Anomaly, Health, Status
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.control_cases import TARGET, Reality, swing_scene
 from tests.marks import few
 from tests.rods import ROOT
@@ -107,7 +106,7 @@ def test_a_command_is_that_of_as_many_real_time_iterations_as_are_set(asked, cou
                 iteration.reset(whole, u, rollout=True)
             for _ in range(count):
                 report = iteration.step(whole, REFERENCE)
-            assert command.status == Status(report.status)
+            assert command.status == CommandStatus(report.status)
             assert command.plan.u == pytest.approx(iteration.plan[1], abs=1e-10), (again, k)
             assert command.u == pytest.approx(command.plan.u[0], abs=1e-12)
             u = command.u
@@ -136,9 +135,9 @@ def test_what_is_implausible_is_reported_and_never_applied(name, anomaly, value,
     assert command.anomaly == expected
     assert len(command.anomalies) == 1
     if name == "applied":
-        assert command.status == Status.SOLVED
+        assert command.status == CommandStatus.SOLVED
     else:
-        assert command.status == Status.PREVIOUS_PLAN
+        assert command.status == CommandStatus.PREVIOUS_PLAN
         assert command.u == pytest.approx(before.plan.u[1], abs=1e-8)
     assert not bad(control).anomalies
 
@@ -148,7 +147,7 @@ def test_after_nonsense_that_looks_like_sense_it_plans_again():
     control.reset()
     bad(control)
     bad(control, measurement=[3.0, -3.0, 500.0, -500.0])
-    assert bad(control).status <= Status.ROW_VIOLATED
+    assert bad(control).status <= CommandStatus.ROW_VIOLATED
 
 
 STRICT = "-std=c99 -fsyntax-only -Werror -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow"
@@ -183,7 +182,7 @@ def test_the_plan_goes_on_as_long_as_it_lasts_and_then_the_input_goes_down():
     plan = control.step([0.9, 0.9, 0.0, 0.0], REFERENCE).plan.u.ravel()
     commands = [control.step(None, REFERENCE) for _ in range(200)]
     kinds = [c.status for c in commands]
-    assert kinds == [Status.PREVIOUS_PLAN] * (N - 1) + [Status.SAFE_RAMP] * (201 - N)
+    assert kinds == [CommandStatus.PREVIOUS_PLAN] * (N - 1) + [CommandStatus.SAFE_RAMP] * (201 - N)
     inputs = np.array([c.u[0] for c in commands])
     assert inputs[: N - 1] == pytest.approx(plan[1:], abs=1e-8)  # the rate limit is satisfied to the last digit
     ramp = np.diff(inputs[N - 2 :])
@@ -191,7 +190,7 @@ def test_the_plan_goes_on_as_long_as_it_lasts_and_then_the_input_goes_down():
     assert inputs[-1] == 0.0
     assert commands[N - 1].anomaly == Anomaly.MISSING
     assert Anomaly.BLIND in commands[N].anomaly
-    assert control.step([0.0] * 4, REFERENCE).status == Status.SOLVED
+    assert control.step([0.0] * 4, REFERENCE).status == CommandStatus.SOLVED
     assert control.statistics["fallbacks"] == 200
 
 
@@ -199,9 +198,9 @@ def test_without_any_measurement_an_estimator_is_trusted_for_a_horizon():
     control = estimating()
     control.reset()
     kinds = [control.step(None).status for _ in range(N + 5)]
-    assert set(kinds[:N]) <= {Status.SOLVED, Status.ITERATION_LIMIT, Status.ROW_VIOLATED}
-    assert set(kinds[N:]) == {Status.SAFE_RAMP}
-    assert control.step([0.0, 0.6]).status <= Status.ROW_VIOLATED
+    assert set(kinds[:N]) <= {CommandStatus.SOLVED, CommandStatus.ITERATION_LIMIT, CommandStatus.ROW_VIOLATED}
+    assert set(kinds[N:]) == {CommandStatus.SAFE_RAMP}
+    assert control.step([0.0, 0.6]).status <= CommandStatus.ROW_VIOLATED
 
 
 def test_a_late_command_is_followed_by_the_plan():
@@ -209,16 +208,16 @@ def test_a_late_command_is_followed_by_the_plan():
     control.reset()
     plan = bad(control).plan.u
     command = bad(control, late=True)
-    assert (command.status, command.anomaly) == (Status.PREVIOUS_PLAN, Anomaly.LATE)
+    assert (command.status, command.anomaly) == (CommandStatus.PREVIOUS_PLAN, Anomaly.LATE)
     assert command.u == pytest.approx(plan[1], abs=1e-8)
-    assert bad(control).status == Status.SOLVED
+    assert bad(control).status == CommandStatus.SOLVED
 
 
 def test_deadlines_are_watched():
     control = Controller(swing_scene(**GIVEN), deadline=1e-9)
     kinds = [bad(control).status for _ in range(4)]
-    assert kinds[0] == Status.SOLVED
-    assert set(kinds[1:]) == {Status.PREVIOUS_PLAN}
+    assert kinds[0] == CommandStatus.SOLVED
+    assert set(kinds[1:]) == {CommandStatus.PREVIOUS_PLAN}
     assert control.statistics["late"] == 4
 
 
@@ -367,7 +366,7 @@ def test_settings_that_do_not_go_together_are_refused_whole(settings, said):
         control.change(**settings)
     control.reset()
     again = bad(control)
-    assert again.status == Status.SOLVED
+    assert again.status == CommandStatus.SOLVED
     assert np.array_equal(again.u, first)
 
 

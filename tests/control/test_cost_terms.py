@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import run_closed_loop
+from continuum_grasp.control import Prediction, stages_of
 from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
 from tests.control_cases import ROD, hand_scene, rod_scene, swing_scene
 from tests.truth.differences import differences
 

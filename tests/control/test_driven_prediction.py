@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from continuum_grasp.control.prediction import Prediction, first_state
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Prediction, first_state
 from continuum_grasp.simulation import initial_state
 from tests.control_cases import DRIVES, HAND, driven_scene
 from tests.truth.differences import differences

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from continuum_grasp.control.estimation.estimator import Estimator
-from continuum_grasp.control.status import Anomaly, Verdict
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Anomaly, Estimator, MeasurementVerdict
 from tests.control_cases import Reality, hand_scene, sensed_rod_scene
 from tests.marks import few
 
@@ -219,20 +218,20 @@ def test_a_measurement_that_is_implausible_is_rejected_and_reported():
     state = estimator.save_state()
     y = measured[-1]
     expected = {
-        (np.nan, Verdict.MISSING, Anomaly.MISSING),
-        (np.inf, Verdict.ABSURD, Anomaly.ABSURD),
-        (-np.inf, Verdict.ABSURD, Anomaly.ABSURD),
-        (1e30, Verdict.ABSURD, Anomaly.ABSURD),
-        (0.7, Verdict.OUTLIER, Anomaly.OUTLIER),
+        (np.nan, MeasurementVerdict.MISSING, Anomaly.MISSING),
+        (np.inf, MeasurementVerdict.ABSURD, Anomaly.ABSURD),
+        (-np.inf, MeasurementVerdict.ABSURD, Anomaly.ABSURD),
+        (1e30, MeasurementVerdict.ABSURD, Anomaly.ABSURD),
+        (0.7, MeasurementVerdict.OUTLIER, Anomaly.OUTLIER),
     }
     for value, verdict, anomaly in sorted(expected, key=str):
         # An outlier of one axis of the camera rejects the other one too.
-        rejected = verdict == Verdict.OUTLIER
+        rejected = verdict == MeasurementVerdict.OUTLIER
         estimator.restore(state)
         without = estimator.step([np.nan, np.nan if rejected else y[1], *y[2:]], inputs[-1]).z
         estimator.restore(state)
         found = estimator.step([value, *y[1:]], inputs[-1])
-        assert (found.verdict, found.anomaly) == ((verdict, Verdict.ALONE if rejected else 0, 0, 0), anomaly)
+        assert (found.verdict, found.anomaly) == ((verdict, MeasurementVerdict.ALONE if rejected else 0, 0, 0), anomaly)
         assert found.anomalies[0].startswith("tip_x: ")
         assert np.array_equal(found.z, without)
     estimator.restore(same)
@@ -260,7 +259,7 @@ def test_a_row_that_is_used_though_far_off_moves_the_estimate_by_five_deviations
     for far in (0.3, 0.8):
         estimator.restore(state)
         found = estimator.step([far, np.nan, np.nan, np.nan], [0.0])
-        assert found.verdict[0] == Verdict.REOPENED
+        assert found.verdict[0] == MeasurementVerdict.REOPENED
         moves.append(found.z - before.z)
     h = slope(rod_truth()[1], before.z)[0]
     spread = before.covariance @ h

@@ -11,15 +11,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.control import stages_of
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import Plant
+from continuum_grasp.control import Prediction, stages_of
 from continuum_grasp.control.ocp.stages import step_function
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import Circle
-from continuum_grasp.scene.surroundings import ContactLaw, Surroundings, Table
+from continuum_grasp.scene import Circle, ContactLaw, Surroundings, Table, load
 from tests.truth.differences import differences
 
 ROOT = Path(__file__).parents[2]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.control.status import Anomaly
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Anomaly
+from continuum_grasp.core import find_compiler
 from tests.control_cases import rod_scene
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")

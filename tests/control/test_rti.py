@@ -15,13 +15,12 @@ import pytest
 from scipy.optimize import minimize
 
 from benchmarks.real_time_iteration import STATUS, RealTimeIteration
-from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
-from continuum_grasp.control.rti.source import iteration_source
+from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.control import ABSENT, Stages, stages_of
+from continuum_grasp.control.iteration.source import iteration_source
+from continuum_grasp.control.ocp.stages import cost_functions, step_function
 from continuum_grasp.core import compiler as compilers
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.core import find_compiler
 from continuum_grasp.scene import Fidelity
 from tests.control_cases import driven_scene, hand_scene, rod_scene
 from tests.export_cases import loop_scene
@@ -309,7 +308,7 @@ def test_products_over_what_differs_from_zero_are_those_of_loops(substeps, monke
     plans = []
     for lanes, loops in ((False, False), (True, False), (True, True)):
         if loops:
-            monkeypatch.setattr("continuum_grasp.control.rti.source.row_products", lambda stages: "")
+            monkeypatch.setattr("continuum_grasp.control.iteration.source.row_products", lambda stages: "")
         rti = RealTimeIteration(problem, lanes=lanes)
         assert ("RTI_UNROLLED_CONGRUENCE 1" in iteration_source(problem, lanes=lanes)) is not loops
         rti.reset(np.zeros(problem.nx), problem.u_min)

@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from benchmarks.real_time_iteration import RealTimeIteration
-from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.control import ABSENT
+from continuum_grasp.core import find_compiler
 from tests.rti_cases import SIZES, change_of_plan, changed, disturb, qp_of, random_stages
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")

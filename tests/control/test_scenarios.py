@@ -12,10 +12,10 @@ from scipy.linalg import block_diag
 
 import continuum_grasp as cg
 from benchmarks.real_time_iteration import RealTimeIteration
-from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.ocp.stages import Scenarios, Stages
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Stages, stages_of
+from continuum_grasp.control.ocp.stages import Scenarios
+from continuum_grasp.core import find_compiler
 from tests.control_cases import HAND, Reality, hand_scene, swing_scene
 from tests.marks import few
 from tests.rti_cases import QP, SIZES, PlanOf, by_ipopt, change_of_plan, disturb, qp_of, random_stages

@@ -7,13 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import setpoints
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Outputs, Prediction, setpoints
 from continuum_grasp.scene import (
     CircleReference,
-    Controller,
+    ControllerSettings,
     ControlScene,
     Fidelity,
     Finger,
@@ -35,7 +33,7 @@ def points(cost, functions=None, **reference):
         finger=FINGER,
         gravity=(0.0, 0.0),
         fidelity=Fidelity(family="arc", elements=2),
-        controller=Controller(cost=cost),
+        controller=ControllerSettings(cost=cost),
         reference=Reference(**reference),
     )
     model = Prediction(scene)

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from continuum_grasp import Fidelity, load
-from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Prediction, stages_of
 from continuum_grasp.control.ocp.stages import step_function
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene import ControlScene
 from tests.rods import after, order
 from tests.truth.differences import differences
 

@@ -12,14 +12,12 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.run import run_closed_loop
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.status import _TRIPS, Anomaly, Health, Sight, Trip, Verdict
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene import ControlScene
-from continuum_grasp.scene.load import load
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import Plant, run_closed_loop
+from continuum_grasp.control import Anomaly, Controller, Health, MeasurementVerdict, Sight, Trip
+from continuum_grasp.control.status import _TRIPS
+from continuum_grasp.core import find_compiler
+from continuum_grasp.scene import ControlScene, load
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
 from tests.marks import few
 
@@ -391,7 +389,12 @@ def test_verdicts_are_those_of_the_device():
     command = control.step(y + OFF)
     assert command.anomaly == Anomaly.OUTLIER
     assert command.anomalies == ("tip_x: outlier rejected",)
-    assert command._part("verdict").tolist() == [Verdict.OUTLIER, Verdict.ALONE, Verdict.USED, Verdict.USED]
+    assert command._part("verdict").tolist() == [
+        MeasurementVerdict.OUTLIER,
+        MeasurementVerdict.ALONE,
+        MeasurementVerdict.USED,
+        MeasurementVerdict.USED,
+    ]
     # Both of its axes are rejected: the other's value is of no matter.
     control.restore(state)
     one = control.step(y + OFF).estimate.x

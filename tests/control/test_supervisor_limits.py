@@ -12,9 +12,8 @@ from functools import lru_cache
 
 import pytest
 
-from continuum_grasp.control.rti.source import load_library, template
-from continuum_grasp.control.status import Health, Trip, Verdict
-from continuum_grasp.core.compiler import find_compiler
+from continuum_grasp.control import Health, MeasurementVerdict, Trip, load_library, template
+from continuum_grasp.core import find_compiler
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 
@@ -137,10 +136,10 @@ class Watch:
     ) -> Report:
         """A call; without a reading the camera's is an outlier, so that what is known of it stays."""
         readings, report = TWO(*(y or (0.0, 0.0))), Report()
-        verdicts = INTS(*verdict) if y is not None or verdict[0] else INTS(Verdict.OUTLIER, verdict[1])
+        verdicts = INTS(*verdict) if y is not None or verdict[0] else INTS(MeasurementVerdict.OUTLIER, verdict[1])
         library().supervisor_screen(*map(ctypes.byref, (self.state, self.settings, readings, report)))
         if math.isnan(readings[0]) and y is not None:
-            verdicts[0] = Verdict.FROZEN
+            verdicts[0] = MeasurementVerdict.FROZEN
         along, travel = TWO(0.0, behind[0]), TWO(0.0, behind[1])  # of the drive
         ahead, change = TWO(0.0, 0.0), TWO(0.0, 0.0)
         arrays = TWO(*nis), TWO(*echo), along, travel, ahead, change, readings, TWO(*expected), verdicts
@@ -261,10 +260,13 @@ def test_a_tip_that_swings_through_its_setpoint_is_away_where_it_is_so_two_third
         assert (5 * W - away) / gain <= (lost.index(True) + 1) / cycle <= 5 * W / gain
 
 
-@pytest.mark.parametrize("verdict", [Verdict.MISSING, Verdict.ABSURD, Verdict.FROZEN, Verdict.OUTLIER])
+@pytest.mark.parametrize(
+    "verdict",
+    [MeasurementVerdict.MISSING, MeasurementVerdict.ABSURD, MeasurementVerdict.FROZEN, MeasurementVerdict.OUTLIER],
+)
 def test_a_shape_that_nothing_shows_trips(verdict):
     """Five windows without a reading, 1.5 with one that is frozen; neither drives nor outliers count."""
-    expected = {Verdict.FROZEN: W + W // 2, Verdict.OUTLIER: 401}.get(verdict, 5 * W)
+    expected = {MeasurementVerdict.FROZEN: W + W // 2, MeasurementVerdict.OUTLIER: 401}.get(verdict, 5 * W)
     watch = Watch()
     assert watch.when(tripped(Trip.UNSEEN), verdict=(verdict, 0)) == expected
     assert Watch().when(tripped(Trip.UNSEEN), verdict=(0, verdict)) == 401
@@ -278,7 +280,7 @@ def test_a_shape_that_nothing_shows_trips(verdict):
 
 
 def test_a_drive_that_is_frozen_shortens_no_wait_for_the_camera():
-    assert Watch().when(tripped(Trip.UNSEEN), verdict=(Verdict.MISSING, Verdict.FROZEN)) == 5 * W
+    assert Watch().when(tripped(Trip.UNSEEN), verdict=(MeasurementVerdict.MISSING, MeasurementVerdict.FROZEN)) == 5 * W
 
 
 def test_a_disturbance_at_its_limit_trips():
@@ -558,22 +560,22 @@ def test_the_first_trip_stays():
     first = watch.judge()
     assert (first.health, first.reason, first.sensor) == (Health.TRIPPED, Trip.CONTRADICTED, 1)
     watch.put(mismatch=(9.0, 0.0, 0.0), unseen=5 * W - 1)
-    last = watch.judge(verdict=(Verdict.MISSING, 0))
+    last = watch.judge(verdict=(MeasurementVerdict.MISSING, 0))
     assert (last.reason, last.sensor, watch.state.trips, last.rung) == (Trip.CONTRADICTED, 1, 1, 0)
 
 
 @pytest.mark.parametrize(
     ("value", "verdict"),
     [
-        (0.999 * 2.0, Verdict.USED),
-        (2.0, Verdict.USED),
-        (1.001 * 2.0, Verdict.ABSURD),
-        (-0.999, Verdict.USED),
-        (-1.0, Verdict.USED),
-        (-1.001, Verdict.ABSURD),
-        (math.inf, Verdict.ABSURD),
-        (-math.inf, Verdict.ABSURD),
-        (math.nan, Verdict.MISSING),
+        (0.999 * 2.0, MeasurementVerdict.USED),
+        (2.0, MeasurementVerdict.USED),
+        (1.001 * 2.0, MeasurementVerdict.ABSURD),
+        (-0.999, MeasurementVerdict.USED),
+        (-1.0, MeasurementVerdict.USED),
+        (-1.001, MeasurementVerdict.ABSURD),
+        (math.inf, MeasurementVerdict.ABSURD),
+        (-math.inf, MeasurementVerdict.ABSURD),
+        (math.nan, MeasurementVerdict.MISSING),
     ],
 )
 def test_a_number_is_checked_against_its_limits(value, verdict):
@@ -581,4 +583,4 @@ def test_a_number_is_checked_against_its_limits(value, verdict):
     if math.isfinite(value):
         outside = ctypes.c_int()
         assert library().limited(value, -1.0, 2.0, ctypes.byref(outside)) == min(max(value, -1.0), 2.0)
-        assert bool(outside.value) is (verdict == Verdict.ABSURD)
+        assert bool(outside.value) is (verdict == MeasurementVerdict.ABSURD)

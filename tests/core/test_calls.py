@@ -9,11 +9,17 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.core.calls import call, calls_source, straight_function, straight_functions
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.core.lanes import lane_function
-from continuum_grasp.core.source import lane_prelude, plain_source
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.core import (
+    call,
+    calls_source,
+    find_compiler,
+    lane_function,
+    plain_source,
+    straight_function,
+    straight_functions,
+)
+from continuum_grasp.core.source import lane_prelude
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
 

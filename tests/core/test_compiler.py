@@ -12,10 +12,18 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.core import cache, compiler
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, longest_function, translation_units
-from continuum_grasp.core.source import batch_source, externals_source, generated, rollout_source
+from continuum_grasp.core import (
+    CompileError,
+    Compiler,
+    cache,
+    compiler,
+    externals_source,
+    find_compiler,
+    generated,
+    library_for,
+)
+from continuum_grasp.core.compiler import longest_function, translation_units
+from continuum_grasp.core.source import batch_source, rollout_source
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 

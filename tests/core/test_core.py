@@ -17,15 +17,21 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.core import cache, core
-from continuum_grasp.core.batches import Scan
-from continuum_grasp.core.cache import cache_folder, library_for
-from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
-from continuum_grasp.core.integrators import step_function
-from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.model.functions import MATRICES, function_names
-from continuum_grasp.scene import Finger, PointMass, Tendons
-from continuum_grasp.scene.methods import INTEGRATORS, SIMULATION_METHODS
+from continuum_grasp.base import InputError, NumericalError
+from continuum_grasp.core import (
+    CompileError,
+    Compiler,
+    Scan,
+    cache,
+    core,
+    find_compiler,
+    library_for,
+    step_function,
+    why_no_compiler,
+)
+from continuum_grasp.core.cache import cache_folder
+from continuum_grasp.model import MATRICES, function_names
+from continuum_grasp.scene import INTEGRATORS, SIMULATION_METHODS, Finger, PointMass, Tendons
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
 from tests.marks import few
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.base import NumericalError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import NumericalError
-from continuum_grasp.scene import Finger, PointMass
-from continuum_grasp.scene.methods import INTEGRATORS
+from continuum_grasp.scene import INTEGRATORS, Finger, PointMass
 from tests.finger_cases import ROD
 from tests.rods import after, order
 

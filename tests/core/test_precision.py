@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.core.precision import check_solvable, single
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.core import check_solvable
+from continuum_grasp.core.precision import single
 from continuum_grasp.scene import Finger
 from tests.finger_cases import ROD
 

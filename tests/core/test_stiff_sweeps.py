@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.core.integrators import step_function
-from continuum_grasp.scene import BasePose, Damping, Finger, Rod
-from continuum_grasp.scene.finger import Softening, Stops
+from continuum_grasp.core import step_function
+from continuum_grasp.scene import BasePose, Damping, Finger, Rod, Stops
+from continuum_grasp.scene.finger import Softening
 from tests.finger_cases import relative_error
 from tests.rods import order
 

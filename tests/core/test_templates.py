@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from continuum_grasp.core.source import filled
+from continuum_grasp.core import filled
 
 PAIRS = [("a", 1), ("b", 2)]
 WORDS = {"n": 3, "none": (), "of": SimpleNamespace(size=0.5, map={"k": 7}), "pairs": PAIRS, "rows": [[1, 2], []]}

@@ -7,8 +7,8 @@ import json
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.base import InputError
 from continuum_grasp.design import DesignResult
-from continuum_grasp.errors import InputError
 from tests.commands import run
 
 WHOLE = """\

@@ -13,9 +13,8 @@ import continuum_grasp as cg
 from continuum_grasp.design.evaluation import DesignProblem, Expression
 from continuum_grasp.design.held import HeldGrasp, Stencil
 from continuum_grasp.nlp import NLP, Multipliers
+from continuum_grasp.scene import Design, design_space_of
 from continuum_grasp.scene.assembly import placed
-from continuum_grasp.scene.design import Design
-from continuum_grasp.scene.design_space import design_space_of
 from continuum_grasp.scene.document import Place
 from tests.marks import few
 

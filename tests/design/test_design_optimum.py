@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.design import Evaluation, Row, Status
-from continuum_grasp.errors import SolverError
+from continuum_grasp.base import SolverError
+from continuum_grasp.design import DesignNumber, DesignStatus, Evaluation
 
 ARCS = "configs/grasp/mug_arcs.yaml"
 OFFSET = "finger.tendons.offset"
@@ -42,7 +42,7 @@ def test_sensitivities_are_those_of_the_least_worst_cost():
     """Least over x of max(x, y - x) is y / 2; least of x + 2 y with 2 x >= 1 is 1 / 2 + 2 y; both with y at a bound."""
 
     def row(value, slope):
-        return Row("", "", (), value, np.array(slope))
+        return DesignNumber("", "", (), value, np.array(slope))
 
     both = (row(0.3, [1.0, 0.0]), row(0.3, [-1.0, 1.0]), row(0.1, [5.0, 5.0]))
     assert Evaluation(np.array([0.3, 0.0]), both, (), ()).slope == pytest.approx([0.0, 0.5], abs=1e-6)
@@ -54,7 +54,7 @@ def test_sensitivities_are_those_of_the_least_worst_cost():
 def test_the_best_offset(moment):
     """Least of M / e + 2 T2 + k e."""
     found = designed()
-    assert found.status is Status.OPTIMAL
+    assert found.status is DesignStatus.OPTIMAL
     assert found.values[OFFSET] == pytest.approx(math.sqrt(moment / 1e4), rel=1e-4)
     assert found.best.cost == pytest.approx(2.0 * math.sqrt(moment * 1e4) + 2.0 * LEAST, rel=1e-8)
     assert found.statistics["full_searches"] == 2
@@ -70,7 +70,7 @@ def test_a_limit_decides(moment):
 def test_a_limit_of_zero_is_that_of_a_number(moment):
     """A billion times its amount, it acted nowhere: the optimum had a slope left, and its message said so."""
     found = designed(minimize="e", limits={"tension - 50": {"max": 0.0}})
-    assert found.status is Status.OPTIMAL
+    assert found.status is DesignStatus.OPTIMAL
     assert found.values[OFFSET] == pytest.approx(moment / (50.0 - 2.0 * LEAST), rel=1e-6)
     assert found.active == ("tension - 50 at most 0 (scene)",)
     assert found.gradient == pytest.approx([0.0], abs=1e-6)
@@ -81,7 +81,7 @@ def test_a_limit_of_zero_is_that_of_a_number(moment):
 def test_limits_that_no_design_satisfies(moment, expression, limit):
     with pytest.raises(SolverError, match=f"no design satisfies {expression} at most {limit:g}") as caught:
         designed(limits={expression: {"max": limit}})
-    assert caught.value.result.status is Status.LIMITS_VIOLATED
+    assert caught.value.result.status is DesignStatus.LIMITS_VIOLATED
     off = float(re.search(r"off by ([\d.]+) at the closest", str(caught.value))[1])
     assert off == pytest.approx(moment / 0.006 + 2.0 * LEAST - 20.0, rel=0.01)
 
@@ -92,7 +92,7 @@ def test_a_cost_that_is_no_number_is_no_design(cost):
     with pytest.raises(SolverError, match="not a finite number") as caught:
         designed(minimize=cost)
     found = caught.value.result
-    assert (found.status, found.influences, found.values) == (Status.NO_GRASP, (), {})
+    assert (found.status, found.influences, found.values) == (DesignStatus.NO_GRASP, (), {})
 
 
 def test_the_worst_case_and_the_mean_of_cases():
@@ -127,7 +127,7 @@ def test_errors_of_manufacture(moment):
 def test_grasps_may_be_lost_on_the_way(moment):
     """Below M / 59 N the tendons are too weak: minimizing the offset alone ends just above."""
     found = designed(minimize="e", variables={OFFSET: {"min": 0.001, "max": 0.006, "name": "e"}})
-    assert found.status is Status.FEASIBLE
+    assert found.status is DesignStatus.FEASIBLE
     assert 0 < found.statistics["designs_without_grasp"] <= 20
     least = moment / (60.0 - LEAST)
     assert least < found.values[OFFSET] < 1.01 * least
@@ -146,7 +146,7 @@ def test_no_design_holds_the_object():
         },
         raise_on_failure=False,
     )
-    assert found.status is Status.NO_GRASP
+    assert found.status is DesignStatus.NO_GRASP
     assert found.values == {}
     assert "scene" in found.message
 

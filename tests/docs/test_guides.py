@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.scene.schema import json_schema
+from continuum_grasp.scene import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
 from tests.scene_keys import keys_below

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.model.stumpff import stumpff
+from continuum_grasp.model import stumpff
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/theory.md").read_text(encoding="utf-8")

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp import InputError, run_closed_loop, shell
+from continuum_grasp import InputError, run_closed_loop
+from continuum_grasp.base import shell
+from continuum_grasp.closed_loop import PlantModel, plant_scene
 from continuum_grasp.closed_loop.integration import Integration
-from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
-from continuum_grasp.scene.loads import Actuation
-from continuum_grasp.scene.simulate import Timing
+from continuum_grasp.scene import Actuation, Timing
 from tests.marks import few
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -483,5 +483,5 @@ def test_without_gymnasium():
         "    except cg.InputError as error: print(error)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    missing = f"environments need the extra 'gym': {shell.installing('gym')}"
+    missing = f"environments need the extra 'gym': {shell.install_line('gym')}"
     assert done.stdout.splitlines() == [str(len(TASKS)), missing, missing]

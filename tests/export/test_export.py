@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from continuum_grasp.base import InputError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
@@ -26,8 +26,7 @@ from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import STABLE, Subject
 from continuum_grasp.export.vectors import reach_of, split
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Scene, load
 from tests.export_cases import DISC, ROOT, STRICT, TENDONS, needs, run, scene, shared_library, two_arcs, values
 from tests.features import FEATURES, scene_of
 from tests.marks import but

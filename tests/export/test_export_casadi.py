@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.functions import function_names
+from continuum_grasp.model import function_names
 from tests.export_cases import scene
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from continuum_grasp.control import Contact, Controller, Estimator
+from continuum_grasp.control import Controller, Estimator, ResidualContact
 from continuum_grasp.export.fields import REALS
 from tests.contact_cases import NOISE, RADIUS, STEP, plant, short_scene
 from tests.export_cases import needs, shared_library
@@ -51,7 +51,7 @@ def test_controller_and_estimator_feel_what_those_of_python_feel(made, readings)
         others[1].step(finger.Measurement(*y), finger.Command(*command.u))
         for wanted, other in zip(expected, others, strict=True):
             found = other.contact()
-            assert Contact(int(found.verdict)) is wanted.contact
+            assert ResidualContact(int(found.verdict)) is wanted.contact
             seen.add(wanted.contact)
             assert [*found.residual, *found.low, *found.high] == pytest.approx(
                 [*wanted.residual, *wanted.bounds.T.ravel()], abs=limit
@@ -61,7 +61,7 @@ def test_controller_and_estimator_feel_what_those_of_python_feel(made, readings)
             finite = np.isfinite(wanted.forces)
             forces = np.transpose([found.force_low, found.force_high])
             assert forces[finite] == pytest.approx(wanted.forces[finite], rel=limit, abs=limit)
-    assert seen == {Contact.FREE, Contact.UNCERTAIN, Contact.DETECTED, Contact.MISSING}
+    assert seen == {ResidualContact.FREE, ResidualContact.UNCERTAIN, ResidualContact.DETECTED, ResidualContact.MISSING}
 
 
 def test_what_moves_as_no_finger_is_lost_until_it_starts_again():
@@ -70,11 +70,11 @@ def test_what_moves_as_no_finger_is_lost_until_it_starts_again():
     python.detector.start(np.full(python.prediction.nx, 1e200))
     for _ in range(2):
         found = python.step([0.0, 0.0], [0.1]).contact
-        assert found.contact is Contact.LOST
+        assert found.contact is ResidualContact.LOST
         assert found.threshold.tolist() == [math.inf] * 2
         assert not np.isfinite(found.forces).any()
     python.reset()
-    assert python.step([0.0, 0.0], [0.1]).contact.contact is Contact.FREE
+    assert python.step([0.0, 0.0], [0.1]).contact.contact is ResidualContact.FREE
 
 
 def test_a_start_elsewhere_is_no_contact():
@@ -87,6 +87,6 @@ def test_a_start_elsewhere_is_no_contact():
     state[3:6] = 0.0  # at rest
     python.reset(state)
     verdicts = {python.step([0.8, torque], [0.8]).contact.contact for _ in range(40)}
-    assert verdicts == {Contact.FREE}
+    assert verdicts == {ResidualContact.FREE}
     python.reset()
-    assert Contact.DETECTED in {python.step([0.8, torque], [0.8]).contact.contact for _ in range(40)}
+    assert ResidualContact.DETECTED in {python.step([0.8, torque], [0.8]).contact.contact for _ in range(40)}

@@ -11,10 +11,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.estimation.estimator import Estimator
-from continuum_grasp.control.status import Status
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import CommandStatus, Controller, Estimator
 from continuum_grasp.export import export_c, package
 from continuum_grasp.export.control import replay
 from continuum_grasp.export.control.loop import Loop
@@ -36,12 +34,12 @@ from tests.export_cases import (
 from tests.marks import few
 
 CODES = {
-    0: Status.SOLVED,
-    3: Status.ITERATION_LIMIT,
-    4: Status.ROW_VIOLATED,
-    5: Status.PREVIOUS_PLAN,
-    6: Status.SAFE_RAMP,
-    8: Status.SOLVED,
+    0: CommandStatus.SOLVED,
+    3: CommandStatus.ITERATION_LIMIT,
+    4: CommandStatus.ROW_VIOLATED,
+    5: CommandStatus.PREVIOUS_PLAN,
+    6: CommandStatus.SAFE_RAMP,
+    8: CommandStatus.SOLVED,
 }
 
 
@@ -98,8 +96,8 @@ def test_the_controller_is_that_of_python(name, real, libraries):
         seen.add(CODES[other.code])
         u = command.u
         plant.advance(u, control.period)
-    assert Status.SOLVED in seen
-    assert Status.PREVIOUS_PLAN in seen or name == "observed"
+    assert CommandStatus.SOLVED in seen
+    assert CommandStatus.PREVIOUS_PLAN in seen or name == "observed"
 
 
 @pytest.mark.deep
@@ -349,7 +347,7 @@ def test_all_memory_is_copied_from_build_to_build():
 def test_measurements_of_the_vectors_have_noise():
     """Of 0.1 mm and 1e-2 of other units, so that an estimator has something to do."""
     loop = Loop.of(hand_scene(), REALS["double"], ["estimator", "mpc"])
-    finger = replay.Finger(loop, np.random.default_rng(0))
+    finger = replay.ReplayedFinger(loop, np.random.default_rng(0))
     readings = np.array([finger.measured(loop.before) for _ in range(400)])
     deviations = [1e-4 if "[m]" in name else 1e-2 for name in loop.measurement_names]
     assert readings.std(axis=0) == pytest.approx(deviations, rel=0.15)

@@ -7,11 +7,11 @@ from hashlib import sha256
 
 import pytest
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.export import export_c, export_fmu, export_mjcf, export_web
 from continuum_grasp.export.fmu import write as units
 from continuum_grasp.export.manifest import is_marked, write_package
-from continuum_grasp.results.atomic import write_text
+from continuum_grasp.results import write_text
 from tests.export_cases import TENDONS, scene
 
 FILES = {export_web: "page.html", export_mjcf: "chain.xml"}

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.export import export_c, subject
 from tests.export_cases import needs, shared_library, values
 from tests.simulation.test_winches import SERVO, model

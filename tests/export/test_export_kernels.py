@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.kernel import Kernel

@@ -11,16 +11,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.status import Sight
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Controller, Sight
 from continuum_grasp.export import export_c, export_fmu
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.plan import Plan
-from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.mission import PlantVariation, Timetable, assign
+from continuum_grasp.mission.plan import PhasePlan
 from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.export.test_export_targets import ELSEWHERE, MACHINES
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
 from tests.mission_cases import QUICK, carried
@@ -62,7 +60,7 @@ def test_a_mission_of_python_is_replayed(tmp_path):
     finger, library = shared_library(tmp_path / "package", tmp_path)
     other, stages = finger.Mission(library), Controller(of.control).stages
     plan, controller, ahead = (
-        Plan(Timetable(of), stages, np.zeros(0)),
+        PhasePlan(Timetable(of), stages, np.zeros(0)),
         SimpleNamespace(change=lambda **_: None),
         stages.stage,
     )
@@ -202,9 +200,9 @@ def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, package, tmp_p
 def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
     """By the same heights: squeezed in the same period, with the same commands; when asked to; set down."""
     scene = load(CONFIGS / "mug.yaml", [*QUICK, CONVERGES, "slip={height: 0.1 mm, down: 4 mm}"])
-    heights, measured = [], Plan._height
-    monkeypatch.setattr(Plan, "_height", lambda plan, plant: heights.append(measured(plan, plant)) or heights[-1])
-    mission = MissionRunner(assign(scene, optimize_grasp(scene.grasp))).run(Variation(friction_fall=0.4))
+    heights, measured = [], PhasePlan._height
+    monkeypatch.setattr(PhasePlan, "_height", lambda plan, plant: heights.append(measured(plan, plant)) or heights[-1])
+    mission = MissionRunner(assign(scene, optimize_grasp(scene.grasp))).run(PlantVariation(friction_fall=0.4))
     done, noticed = mission.runs[0], mission.verdict.slipped
     assert set(done.status) == {"solved"}
     package = tmp_path / "package"

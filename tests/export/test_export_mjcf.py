@@ -11,8 +11,8 @@ import pytest
 from scipy.linalg import eigh
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.links import lump
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import lump
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from tests.closed_forms.graded import stepped_frequencies
 from tests.graded_rods import CLOSED, FREQUENCIES, RODS, sections

@@ -10,7 +10,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp import System
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.parts import PARTS

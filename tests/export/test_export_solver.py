@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.export.part import Code
 from tests.export_cases import needs, shared_library
 from tests.rti_problems import cart_pole

@@ -7,8 +7,7 @@ import pytest
 
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.swept import SweptKernel
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.sweep import Builder
+from continuum_grasp.model import Builder, FingerModel
 from continuum_grasp.scene import ForceLoad
 from tests.export_cases import MANY
 from tests.model.test_many_elements import COUNT, model_of, state_of

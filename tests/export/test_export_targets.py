@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-from continuum_grasp.errors import SolverError
+from continuum_grasp.base import SolverError
 from continuum_grasp.export import export_c, targets
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code

@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
-from continuum_grasp.control.controller import Controller
+from continuum_grasp.control import Controller
 from continuum_grasp.core import Core
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.model import FingerModel

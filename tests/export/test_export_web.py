@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import Plant
 from continuum_grasp.export.build import wasm_module
 from continuum_grasp.export.web.page import plant_exports
 from continuum_grasp.export.web.plant import PUSHED, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import loop_record, trajectory_record
-from continuum_grasp.results.motion import MotionResult
+from continuum_grasp.results import MotionResult
 from tests.export_cases import loop_scene, needs
 
 pytestmark = needs("clang", "wasm-ld", "node", "gcc")

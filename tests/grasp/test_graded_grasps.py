@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.changes import FIRST
@@ -17,8 +17,7 @@ from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.problem.unit_finger import PRESLIDING, UnitFinger
 from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene import Curve, load
 from tests.marks import few
 
 LENGTH, STIFFNESS, DENSITY = 0.18, 6.11e-3, 0.034

@@ -13,14 +13,10 @@ from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.errors import SolverError
-from continuum_grasp.grasp import Status, certify, optimize_grasp
+from continuum_grasp.base import SolverError
+from continuum_grasp.grasp import GraspStatus, certify, optimize_grasp
 from continuum_grasp.results import read_run
-from continuum_grasp.scene.finger import PointMass
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspSolver
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import Circle
+from continuum_grasp.scene import Circle, GraspScene, GraspSolver, PointMass, load
 from tests import certificate_cases as cases
 from tests.marks import few
 
@@ -109,7 +105,7 @@ def test_weak_tendon_is_named_with_the_tension_needed():
     with pytest.raises(SolverError) as caught:
         optimize_grasp(make_scene("arc", UPRIGHT, max_tension=0.8 * needed))
     result = caught.value.result
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     reason = next(r for r in result.reasons if r.name == "tension")
     assert "max_tension" in reason.key
     assert reason.needed == pytest.approx(needed, rel=1e-3)
@@ -141,7 +137,7 @@ def test_a_limit_is_named_with_what_linear_programming_needs(name, key, scene, o
     """Where it is given as a part of that; a little around it there is a grasp, and none."""
     needed = oracle(numbers(scene()))
     result = optimize_grasp(scene(**{key: given * needed}), raise_on_failure=False)
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     assert next(r for r in result.reasons if r.name == name).needed == pytest.approx(needed, rel=5e-3)
     solved = [optimize_grasp(scene(**{key: part * needed}), raise_on_failure=False).solved for part in around]
     assert solved == [True, False][: len(around)]
@@ -150,7 +146,7 @@ def test_a_limit_is_named_with_what_linear_programming_needs(name, key, scene, o
 def test_out_of_reach_is_exact_and_needs_no_solver():
     far = Circle(shape="circle", diameter=0.08, mass=0.3, position=(0.5, 0.0))
     result = optimize_grasp(make_scene(object=far, supports={}), raise_on_failure=False)
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     assert [r.name for r in result.reasons] == ["reach"]
     assert result.statistics["solver_seconds"] == 0
 
@@ -159,7 +155,7 @@ def test_out_of_reach_is_exact_and_needs_no_solver():
 def test_an_interrupted_search_is_not_called_infeasible(solver):
     result = optimize_grasp(make_scene("matched_clothoid", UPRIGHT, solver=solver), raise_on_failure=False)
     # The start may be so good that it holds as it is.
-    assert result.status in (Status.NOT_SOLVED, Status.FEASIBLE)
+    assert result.status in (GraspStatus.NOT_SOLVED, GraspStatus.FEASIBLE)
     if not result.solved:
         assert result.advice
         with pytest.raises(SolverError, match="not_solved"):

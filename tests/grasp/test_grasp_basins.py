@@ -9,11 +9,11 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 from scipy.optimize import brentq, linprog
 
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp import GraspStart
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
+from continuum_grasp.grasp.starts.force import ForceBlock, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.curves import bends_to, chords, exact_bends
-from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.tried import Basin
 from continuum_grasp.nlp import Budget
 
@@ -57,7 +57,7 @@ def test_forces_are_those_of_linear_programming():
         # The last contact force closes the balance of the object.
         onto[0, :, 5] = (loads.target - onto[0, :, :5] @ force[:5]) / force[5]
         needed = moments @ force
-        block = Block(onto, moments, needed, np.zeros(8), np.full(8, 5.0), np.array([0.0] * 6 + [1.0, 1.0]))
+        block = ForceBlock(onto, moments, needed, np.zeros(8), np.full(8, 5.0), np.array([0.0] * 6 + [1.0, 1.0]))
         rows = np.concatenate([onto[0], moments[0]])
         right = np.concatenate([loads.target, needed[0]])
         exact = linprog(block.cost, A_eq=rows, b_eq=right, bounds=[(0.0, 5.0)] * 8)
@@ -73,17 +73,17 @@ def test_forces_are_those_of_linear_programming():
 def test_an_open_basin_is_counted():
     """A basin that promises half of the tension and leads nowhere leaves the search incomplete."""
     scene = make_scene("arc", UPRIGHT, max_tension=60.0)
-    search = Search(scene, Budget())
+    search = GraspSearch(scene, Budget())
     search.run()
     best = search.best
     tension = float(best.arrays["finger.tensions"].sum())
     start = best.attempt.start
     search.basins.append(
-        Basin(Start("scan", start.object_pose, {}, start.contacts, estimate=0.5 * tension), tried=True)
+        Basin(GraspStart("scan", start.object_pose, {}, start.contacts, estimate=0.5 * tension), tried=True)
     )
     assert search.exploration.open == 1
     assert search.exploration.best_open == pytest.approx(0.5 * tension)
-    search.basins[-1].start = Start("scan", start.object_pose, {}, start.contacts, estimate=0.99 * tension)
+    search.basins[-1].start = GraspStart("scan", start.object_pose, {}, start.contacts, estimate=0.99 * tension)
     assert search.exploration.open == 0
     assert math.isnan(search.exploration.best_open)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from grasp_scenes import UPRIGHT, make_scene
 
-from continuum_grasp.grasp import Status, optimize_grasp
-from continuum_grasp.scene.grasp_options import GraspSolver
+from continuum_grasp.grasp import GraspStatus, optimize_grasp
+from continuum_grasp.scene import GraspSolver
 
 CLOCKS = ("monotonic", "perf_counter", "process_time", "thread_time", "time")
 HELD = {"max_tension": 60.0}
@@ -37,14 +37,14 @@ def hurry(monkeypatch, seconds=0.5):
         monkeypatch.setattr(time, name, lambda: seconds * next(readings))
 
 
-@pytest.mark.parametrize(("changes", "status"), [(HELD, Status.OPTIMAL), (WEAK, Status.INFEASIBLE)])
+@pytest.mark.parametrize(("changes", "status"), [(HELD, GraspStatus.OPTIMAL), (WEAK, GraspStatus.INFEASIBLE)])
 def test_a_busy_machine_gives_the_same_verdict_bit_by_bit(monkeypatch, changes, status):
     calm = solved(**changes)
     hurry(monkeypatch)
     busy = solved(**changes)
     assert calm.status is status
     assert numbers(busy) == numbers(calm)
-    if status is Status.INFEASIBLE:
+    if status is GraspStatus.INFEASIBLE:
         assert busy.statistics["total_seconds"] > 60.0
 
 
@@ -61,7 +61,7 @@ def test_iterations_are_counted_and_limited(changes):
 def test_a_budget_that_is_too_small_is_no_verdict_and_repeats():
     few = GraspSolver(effort="quick", max_total_iterations=10)
     one, two = solved(few, **WEAK), solved(few, **WEAK)
-    assert one.status is Status.NOT_SOLVED
+    assert one.status is GraspStatus.NOT_SOLVED
     assert "max_total_iterations" in one.message + one.advice
     assert one.statistics["cut_short"] == "iterations"
     assert numbers(one) == numbers(two)
@@ -69,7 +69,7 @@ def test_a_budget_that_is_too_small_is_no_verdict_and_repeats():
 
 def jump_after(monkeypatch, run):
     """Let the emergency stop come with the so-many-th run of the solver."""
-    from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
+    from continuum_grasp.grasp import GraspSolverRun
 
     count, whole = [0], GraspSolverRun.run
 
@@ -87,7 +87,7 @@ def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
     """The first run of the search, and one of the diagnosis, whose reasons so far are none."""
     jump_after(monkeypatch, run)
     result = solved(**WEAK)
-    assert result.status is Status.STOPPED
+    assert result.status is GraspStatus.STOPPED
     assert not result.solved
     assert not result.reasons
     assert "clock" in result.message
@@ -98,7 +98,7 @@ def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
 def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
     jump_after(monkeypatch, 2)
     result = solved(GraspSolver(effort="thorough"), **HELD)
-    assert result.status is Status.FEASIBLE
+    assert result.status is GraspStatus.FEASIBLE
     assert "clock" in result.message
     assert any("cut short" in warning for warning in result.warnings)
 

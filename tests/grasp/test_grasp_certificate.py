@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.certificate.check import overlap
-from continuum_grasp.scene.objects import Ellipse, Polygon, Superellipse, Union
+from continuum_grasp.scene import Ellipse, Polygon, Superellipse, Union
 from tests import certificate_cases as cases
 from tests.test_imports import PACKAGE, imports, inside
 

@@ -7,8 +7,7 @@ import pytest
 
 from continuum_grasp.grasp.certificate.check import depth_in_object, depth_in_wall, depth_of_wall
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.scene.objects import Box, Circle, Ellipse
-from continuum_grasp.scene.supports import Line, Palm
+from continuum_grasp.scene import Box, Circle, Ellipse, Line, Palm
 
 
 def line_of_points(*corners, count=401):

@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 from grasp_scenes import finger_to, held_by_tips, loose
 
-from continuum_grasp.grasp import Status, optimize_grasp
-from continuum_grasp.scene.grasp_options import NoGravity, OutOfPlaneGravity, PlanarGravity
-from continuum_grasp.scene.objects import Box, Circle, Polygon
-from continuum_grasp.scene.supports import Palm, VGroove
+from continuum_grasp.grasp import GraspStatus, optimize_grasp
+from continuum_grasp.scene import Box, Circle, NoGravity, OutOfPlaneGravity, Palm, PlanarGravity, Polygon, VGroove
 
 G = 9.81
 LENGTH, HALF, MASS, FRICTION = 0.2, 0.006, 0.3, 0.5
@@ -96,7 +94,7 @@ def test_too_slippery_a_squeeze_names_the_coefficient(reserve):
     box = Box(shape="box", width=0.08, height=0.08, mass=50.0, position=(0.0, 0.0))
     tips = [finger((-0.04 - HALF, 0.0), 0.0), finger((0.04 + HALF, 0.0), math.pi)]
     result = solve(tips, box, OUT, friction=0.9 * needed, reserve=reserve)
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     found = {r.name: r.needed for r in result.reasons}
     assert found["friction"] == pytest.approx(needed, rel=1e-4)
     assert found["mass"] == pytest.approx(0.9 * 50.0, rel=1e-4)
@@ -177,7 +175,7 @@ def test_a_wedge_that_slips_out_names_the_coefficient():
     """
     b = math.radians(20.0)
     result = solve(*wedge(b), planar(0.0, -1.0), friction=0.3)
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     needed = next(r.needed for r in result.reasons if r.name == "friction")
     assert needed == pytest.approx(math.tan(b) + WEIGHT / (200.0 * math.cos(b)), rel=1e-3)
 

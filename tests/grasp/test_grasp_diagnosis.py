@@ -17,16 +17,12 @@ from benchmarks.grasp_images import drawn, mirrored, moved, scaled, scene_of
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.grasp import Status, optimize_grasp, solve
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp import RELAXATIONS, GraspStatus, Reason, optimize_grasp, solve
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_reach, part_of
 from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.grasp.values import Reason
 from continuum_grasp.nlp import Budget, Violation
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import GraspContacts, GraspScene, OutOfPlaneGravity, load
 from tests import certificate_cases as cases
 
 
@@ -39,7 +35,7 @@ def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
 def test_advice_names_the_effort_that_tries_more_where_there_is_one(effort, more):
     scene = load(CONFIGS / "pinch.yaml").changed({"solver.effort": effort})
     found = solve._Verdict(scene, Budget())._unsolved(None)
-    assert found.status is Status.NOT_SOLVED
+    assert found.status is GraspStatus.NOT_SOLVED
     assert ("Try solver.effort: thorough" in found.advice) is more
     assert "solver.effort" in found.advice or not more
     assert "move the base or the object" in found.advice
@@ -82,7 +78,7 @@ def test_tilt_balance_is_named_with_the_moment_that_is_missing():
     n = scene.finger.base.angle + touch
     least = 0.04 * 0.3 * 9.81 * 0.5 * math.hypot(math.cos(n) - 1.0, math.sin(n))
     result = optimize_grasp(scene, raise_on_failure=False)
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     reason = next(r for r in result.reasons if r.key == "gravity.tilt")
     assert reason.needed == pytest.approx(least, rel=1e-4)
     assert reason.unit == "N m"
@@ -98,7 +94,7 @@ def test_tilt_is_no_reason_where_it_is_ignored_or_harmless():
     ignored = optimize_grasp(middle_only(0.5, ignoring), raise_on_failure=False)
     heavy = optimize_grasp(make_scene("arc", UPRIGHT, mass=1.2), raise_on_failure=False)
     for result in (ignored, heavy):
-        assert result.status is Status.INFEASIBLE
+        assert result.status is GraspStatus.INFEASIBLE
         assert "gravity.tilt" not in [reason.key for reason in result.reasons]
 
 
@@ -109,7 +105,7 @@ def test_images_of_a_scene_have_the_same_reasons(seed):
 
     def reasons(image):
         result = optimize_grasp(scene_of(image(DRAWN["one"](seed) | UNASKED), 4), raise_on_failure=False)
-        assert result.status is Status.INFEASIBLE
+        assert result.status is GraspStatus.INFEASIBLE
         return [(one, *one.also) for one in result.reasons]
 
     own = reasons(dict)
@@ -128,7 +124,7 @@ def test_a_bending_range_is_a_reason_where_it_is_given_and_widened_where_it_is_n
     assert widened.tension == pytest.approx(wide.tension, rel=1e-6)
     assert "bending_range" in widened.statistics["fidelity"]
     given = optimize_grasp(free.changed({"fidelity.bending_range": math.pi}), raise_on_failure=False)
-    assert given.status is Status.INFEASIBLE
+    assert given.status is GraspStatus.INFEASIBLE
     needed = next(reason.needed for reason in given.reasons if reason.name == "bending range")
     bends = np.abs(wide.arrays["finger.lengths"][:, None] * FingerShape(free.setups[0], wide.arrays).curvatures)
     assert math.pi < needed <= bends.max() * (1.0 + 1e-6)
@@ -151,9 +147,9 @@ def test_only_a_given_bending_range_is_ever_a_reason(monkeypatch, given):
     monkeypatch.setattr(solve._Verdict, "_reasons", reasons)
     result = optimize_grasp(scene, raise_on_failure=False)
     if given:
-        assert (result.status, asked) == (Status.INFEASIBLE, [(4, given)])
+        assert (result.status, asked) == (GraspStatus.INFEASIBLE, [(4, given)])
     else:
-        assert result.status is Status.NOT_SOLVED
+        assert result.status is GraspStatus.NOT_SOLVED
         assert asked[:2] == [(4, 3.142), (4, 6.283)]
         assert [elements for elements, _ in asked[2:]] == [8, 8, 8, 16, 16, 16, 32, 32, 32]
 
@@ -233,7 +229,7 @@ def test_a_limit_that_is_enough_alone_is_named_alone():
     """No start for friction alone leads to a grasp here, only points at which all limits are relaxed do."""
     scene = GraspScene.model_validate(yaml.safe_load(CLIP))
     result = optimize_grasp(scene, raise_on_failure=False)
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     (friction,) = (reason for reason in result.reasons if reason.title == "friction")
     for part in (part for reason in result.reasons for part in (reason, *reason.also)):
         assert abs(part.needed - part.limit) > 1e-3 * part.limit

@@ -12,17 +12,15 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
-from continuum_grasp.grasp import Status, optimize_grasp
-from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp import GraspStatus, certify, optimize_grasp
 from continuum_grasp.grasp.certificate.drives import WoundTendons, _softened, _unsoftened
 from continuum_grasp.grasp.certificate.friction import TendonFriction
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.model.winches import soft
-from continuum_grasp.scene.drives import LengthDrive, MotorDrive
+from continuum_grasp.model import soft
+from continuum_grasp.scene import LengthDrive, MotorDrive, load
 from continuum_grasp.scene.finger import Rod, Tendons
-from continuum_grasp.scene.load import load
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 
@@ -282,7 +280,7 @@ def test_locked_winches_hold_as_much_as_friction_passes_on(way):
 def test_a_motor_for_each_tendon_holds_as_tensions_do_and_says_where_it_is():
     free = optimize_grasp(mug(None))
     found = optimize_grasp(mug(MOTOR))
-    assert found.status is Status.OPTIMAL
+    assert found.status is GraspStatus.OPTIMAL
     assert found.tension == pytest.approx(free.tension, rel=1e-7)
     left, right = found.drives["finger"]
     tension = found.fingers["finger"].tensions[0]
@@ -298,7 +296,7 @@ def test_a_motor_for_each_tendon_holds_as_tensions_do_and_says_where_it_is():
 def test_a_motor_that_is_too_weak_is_the_reason():
     weak = MOTOR.replaced(torque_max=0.2)
     found = optimize_grasp(mug(weak), raise_on_failure=False)
-    assert found.status is Status.INFEASIBLE
+    assert found.status is GraspStatus.INFEASIBLE
     reason = next(reason for reason in found.reasons if reason.name == "tension")
     # What the winch pulls against its own friction, and what the same finger takes with a motor that is strong enough.
     assert reason.limit == pytest.approx((0.2 - 2e-3) / 0.008)
@@ -341,7 +339,7 @@ def test_tendons_of_one_pulley_go_together(pretension):
 def test_a_grasp_holds_whatever_the_friction_states(drive):
     scene = mug(drive, 0.1)
     found, pulled = optimize_grasp(scene), optimize_grasp(scene.replaced(friction_states="pulled"))
-    assert found.status is Status.OPTIMAL
+    assert found.status is GraspStatus.OPTIMAL
     assert found.certificate.states >= 2
     assert found.robustness.robust.holds
     assert found.tension >= pulled.tension * (1.0 - 1e-6)
@@ -356,7 +354,7 @@ def test_tendons_that_slid_back_may_bend_a_finger_far():
     """Torque motors, friction 0.15: released, elements bend by more than pi, which no limit of the scene forbids."""
     drive = MOTOR.replaced(torque_max=0.56)
     found = optimize_grasp(mug(drive, 0.15))
-    assert found.status is Status.OPTIMAL
+    assert found.status is GraspStatus.OPTIMAL
     assert found.robustness.robust.holds
     held = {key.removeprefix("held."): value[1] for key, value in found.arrays.items() if key.startswith("held.")}
     assert (held["finger.friction_states"] == -1.0).all()

@@ -9,20 +9,17 @@ import numpy as np
 import pytest
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
-from continuum_grasp.grasp import Status, optimize_grasp
-from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp import GraspStatus, certify, optimize_grasp
 from continuum_grasp.grasp.certificate.model_error import model_error
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.model import FingerModel
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene import Damping, Finger
-from continuum_grasp.scene.finger import PointMass, Rod, Tendons
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.loads import ForceLoad, MomentLoad
+from continuum_grasp.scene import Damping, Finger, ForceLoad, MomentLoad, PointMass, load
+from continuum_grasp.scene.finger import Rod, Tendons
 from continuum_grasp.simulation import equilibrium_under
-from continuum_grasp.simulation.statics import Search
+from continuum_grasp.simulation.statics import EquilibriumSearch
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 
@@ -155,7 +152,7 @@ def test_virtual_work_is_the_slope_of_the_energy(family, q):
 @pytest.mark.deep
 def test_a_grasp_holds_whatever_the_friction_moments_and_names_the_worst():
     found = held()
-    assert found.status is Status.OPTIMAL
+    assert found.status is GraspStatus.OPTIMAL
     assert found.certificate.passed
     assert found.certificate.states >= 2
     robust, nominal = found.robustness.robust, found.robustness.nominal
@@ -235,7 +232,7 @@ def test_histories_of_a_simulation_end_where_the_grasp_says():
             for share in [0.3, 0.6, *shares]:
                 # A stop follows the curvature from where it was.
                 given = model, share * u, share * w, np.array(model.p_nominal)
-                at = Search(*given, np.append(states - sliding, 1.0)).find(q, True, 1)
+                at = EquilibriumSearch(*given, np.append(states - sliding, 1.0)).find(q, True, 1)
                 states, sliding, q = at.friction_states, bent(model, at.q, u), at.q
             response = responder.to(np.concatenate([np.zeros(OBJECT), states]))
             arrays = {**found.arrays, **response.arrays}

@@ -11,7 +11,7 @@ import pytest
 from grasp_scenes import finger_to, held_by_tips, loose
 
 from benchmarks.grasp_oracle import scenes
-from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp import GraspStatus, optimize_grasp
 from continuum_grasp.grasp.starts.starts import make_starts
 from tests.marks import few
 
@@ -46,7 +46,7 @@ def test_soft_fingers_and_a_palm(degrees):
     fingers = [finger(math.radians(30.0), lean), finger(math.radians(150.0), -lean)]
     result = optimize_grasp(scene_of(fingers, OUT, supports=PALM, objective="least_normal_force"))
     expected = MASS * G / (3.0 * FRICTION)
-    assert result.status is Status.OPTIMAL
+    assert result.status is GraspStatus.OPTIMAL
     assert [c.normal_force for c in result.contacts] == pytest.approx([expected] * 3, rel=1e-3)
     assert result.lower_bound == pytest.approx(expected, rel=2e-4)
     assert "above" in result.bound_words
@@ -89,7 +89,7 @@ def test_straight_fingers_of_all_sizes_and_a_palm(stiffness, length, radius, deg
     }
     result = optimize_grasp(scene_of(fingers, OUT, **more))
     rise = math.sin(math.radians(30.0 if free else degrees))
-    assert result.status is Status.OPTIMAL
+    assert result.status is GraspStatus.OPTIMAL
     expected = max(1.0, 2.0 * rise) * MASS * G / (2.0 * FRICTION * (1.0 + rise))
     assert max(c.normal_force for c in result.contacts) == pytest.approx(expected, rel=1e-3)
 
@@ -181,5 +181,5 @@ def test_fingers_may_wrap_from_either_side():
     scene = held_by_tips(fingers, OUT, body, contacts, fidelity=fidelity, stability="ignore")
     result = optimize_grasp(scene)
     assert result.tension <= 1.005 * 181.2
-    assert result.status is Status.FEASIBLE
+    assert result.status is GraspStatus.FEASIBLE
     assert result.exploration.sampled == 1

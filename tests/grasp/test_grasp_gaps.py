@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 MUG = Path(__file__).parents[2] / "configs" / "grasp" / "mug.yaml"
 RADIUS = 0.04

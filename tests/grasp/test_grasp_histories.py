@@ -14,7 +14,7 @@ import pytest
 from benchmarks.grasp_oracle.check import LIMITS, residuals
 from benchmarks.grasp_oracle.scenes import scene_of
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.grasp_scenes import CONFIGS
 from tests.marks import few
 from tests.truth.tendon import HingedFinger

@@ -12,11 +12,11 @@ import continuum_grasp as cg
 from benchmarks.grasp_images import LONGER, STRONGER, drawn, mirrored, moved, rolled, scaled, scene_of
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene import GraspScene
 from tests.marks import few
 
 SCENES = [("one", 5), ("one", 7), ("one", 1), ("one", 2), ("one", 6), ("one", 11)]
@@ -38,7 +38,7 @@ def image_of(data):
 
 def least(scene):
     """The least tension that is found [N]; None where there is no grasp."""
-    search = Search(scene, Budget.of(scene.solver))
+    search = GraspSearch(scene, Budget.of(scene.solver))
     search.run()
     return None if search.best is None else tension_of(scene, search.best.arrays)
 

@@ -71,7 +71,7 @@ def test_an_interrupted_start_does_not_count():
     code = """
         press(run=2, iteration=2)
         from continuum_grasp.grasp import optimize_grasp
-        from continuum_grasp.scene.load import load
+        from continuum_grasp.scene.reading import load
         result = optimize_grasp(load(sys.argv[1], ["solver.effort=thorough"]))
         print(result.status.value, len(result.statistics["attempts"]), result.statistics["interrupted"])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -84,9 +84,9 @@ def test_an_interrupted_diagnosis_is_no_verdict():
     """The tendon is too weak; Ctrl-C while the solver looks for the reason."""
     code = """
         press(run=5, iteration=2)
-        from continuum_grasp.errors import Interrupted
+        from continuum_grasp.base import Interrupted
         from continuum_grasp.grasp import optimize_grasp
-        from continuum_grasp.scene.load import load
+        from continuum_grasp.scene.reading import load
         scene = load(sys.argv[1], ["finger.tendons.max_tension=20"])
         try:
             optimize_grasp(scene, raise_on_failure=False)
@@ -101,7 +101,7 @@ def test_ctrl_c_from_outside():
     """The signal comes from another process while starts are tried without end."""
     code = """
         from continuum_grasp.grasp import optimize_grasp, search
-        from continuum_grasp.scene.load import load
+        from continuum_grasp.scene.reading import load
         run = solver_run.GraspSolverRun.run
         def reported(self, *arguments, **options):
             print("start", flush=True)

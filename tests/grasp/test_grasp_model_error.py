@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import newton
 
 from continuum_grasp.grasp import certify, optimize_grasp
-from continuum_grasp.scene.finger import PointMass, Rod
-from continuum_grasp.scene.grasp_options import GraspSolver
+from continuum_grasp.scene import GraspSolver, PointMass
+from continuum_grasp.scene.finger import Rod
 from tests import certificate_cases as cases
 from tests.commands import run
 from tests.marks import but

@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
-from continuum_grasp.grasp import certify, optimize_grasp
+from continuum_grasp.grasp import certify, optimize_grasp, with_postures
 from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
-from continuum_grasp.grasp.robust.search import find_robust, with_postures
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.robust.search import find_robust
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.stations import _on_nearest, without_stations
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene import GraspScene
-from continuum_grasp.scene.grasp_options import Robust
-from continuum_grasp.scene.load import load, scene_of
+from continuum_grasp.scene import GraspScene, Robust, load, scene_of
 from tests.grasp.test_grasp_histories import at_rest
 
 ANY = Robust.model_construct(draws=0)
@@ -33,9 +31,9 @@ def scene():
 
 def for_any_friction(scene):
     """The grasp for any friction next to that with one station to which the grasp with one middle contact leads."""
-    before = Search(without_stations(scene), Budget.of(scene.solver))
+    before = GraspSearch(without_stations(scene), Budget.of(scene.solver))
     before.run()
-    search = Search(scene, Budget.of(scene.solver))
+    search = GraspSearch(scene, Budget.of(scene.solver))
     search.attempt(_on_nearest(scene, before.scene, before.best.arrays), options_at=0)
     found = find_robust(scene, ANY, search.best.arrays, Budget.of(scene.solver))
     return found, with_postures(scene, found.arrays, found.responses, Budget())

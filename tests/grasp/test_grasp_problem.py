@@ -12,39 +12,34 @@ from grasp_scenes import CONFIGS, UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
-from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp import RELAXATIONS, GraspResponse, optimize_grasp, resistance, start_from
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem import points, surroundings, values
 from continuum_grasp.grasp.problem.limits import friction_cone
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
 from continuum_grasp.grasp.problem.structure import FingerSpec
-from continuum_grasp.grasp.quality.resistance import resistance
-from continuum_grasp.grasp.quality.response import GraspResponse
-from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import NEAR, distance_from
+from continuum_grasp.grasp.search import GraspSearch
+from continuum_grasp.model import NEAR, FingerModel, distance_from, surface_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
     Circle,
     Disturbances,
+    Fidelity,
     Finger,
     FingerContacts,
+    Freedom,
     GraspContacts,
     MomentLoad,
     ObjectiveWeights,
+    OffsetPolygon,
     Palm,
     PointMass,
+    Profile,
     Rod,
+    SuperellipsePart,
     Tendons,
+    load,
 )
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import Freedom
-from continuum_grasp.scene.parts import OffsetPolygon, SuperellipsePart
-from continuum_grasp.scene.profile import Profile
-from continuum_grasp.scene.simulate import Fidelity
 from tests.grasp.test_grasp_problem_limits import posed
 
 SHARP = OffsetPolygon(((-0.05, -0.03), (0.05, -0.03), (0.05, 0.03), (-0.05, 0.03)))
@@ -223,7 +218,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
         disturbances=Disturbances(wrenches=((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)), tendons=tendons),
     )
     result = optimize_grasp(scene)
-    search = Search(scene, Budget.of(scene.solver))
+    search = GraspSearch(scene, Budget.of(scene.solver))
     search.run()
     best = search.best
     factor = float(best.attempt.x[best.solver.problem.x.at["resisted disturbance"]][0])
@@ -293,7 +288,7 @@ def test_more_starts_lead_to_the_same_grasp_of_a_box():
 @pytest.mark.parametrize("options_at", range(len(OPTION_SETS)))
 def test_every_option_set_leads_back_from_next_to_a_grasp(options_at):
     scene = make_scene("arc")
-    search = Search(scene, Budget.of(scene.solver))
+    search = GraspSearch(scene, Budget.of(scene.solver))
     search.run()
     best = search.best
     start = start_from(scene, best.arrays)

@@ -14,12 +14,11 @@ import pytest
 from grasp_scenes import make_scene
 
 from continuum_grasp import nlp
+from continuum_grasp.grasp import RELAXATIONS, GraspSolverRun, ProblemSpec
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import disturbance, limits, points, solver_run, surroundings, values
 from continuum_grasp.grasp.problem.equations import equations, expressions
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, allowed_depth, solve_clear
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.solver_run import allowed_depth, solve_clear
 from continuum_grasp.grasp.starts.starts import make_starts
 
 NONE = np.zeros(1)
@@ -34,7 +33,7 @@ def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf, enough=m
     def solve(start, budget):
         solved.append(start)
         forces = nlp.Multipliers(NONE, np.ones(1))
-        return nlp.Attempt(nlp.Status.SOLVED, "", NONE, NONE, objective, forces, 1, 0.0, 0.0, 0.0)
+        return nlp.Attempt(nlp.SolverStatus.SOLVED, "", NONE, NONE, objective, forces, 1, 0.0, 0.0, 0.0)
 
     def now(value):
         return value if len(solved) < settles_after else 0.0
@@ -77,7 +76,7 @@ def asked(*names, options_at=0, off=0.0):
         )
         g = np.clip(0.0, *problem.rows.bounds())
         g[np.flatnonzero(low == 0.0)[0]] -= off
-        return nlp.Attempt(nlp.Status.FAILED, "", x, g, 0.0, None, 0, 0.0, 0.0, 0.0), start.p
+        return nlp.Attempt(nlp.SolverStatus.FAILED, "", x, g, 0.0, None, 0, 0.0, 0.0, 0.0), start.p
 
     relaxed = [(one, 0.0) for one in RELAXATIONS if one.name in names]
     with pytest.MonkeyPatch.context() as patch:

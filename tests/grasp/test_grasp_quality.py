@@ -10,12 +10,12 @@ import pytest
 from scipy.optimize import linprog, nnls
 from scipy.spatial import ConvexHull
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.grasp import Quality
 from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.quality.contact_set import epsilon_l1
-from continuum_grasp.grasp.quality.quality import Quality
-from continuum_grasp.results.plain import plain
-from continuum_grasp.scene.objects import Circle
+from continuum_grasp.results import plain
+from continuum_grasp.scene import Circle
 from tests import certificate_cases as cases
 
 THIRDS = (0.0, 2 * math.pi / 3, 4 * math.pi / 3)

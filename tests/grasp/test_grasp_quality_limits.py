@@ -12,7 +12,7 @@ from continuum_grasp.grasp.quality import conic
 from continuum_grasp.grasp.quality.conic import solve_conic
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.quality.resistance import _Limits
-from continuum_grasp.scene.objects import Box
+from continuum_grasp.scene import Box
 from tests import certificate_cases as cases
 
 

@@ -17,23 +17,15 @@ from matplotlib.text import Text
 
 import continuum_grasp.grasp
 import continuum_grasp.plotting
-from continuum_grasp.grasp import certify
+from continuum_grasp.grasp import GraspResult, GraspStatus, Reason, certify
 from continuum_grasp.grasp.page import page as page_of
-from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
-from continuum_grasp.grasp.values import Change, OutlineError, Reason, Status, force_text
-from continuum_grasp.plotting.grasp.margins import (
-    plot_friction,
-    plot_resistance,
-    resistance_extremes,
-    resistance_words,
-)
-from continuum_grasp.plotting.grasp.picture import plot_grasp
+from continuum_grasp.grasp.values import Change, OutlineError, force_text
+from continuum_grasp.plotting import plot_grasp
+from continuum_grasp.plotting.grasp.margins import plot_friction, plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import GraspView
-from continuum_grasp.results import read_run
-from continuum_grasp.results.plain import yaml_text
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.load import load
+from continuum_grasp.results import read_run, yaml_text
+from continuum_grasp.scene import GraspScene, load
 from tests.commands import run
 from tests.made_up_grasps import REASON, bent, failed, held, made_up, scene_of
 from tests.marks import few
@@ -208,7 +200,9 @@ def test_page_has_a_row_for_each_of_two_limits_at_once():
 
 
 def test_page_escapes_what_the_user_wrote():
-    result = GraspResult(scene_of("mug", name=NASTY), Status.NOT_SOLVED, NASTY, {}, advice=NASTY, violated=(NASTY,))
+    result = GraspResult(
+        scene_of("mug", name=NASTY), GraspStatus.NOT_SOLVED, NASTY, {}, advice=NASTY, violated=(NASTY,)
+    )
     text = page_of(result)
     assert "<script" not in text
     assert Page(text).text.count(NASTY) >= 4
@@ -217,7 +211,7 @@ def test_page_escapes_what_the_user_wrote():
 @pytest.mark.parametrize("name", few(SCENES, 8))
 def test_page_holds_a_scene_that_can_be_read_again(name):
     scene = scene_of(name)
-    page = Page(page_of(GraspResult(scene, Status.NOT_SOLVED, "")))
+    page = Page(page_of(GraspResult(scene, GraspStatus.NOT_SOLVED, "")))
     given = page.text[page.text.index("schema_version:") :]
     assert GraspScene.model_validate(yaml.safe_load(given)) == scene
 
@@ -260,7 +254,7 @@ def test_labels_lie_on_nothing(name, shown):
 def test_a_force_is_written_alike_everywhere():
     scene = scene_of("mug")
     arrays = {**made_up(scene), "finger.tensions": np.array([37.6123, 0.99])}
-    result = GraspResult(scene, Status.OPTIMAL, "held", arrays)
+    result = GraspResult(scene, GraspStatus.OPTIMAL, "held", arrays)
     texts = (
         result_text(result),
         Page(page_of(result).replace("</td>", " </td>")).text,
@@ -306,7 +300,7 @@ def test_lift_is_drawn_beside_friction_in_the_plane():
     scene = scene_of("mug")  # its friction coefficient is 0.5
     arrays = made_up(scene)
     arrays["contact_forces"] = np.array([[2.0, 0.6, 0.8], [2.0, -0.6, 0.0], [2.0, 0.0, 0.5]])  # 0 %, 40 %, 50 % left
-    result = GraspResult(scene, Status.OPTIMAL, "held", arrays)
+    result = GraspResult(scene, GraspStatus.OPTIMAL, "held", arrays)
     drawn = plot_friction(result)
     rims = [patch.center for patch in drawn.patches[::2]]
     dots = [line.get_xydata()[0] for line in drawn.lines if line.get_marker() == "o"]
@@ -421,7 +415,7 @@ def test_a_small_scene_fills_its_picture():
 # -- files and command line ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("status", [Status.INFEASIBLE, Status.NOT_SOLVED])
+@pytest.mark.parametrize("status", [GraspStatus.INFEASIBLE, GraspStatus.NOT_SOLVED])
 def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
     result = failed()
     result = GraspResult(result.scene, status, "too heavy", result.arrays, None, (), (REASON,), "Use two.")
@@ -439,7 +433,9 @@ def test_command_saves_a_failure_and_says_so(tmp_path, monkeypatch, status):
 def test_command_says_that_a_grasp_is_unstable_and_ends_with_its_own_status(tmp_path, monkeypatch):
     result = held()
     certificate = certify(result.scene, result.arrays)
-    result = replace(result, status=Status.UNSTABLE, message="in balance", certificate=certificate, advice="Stiffen.")
+    result = replace(
+        result, status=GraspStatus.UNSTABLE, message="in balance", certificate=certificate, advice="Stiffen."
+    )
     monkeypatch.setattr(continuum_grasp.grasp, "optimize_grasp", lambda scene, **options: result)
     done = run("grasp", ROOT / "configs" / "grasp" / "mug.yaml", "--out", tmp_path)
     assert done.exit_code == 3

@@ -12,12 +12,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp import certify
+from continuum_grasp.grasp import GraspResult, GraspStatus, certify
 from continuum_grasp.grasp.certificate.stability import Stability
 from continuum_grasp.grasp.page import page as page_of
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.values import Status
-from continuum_grasp.plotting.grasp.picture import plot_grasp
+from continuum_grasp.plotting import plot_grasp
 from tests.made_up_grasps import REASON, failed, held, scene_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -48,12 +46,12 @@ def pages():
         "optimal": certified(held()),
         "in the plane": certified(held("table_peg")),
         "three fingers": certified(held("wrap")),
-        "feasible": certified(held("egg"), status=Status.FEASIBLE, message=f"held; {LONG.text}"),
-        "unstable": certified(held("pinch"), stable=False, status=Status.UNSTABLE),
+        "feasible": certified(held("egg"), status=GraspStatus.FEASIBLE, message=f"held; {LONG.text}"),
+        "unstable": certified(held("pinch"), stable=False, status=GraspStatus.UNSTABLE),
         "unstable as the scene allows": certified(held("pinch"), stable=False),
         "infeasible": replace(failed(), reasons=(REASON, LONG), statistics=STATISTICS),
         "without numbers": unnamed,
-        "not solved": GraspResult(scene_of("mug", name="m" * 90), Status.NOT_SOLVED, LONG.text, advice=LONG.text),
+        "not solved": GraspResult(scene_of("mug", name="m" * 90), GraspStatus.NOT_SOLVED, LONG.text, advice=LONG.text),
     }
     # the quality of made-up numbers means nothing: only its polygon is drawn
     drawn = {name: plot_grasp(r, resisted=CIRCLE if r.solved else False) for name, r in results.items()}

@@ -10,15 +10,11 @@ import pytest
 from grasp_elastica import Hand, designed, disturbed, stored
 from scipy.optimize import brentq
 
+from continuum_grasp.grasp import GraspResponse, Quality, resistance
 from continuum_grasp.grasp.quality.bent_finger import rolled
-from continuum_grasp.grasp.quality.quality import Quality
-from continuum_grasp.grasp.quality.resistance import difference_range, resistance
-from continuum_grasp.grasp.quality.response import GraspResponse
+from continuum_grasp.grasp.quality.resistance import difference_range
+from continuum_grasp.scene import Box, Circle, Ellipse, OffsetPolygon, Palm, PlanarGravity, Point
 from continuum_grasp.scene.finger import Rod, Tendons
-from continuum_grasp.scene.grasp_options import PlanarGravity
-from continuum_grasp.scene.objects import Box, Circle, Ellipse
-from continuum_grasp.scene.parts import OffsetPolygon
-from continuum_grasp.scene.supports import Palm, Point
 from tests import certificate_cases as cases
 
 LENGTH, STIFFNESS, RADIUS = cases.LENGTH, cases.STIFFNESS, 0.04

@@ -10,18 +10,13 @@ import numpy as np
 import pytest
 
 from benchmarks.grasp_oracle.scenes import scene_of
-from continuum_grasp.errors import InputError
-from continuum_grasp.grasp import Status, Trials, optimize_grasp
-from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.base import InputError
+from continuum_grasp.grasp import GraspSolverRun, GraspStatus, GraspTrials, ProblemSpec, optimize_grasp, start_from
 from continuum_grasp.grasp.robust.errors import InError, corners, drawn, scaled
 from continuum_grasp.grasp.robust.joint import robust_problem
 from continuum_grasp.grasp.robust.response import Responder
-from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp_options import GraspContacts, Robust
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import Circle
+from continuum_grasp.scene import Circle, GraspContacts, Robust, load
 from tests.grasp_scenes import CONFIGS, make_scene
 from tests.marks import few
 
@@ -41,7 +36,7 @@ def opposed(robust, normal_force_max=30.0):
 @pytest.mark.parametrize(("friction", "mass"), few([(0.2, 0.1), (0.2, 0.0), (0.0, 0.1)], 1))
 def test_opposed_contacts_press_as_the_worst_friction_and_mass_ask(friction: float, mass: float) -> None:
     found = optimize_grasp(opposed(Robust(friction=friction, mass=mass, draws=5)))
-    assert found.status is Status.OPTIMAL
+    assert found.status is GraspStatus.OPTIMAL
     needed = SQUEEZE * (1.0 + mass) / (1.0 - friction)
     np.testing.assert_allclose([c.normal_force for c in found.contacts], needed, rtol=1e-5)
     assert found.robustness.robust.held == 5
@@ -54,7 +49,7 @@ def test_opposed_contacts_press_as_the_worst_friction_and_mass_ask(friction: flo
 @pytest.mark.deep
 def test_bounds_that_cannot_be_borne_come_with_the_part_that_can() -> None:
     found = optimize_grasp(opposed(Robust(friction=0.4, draws=3), 1.25 * SQUEEZE), raise_on_failure=False)
-    assert found.status is Status.INFEASIBLE
+    assert found.status is GraspStatus.INFEASIBLE
     assert found.robustness.robust is None
     (reason,) = found.reasons
     # 1 / (1 - 0.4 s) <= 1.25 for s <= 0.5, found to a sixteenth.
@@ -76,7 +71,7 @@ def test_the_mug_needs_the_tension_of_its_worst_corner() -> None:
         alone.append(optimize_grasp(scene.replaced(object=body, contacts=slippery)).tension)
     # The errors share nothing but the tensions: what holds the worst corner holds all.
     assert found.tension == pytest.approx(max(alone), rel=2e-4)
-    assert found.status is Status.OPTIMAL
+    assert found.status is GraspStatus.OPTIMAL
     assert found.robustness.robust.held == 20
     assert found.robustness.nominal.held < 20
 
@@ -115,7 +110,7 @@ def test_a_robust_grasp_says_where_was_looked_and_what_may_be_missed(monkeypatch
     scene = make_scene("arc", robust=Robust(friction=0.05, draws=2), objective="least_normal_force")
     monkeypatch.setattr("continuum_grasp.grasp.solve._Verdict._notes", lambda *_: ["samples were tried, not all"])
     found = optimize_grasp(scene)
-    assert found.status is Status.FEASIBLE
+    assert found.status is GraspStatus.FEASIBLE
     assert re.search("whatever the errors within robust; .* N without errors; samples were tried", found.message)
     assert found.exploration.starts_solved > 0
     assert 0.0 < found.lower_bound < found.greatest_normal_force
@@ -125,7 +120,7 @@ def test_a_grasp_whose_draws_fail_is_not_called_robust(monkeypatch: pytest.Monke
     beyond = np.array([[0.0, 0.0, 0.0, 0.0, -0.3, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
     monkeypatch.setattr("continuum_grasp.grasp.robust.solve.drawn", lambda bounds, seed: beyond)
     found = optimize_grasp(make_scene("arc", robust=Robust(friction=0.05)))
-    assert found.status is Status.FEASIBLE
+    assert found.status is GraspStatus.FEASIBLE
     assert "NOT robust: 1 of 2 draws do not hold" in found.message
     assert any("do not hold" in warning for warning in found.warnings)
     assert found.robustness.robust.margins[0] < 0.0 < found.robustness.robust.margins[1]
@@ -224,7 +219,7 @@ def test_derivatives_of_the_whole_problem_are_those_of_its_expressions(name: str
 
 
 def test_a_draw_without_an_answer_does_not_count_as_held() -> None:
-    trials = Trials(1.0, np.array([0.1, np.nan, -np.inf, 0.0]), np.array([0.0]), {}, {})
+    trials = GraspTrials(1.0, np.array([0.1, np.nan, -np.inf, 0.0]), np.array([0.0]), {}, {})
     assert (trials.held, trials.holds, trials.least) == (2, False, -np.inf)
 
 

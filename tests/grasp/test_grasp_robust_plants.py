@@ -11,8 +11,7 @@ from scipy.optimize import fsolve, linprog
 
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.robust.response import _reserve
-from continuum_grasp.scene.grasp_options import Robust
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import Robust, load
 from tests.grasp_scenes import CONFIGS
 from tests.marks import few
 

@@ -13,8 +13,7 @@ from continuum_grasp.grasp.starts.candidates import first_joint
 from continuum_grasp.grasp.starts.scan import touching
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import Circle
+from continuum_grasp.scene import Circle, load
 from tests.grasp.test_grasp_starts import finger_at, scene_of
 
 LENGTH, HALF = 0.18, 0.006  # of the finger [m]

@@ -10,9 +10,9 @@ import pytest
 
 from continuum_grasp.grasp import search as module
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.tried import Basin, Tried, branch_of, least_of
-from continuum_grasp.nlp import Budget, Status
+from continuum_grasp.nlp import Budget, SolverStatus
 from tests import certificate_cases as cases
 
 TENSION, MOST = 10.0, 60.0
@@ -44,7 +44,7 @@ def grasp(tension=TENSION, objective=1.0, optimal=True, press=1.0):
 def searching(*grasps, elements=2, **changes):
     """A search that has these grasps, and the starts that it goes on to solve from."""
     scene = cases.squeezed_disc()[0].changed({"fidelity.elements": elements, **changes})
-    search, solved = Search(scene, Budget()), []
+    search, solved = GraspSearch(scene, Budget()), []
     search.good, search.tried = list(grasps), list(grasps)
     search.attempt = lambda start, **options: solved.append(start)
     return search, solved
@@ -197,7 +197,7 @@ def test_rough_starts_of_a_branch_that_holds_do_not_count_as_in_vain(monkeypatch
 def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeypatch):
     search, _ = searching(elements=4)
     search.attempt = lambda start, **options: search.tried.append(grasp())
-    monkeypatch.setattr(Search, "impossible", True)
+    monkeypatch.setattr(GraspSearch, "impossible", True)
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
     search._from_rough(frozenset({"finger.tip"}), 4)
     assert len(search.tried) == 6
@@ -299,7 +299,7 @@ def test_grasps_of_few_elements_are_continued_the_best_first(monkeypatch):
 
 @pytest.mark.parametrize(("status", "again"), [("stopped", 1), ("infeasible", 0)])
 def test_a_grasp_of_few_elements_goes_on_from_where_it_was_cut(status, again, monkeypatch):
-    cut = Grasp(attempt=SimpleNamespace(status=Status(status)), start="cut", acceptable=False)
+    cut = Grasp(attempt=SimpleNamespace(status=SolverStatus(status)), start="cut", acceptable=False)
     search, _ = searching(elements=8)
     few, tried = search._few, []
     monkeypatch.setattr(few, "run", lambda: few.tried.append(ended(1.0)))

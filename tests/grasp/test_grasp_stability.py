@@ -9,11 +9,10 @@ import pytest
 from scipy.linalg import eigh, null_space
 from scipy.optimize import brentq
 
-from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.certificate.stability import contact_stability
-from continuum_grasp.scene.finger import PointMass, Rod
-from continuum_grasp.scene.objects import Circle, Polygon
-from continuum_grasp.scene.supports import Palm, Point
+from continuum_grasp.scene import Circle, Palm, Point, PointMass, Polygon
+from continuum_grasp.scene.finger import Rod
 from tests import certificate_cases as cases
 
 L, EI = cases.LENGTH, cases.STIFFNESS

@@ -11,13 +11,13 @@ import pytest
 from grasp_scenes import SHAPES
 from scipy.optimize import nnls
 
+from continuum_grasp.grasp import support_contacts
 from continuum_grasp.grasp.starts.fingertips import pressed
-from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
+from continuum_grasp.grasp.starts.force import ForceBlock, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.task import ALLOWED
 from continuum_grasp.grasp.starts.starts import combinations, make_starts, overlaps
-from continuum_grasp.grasp.starts.supports import support_contacts, touching_supports
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.parts import OffsetPolygon
+from continuum_grasp.grasp.starts.supports import touching_supports
+from continuum_grasp.scene import GraspScene, OffsetPolygon
 from tests.marks import few
 
 pytestmark = pytest.mark.filterwarnings("ignore:tendons.offset")
@@ -372,7 +372,7 @@ def pushing(sideways, force):
     onto, limits = np.zeros((count, 3, 3)), np.array([force, 0.0, 0.0])
     onto[:, 1, 0], onto[:, [0, 2], 0] = 1.0, sideways
     cost = np.array([0.0, 1.0, 1.0])
-    return Block(onto, np.zeros((count, 1, 3)), np.zeros((count, 1)), 0.99 * limits, 1.01 * limits + cost, cost)
+    return ForceBlock(onto, np.zeros((count, 1, 3)), np.zeros((count, 1)), 0.99 * limits, 1.01 * limits + cost, cost)
 
 
 @pytest.mark.parametrize(("fingers", "postures"), [(2, 14), (3, 8), (4, 6)])

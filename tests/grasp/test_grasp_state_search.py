@@ -7,12 +7,12 @@ from itertools import product
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp import Status, certify, optimize_grasp
+from continuum_grasp.grasp import GraspStatus, certify, optimize_grasp
 from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.robust.search import tried_states
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.grasp_scenes import CONFIGS
 from tests.marks import few
 
@@ -62,7 +62,7 @@ def test_a_search_that_stops_early_is_not_certified(monkeypatch):
     """The certificate asks for what is beside the worst."""
     monkeypatch.setattr("continuum_grasp.grasp.robust.search.descended", lambda *_: iter(()))
     found = optimize_grasp(sticking(), raise_on_failure=False)
-    assert found.status is Status.NOT_SOLVED
+    assert found.status is GraspStatus.NOT_SOLVED
     assert "friction states next to the worst that are missing" in found.message
 
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
-from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.grasp import GraspResult, Status, optimize_grasp
-from continuum_grasp.scene import GraspScene
-from continuum_grasp.scene.load import scene_of
+from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.grasp import GraspResult, GraspStatus, optimize_grasp
+from continuum_grasp.scene import GraspScene, scene_of
 
 PLACES = {"stations": 4, "middle_range": (0.06, 0.12)}
 
@@ -102,7 +101,7 @@ def test_the_greatest_mass_can_be_held_and_more_cannot() -> None:
         optimize_grasp(_mug(mass=1.5, **PLACES))
     result = raised.value.result
     assert isinstance(result, GraspResult)
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     most = next(reason.needed for reason in result.reasons if reason.name == "mass")
     assert optimize_grasp(_mug(mass=0.995 * most, **PLACES)).certificate
     assert not optimize_grasp(_mug(mass=1.02 * most, **PLACES), raise_on_failure=False).solved

@@ -11,29 +11,24 @@ import numpy as np
 import pytest
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp import changes, stations
+from continuum_grasp.grasp import RELAXATIONS, ContactStart, GraspResult, JointSolverRun, Reason, changes, stations
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import diagnosis
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
 from continuum_grasp.grasp.reasons.elastic import Repair, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts
-from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust import joint
 from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
 from continuum_grasp.grasp.robust.errors import InError
-from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.response import Responder, Response
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.solve import _Verdict
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
-from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.grasp.values import Reason
-from continuum_grasp.nlp import Budget, Status
-from continuum_grasp.scene.grasp_options import Robust
+from continuum_grasp.nlp import Budget, SolverStatus
+from continuum_grasp.scene import Robust
 from tests import certificate_cases as cases
 from tests.grasp_scenes import make_scene
 
@@ -72,7 +67,7 @@ def repaired(amount, most=1.0, other=None):
     """Whether limits relaxed by an amount each, alone or with another one, are a repair."""
     limit = Some(name="tension", sensible=lambda scene: most, excuses=None, start=lambda scene: 1.0)
     second = Some(name="mass", sensible=lambda scene: most, excuses=None, start=lambda scene: 1.0)
-    found = Some(x=np.zeros(1), violations=[], status=Status.SOLVED)
+    found = Some(x=np.zeros(1), violations=[], status=SolverStatus.SOLVED)
     given = {limit: amount, second: other}
     solver = Some(run=lambda *_, **__: found, given=lambda scene, x, one: given[one], arrays=lambda *_: {})
     repairs = Repairs(SCENE, searching(solver=lambda start: solver))
@@ -179,7 +174,7 @@ def effort_in_error():
 
     def cut(solve, problem, start, *_):
         seen.append(run._ps(start.p)[1][run._solvers[1].problem.numbers.at["effort weight"]])
-        return nlp.Attempt(Status.FAILED, "", start.x, start.lower, 0.0, None, 0, 0.0, 0.0, 0.0), start.p
+        return nlp.Attempt(SolverStatus.FAILED, "", start.x, start.lower, 0.0, None, 0, 0.0, 0.0, 0.0), start.p
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(joint, "solve_clear", cut)
@@ -391,7 +386,7 @@ def share_that_holds(most):
 
 def begun(count):
     """Grasps with one middle contact from which stations are sought."""
-    before, begins = Search(SCENE, Budget()), []
+    before, begins = GraspSearch(SCENE, Budget()), []
     before.good = [Some(attempt=Some(objective=k), arrays=k) for k in range(count)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stations, "_on_nearest", lambda scene, before, arrays: arrays)

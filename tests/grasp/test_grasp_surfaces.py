@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject, nearest, support_point
-from continuum_grasp.scene.objects import Box, Circle, Ellipse, Polygon, Stadium, Superellipse, Union
-from continuum_grasp.scene.parts import OffsetPolygon, SuperellipsePart
+from continuum_grasp.scene import (
+    Box,
+    Circle,
+    Ellipse,
+    OffsetPolygon,
+    Polygon,
+    Stadium,
+    Superellipse,
+    SuperellipsePart,
+    Union,
+)
 
 AT = {"mass": 0.1, "position": (0.02, -0.01), "angle": 0.3}
 CORNERS = ((0.0, 0.0), (0.06, 0.01), (0.05, 0.05), (0.01, 0.04))

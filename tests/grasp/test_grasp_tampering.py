@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from continuum_grasp.grasp.certificate.certificate import certify, certify_reached
+from continuum_grasp.grasp import certify
+from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.certificate.friction import state_cells
 from tests import certificate_cases as cases
 from tests.grasp.test_grasp_limits import MOTOR, ONE, SERVO, WINCH, held

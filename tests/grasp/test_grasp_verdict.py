@@ -16,9 +16,9 @@ from benchmarks.grasp_images import drawn, scene_of
 from benchmarks.grasp_oracle import scenes
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
-from continuum_grasp.grasp.search import Search as GraspSearch
+from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.grasp import GraspResult, GraspStatus, certify, optimize_grasp
+from continuum_grasp.grasp.search import GraspSearch as GraspSearch
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.stations import _slope
 from continuum_grasp.nlp import Budget
@@ -48,10 +48,10 @@ def test_a_disc_on_two_upright_fingers_is_steady_below_their_euler_load(load):
     # Of two fingers samples are tried, of which none is the best for sure.
     assert result.exploration.sampled == result.exploration.modes
     if load < 1.0:
-        assert result.status is Status.FEASIBLE
+        assert result.status is GraspStatus.FEASIBLE
         assert result.table().startswith("feasible: held with ")
         return
-    assert (result.status, result.answer) == (Status.UNSTABLE, "unstable_grasp")
+    assert (result.status, result.answer) == (GraspStatus.UNSTABLE, "unstable_grasp")
     assert result.table().startswith("UNSTABLE: in balance with ")
     assert "any small push drives the object away" in result.message
     assert "held" not in result.message
@@ -71,7 +71,7 @@ def test_a_stable_grasp_is_sought_next_to_an_unstable_one():
     scene = scenes.scene_of("one", 125)
     loose, steady = solved(scene), solved(scene.changed({"stability": "require"}))
     # Each is the best of what its scene asks for; the first line says what was not asked for.
-    assert (loose.status, steady.status) == (Status.OPTIMAL, Status.OPTIMAL)
+    assert (loose.status, steady.status) == (GraspStatus.OPTIMAL, GraspStatus.OPTIMAL)
     assert loose.message.startswith("held but unstable (as the scene allows): ")
     assert not loose.certificate.stability.stable
     assert steady.certificate.passed
@@ -108,7 +108,7 @@ def test_fingers_that_would_cross_are_refused_and_named():
     if apart.solved:
         assert apart.certificate.overlap <= 1e-4 * scene.setups[0].finger.rod.length < crossing.certificate.overlap
         return
-    assert apart.status is Status.INFEASIBLE
+    assert apart.status is GraspStatus.INFEASIBLE
     reason = next(reason for reason in apart.reasons if reason.name == "overlap")
     assert reason.needed <= crossing.certificate.overlap * (1.0 + 1e-3)
     assert "overlap: allow" in apart.advice
@@ -121,7 +121,7 @@ def test_bases_that_overlap_are_refused():
 
 def test_an_object_that_the_base_presses_alone_is_warned_of():
     def warnings(scene, arrays):
-        result = GraspResult(scene, Status.OPTIMAL, "held", arrays, certify(scene, arrays))
+        result = GraspResult(scene, GraspStatus.OPTIMAL, "held", arrays, certify(scene, arrays))
         return [text for text in result.warnings if "hardly pull" in text]
 
     assert warnings(*cases.disc_in_groove())  # a straight finger without tension
@@ -133,9 +133,9 @@ def test_what_a_fine_model_refutes_is_not_optimal():
     scene = cg.load("configs/grasp/mug.yaml").changed({"contacts.reserve": 0.0})
     assert max(solved(scene.changed({"fidelity.elements": 12})).fingers["finger"].tensions) > 37.8
     weak = scene.changed({"finger.tendons.max_tension": 37.7})
-    assert solved(weak).status is Status.OPTIMAL
+    assert solved(weak).status is GraspStatus.OPTIMAL
     result = solved(weak, fine=True)
-    assert result.status is Status.FEASIBLE
+    assert result.status is GraspStatus.FEASIBLE
     assert result.message.startswith("held but refuted by the fine model: ")
 
 
@@ -161,7 +161,7 @@ def test_two_limits_at_once_are_named_with_their_numbers():
     tension = search.best("tension").value
     tight = free.changed({"finger.strain_limit": 0.7 * strain, "finger.tendons.max_tension": 0.7 * tension})
     result = solved(tight)
-    assert result.status is Status.INFEASIBLE
+    assert result.status is GraspStatus.INFEASIBLE
     assert result.message.startswith("two limits at once: ")
     found = {frozenset({r.name, *(other.name for other in r.also)}): r for r in result.reasons}
     pair = found[frozenset({"tension", "strain"})]
@@ -201,7 +201,7 @@ def test_advice_has_the_place_at_which_an_object_touches_its_support(seed, held)
     assert (x, y) == (pytest.approx(-solid.bounds[0], abs=1e-9), body.position[1])
     moved = solved(scene.changed({"object.position": [x, y]}))
     assert "from palm" not in moved.advice
-    assert moved.status is (Status.FEASIBLE if held else Status.INFEASIBLE)
+    assert moved.status is (GraspStatus.FEASIBLE if held else GraspStatus.INFEASIBLE)
     assert "palm" in moved.contact_names
     # Of two contacts one support is missing, whatever the limits.
     assert ("leave fewer unknowns" in result.message) is ("Add a contact" in result.advice) is not held

@@ -13,13 +13,11 @@ from benchmarks.bench_grasp_elements import outcome
 from benchmarks.grasp_images import drawn
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.problem import solver_run, structure, surroundings
-from continuum_grasp.grasp.search import Search
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import ROUND, distance_from
+from continuum_grasp.grasp.search import GraspSearch
+from continuum_grasp.model import ROUND, distance_from, surface_of
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import redrawn
-from continuum_grasp.scene.parts import OffsetPolygon, corners_of
+from continuum_grasp.scene import OffsetPolygon, load, redrawn
+from continuum_grasp.scene.parts import corners_of
 from tests.marks import few
 
 # An L, 60 mm by 60 mm of bars 25 mm wide, whose foot is away from the palm; from its center of mass.
@@ -64,7 +62,7 @@ def test_an_outline_is_grasped_as_the_union_of_its_bars_is():
 def test_a_contact_goes_on_where_a_face_ends(monkeypatch):
     """From the face beside the corner of a tooth that the tip of the best grasp is on; not beyond its end, 8 % more."""
     scene = load("configs/grasp/gear.yaml", ["fidelity.elements=2"])
-    search = Search(scene, Budget.of(scene.solver))
+    search = GraspSearch(scene, Budget.of(scene.solver))
     search.run()
     solver, best, (part,) = search.best.solver, search.best.attempt, scene.object.parts
     every = surface_of(part).features(part)
@@ -108,7 +106,7 @@ def test_an_oval_of_many_corners_is_held_as_the_ellipse_that_it_is_drawn_on(corn
     for shape in ({"shape": "ellipse", "width": 0.076, "height": 0.084}, {"shape": "polygon", "vertices": points}):
         body = shape | {"mass": 0.15, "position": [0.038, 0.0]}
         scene = load("configs/grasp/mug.yaml", {"object": body, "contacts.reserve": 0.0, "friction_states": "pulled"})
-        search = Search(scene, Budget.of(scene.solver))
+        search = GraspSearch(scene, Budget.of(scene.solver))
         search.run()
         found.append(search.best.attempt.objective)
     assert found[1] == pytest.approx(found[0], rel=0.03)

@@ -11,12 +11,12 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
-from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Poses, Reading, TipPath, read_data, read_table
+from continuum_grasp.identification import Poses, Reading, TipPath, read_data
 from continuum_grasp.identification.periods import columns_of
 from continuum_grasp.plotting.identification import plot_shapes
-from continuum_grasp.scene.identify import IdentifyScene
+from continuum_grasp.scene import IdentifyScene, read_table
 
 LENGTH, STIFFNESS = 0.2, 0.005
 ROD = {

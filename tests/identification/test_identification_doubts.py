@@ -14,21 +14,21 @@ import scipy.stats
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import brentq
 
-from continuum_grasp.errors import SolverError
+from continuum_grasp.base import SolverError
 from continuum_grasp.identification import doubts as evidence
 from continuum_grasp.identification import problem as module
-from continuum_grasp.identification.blocks import Block
+from continuum_grasp.identification.blocks import MeasuredBlock
 from continuum_grasp.identification.doubts import _correlated, _missed, _outliers, _sets, _stated, doubts_of_elements
 from continuum_grasp.identification.inference import FALSE_ALARMS, infer
 from continuum_grasp.identification.least_squares import Minimum, least_squares
-from continuum_grasp.identification.problem import Inferred, Problem, Solution
+from continuum_grasp.identification.problem import FitProblem, Inferred, Solution
 from continuum_grasp.identification.unknowns import Unknown
 from tests.identification_cases import level_set
 
 ONE = Unknown("level", "m", "level", 1.0, False, 0.0, -np.inf, np.inf, 1.0)
 
 
-class Level(Block):
+class Level(MeasuredBlock):
     """Numbers that are predicted by one unknown, their mean."""
 
     def __init__(self, values: np.ndarray, name: str = "level", sigma: float | None = 1.0) -> None:
@@ -42,7 +42,7 @@ class Level(Block):
 @pytest.mark.parametrize("fitted", [True, False])
 def test_what_a_hold_out_has_of_its_own_may_be_found_nearly(fitted, monkeypatch):
     """It is then missed by more; of what is fitted, a search that ends early is an error."""
-    problem, every = Problem([Level(np.array([1.0, 2.0]))], [ONE]), np.ones(2, dtype=bool)
+    problem, every = FitProblem([Level(np.array([1.0, 2.0]))], [ONE]), np.ones(2, dtype=bool)
     problem.fitted[:] = fitted
     early = partial(Minimum._replace, status="iteration limit")
     monkeypatch.setattr(module, "least_squares", lambda *of, **ends: early(least_squares(*of, **ends)))
@@ -63,7 +63,7 @@ def test_sets_that_differ_are_reported_by_the_analysis_of_variance(share, report
 
     by = brentq(lambda by: scipy.stats.f_oneway(*moved(by)).statistic - ratio, 0.5, 10.0)
     sets = moved(by)
-    problem = Problem([Level(one, f"set {k}") for k, one in enumerate(sets)], [ONE])
+    problem = FitProblem([Level(one, f"set {k}") for k, one in enumerate(sets)], [ONE])
     found = _sets(problem, np.concatenate(sets))
     assert len(found) == reported
     assert all(f"ratio of variances {ratio:.0f}" in one for one in found)
@@ -80,7 +80,7 @@ def test_what_a_finer_model_would_move_is_exact_of_a_linear_one(monkeypatch):
     block.scene = None
     monkeypatch.setattr(evidence, "FingerModel", lambda scene: SimpleNamespace(lengths=[0.1]))
     monkeypatch.setattr(evidence, "refined", lambda scene, model: scene)
-    problem = Problem([block], unknowns)
+    problem = FitProblem([block], unknowns)
     solution = Solution(np.zeros(3), coarse, jacobian, np.ones(12), 0, 0)
     for deviations, named in (([0.2, 0.1, np.inf], [("a", "0.3", "1.5")]), ([0.51, 0.51, 0.51], [])):
         inference = SimpleNamespace(deviations=np.array(deviations))
@@ -92,12 +92,12 @@ def test_outliers_are_found_among_many_and_not_in_normal_noise():
     rng = np.random.default_rng(11)
     for count, most in ((12, 4), (400, 4)):  # of 200: 1 % beside 2 in a thousand
         noises = rng.standard_normal((200, count))
-        assert sum(bool(_outliers(Problem([Level(one)], [ONE]), one, one.size)) for one in noises) <= most
+        assert sum(bool(_outliers(FitProblem([Level(one)], [ONE]), one, one.size)) for one in noises) <= most
     # A tenth of the readings far off must not hide each other, whatever the unit of the deviation.
     noise = 1e-3 * rng.standard_normal(400)
     noise[::10] += 8e-3 * rng.choice([-1.0, 1.0], 40)
     noise[70] = 0.1
-    (found,) = _outliers(Problem([Level(noise)], [ONE]), noise, noise.size)
+    (found,) = _outliers(FitProblem([Level(noise)], [ONE]), noise, noise.size)
     assert int(found.split()[0]) >= 38
     assert found.endswith("worst: level, row 70")
 
@@ -107,7 +107,7 @@ def test_an_outlier_that_a_parameter_follows_is_found_by_what_it_has_left():
     at = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 2.0])
     columns = np.stack([np.ones(8), at], axis=1)
     leverage = np.diag(columns @ np.linalg.pinv(columns))
-    problem = Problem([Level(at)], [ONE])
+    problem = FitProblem([Level(at)], [ONE])
     assert leverage[-1] > 0.8
     rng, alarms = np.random.default_rng(3), 0
     for _ in range(500):
@@ -152,7 +152,7 @@ def test_correlation_along_a_path_is_judged_from_thirty_instants_on(instants, ju
     drift = np.linspace(-1.0, 1.0, instants)
     block = Level(drift)
     block.measured = replace(block.measured, moves=True, ordered=True)
-    assert bool(_correlated(Problem([block], [ONE]), drift)) == judged
+    assert bool(_correlated(FitProblem([block], [ONE]), drift)) == judged
 
 
 @pytest.mark.parametrize(("slow", "least", "most"), [(0.0, 0, 2), (0.4, 45, 50)])
@@ -167,14 +167,14 @@ def test_a_slow_part_that_is_small_beside_the_noise_is_seen(slow, least, most):
         left = slopes @ values - noise.ravel()
         block = Level(left)
         block.measured = replace(block.measured, moves=True, ordered=True)
-        warned += bool(_correlated(Problem([block], [ONE]), left))
+        warned += bool(_correlated(FitProblem([block], [ONE]), left))
         found = infer([ONE] * 5, values, slopes, left, [np.arange(1000).reshape(500, 2)])
         hits.append(np.abs(values) < 0.5 * np.ptp(found.intervals, axis=1))
     assert least <= warned <= most
     assert np.mean(hits) > 0.85
 
 
-class Line(Block):
+class Line(MeasuredBlock):
     """Numbers that are predicted by a level and a slope of their places, some of them held out."""
 
     def __init__(self, places: np.ndarray, values: np.ndarray, fitted: np.ndarray) -> None:
@@ -194,7 +194,7 @@ def test_hold_outs_that_are_missed_by_far_are_reported(bend, least, most):
     unknowns = [ONE, ONE._replace(name="slope")]
     for _ in range(100):
         values = 0.3 + 2.0 * places + bend * places**2 + 0.1 * rng.standard_normal(18)
-        problem = Problem([Line(places, values, places < 2.0)], unknowns)
+        problem = FitProblem([Line(places, values, places < 2.0)], unknowns)
         solution = problem.solve(lambda share: None)
         texts = _missed(problem, solution, problem.inferred(solution).inference)
         assert all("line: level" in text for text in texts)
@@ -212,7 +212,7 @@ def test_a_deviation_that_is_stated_wrongly_is_reported(stated, least, most):
         for block in blocks:
             own = block.measured.columns[0]._replace(group=block.measured.name)
             block.measured = replace(block.measured, columns=(own,))
-        problem = Problem(blocks, [ONE])
+        problem = FitProblem(blocks, [ONE])
         solution = problem.solve(lambda share: None)
         weighted = (solution.predictions - problem.measured) / solution.sigma
         texts = _stated(problem, weighted, problem.leverage(solution.jacobian, solution.sigma))
@@ -226,7 +226,7 @@ def test_a_further_parameter_leaves_the_others_between_their_bounds():
     places = np.linspace(0.0, 1.0, 9)
     values = 1.0 - 0.5 * places + 0.01 * np.cos(40.0 * places)
     unknowns = [ONE, ONE._replace(name="delay", lower=0.0)]
-    problem = Problem([Line(places, values, np.ones(9, dtype=bool))], unknowns)
+    problem = FitProblem([Line(places, values, np.ones(9, dtype=bool))], unknowns)
     solution = problem.solve(lambda share: None)
     assert solution.values[1] == 0.0
     found = problem.inferred(solution, (ONE._replace(name="friction", lower=0.0), -(places**2)))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Estimate, Reading, TipPath
+from continuum_grasp.identification import Reading, TipPath
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.scene import Scene
+from continuum_grasp.scene import Estimate, Scene
 from tests.identification_cases import slope_error
 
 LENGTH, FIRST = 0.3, 12

@@ -13,7 +13,7 @@ from continuum_grasp.identification import Poses, Reading, TipPath
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.doubts import _of_law, _widths, doubts_of_laws
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import FitProblem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
 from tests.identification_cases import (
@@ -74,8 +74,8 @@ class Releases:
         tip = self.tip + noise * np.random.default_rng(seed).standard_normal(self.tip.shape)
         return TipPath(self.t, at_tip(*tip.T))
 
-    def of(self, scene: Scene) -> Problem:
-        return Problem([built_once(PathBlock(scene, self.path(0.0), self.unknowns))], self.unknowns)
+    def of(self, scene: Scene) -> FitProblem:
+        return FitProblem([built_once(PathBlock(scene, self.path(0.0), self.unknowns))], self.unknowns)
 
     def doubts(self, noise: float, seed: int) -> list[str]:
         measured = self.path(noise, seed).measured
@@ -144,7 +144,7 @@ def test_rows_and_origins_of_shapes_at_rest(names, seeds):
     clean, scene = np.array([elastica(load)[:2] for load in loads]), loaded_scene(2)
     poses = weighed(clean, loads)
     unknowns = read_unknowns(scene, names)
-    problem = Problem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
+    problem = FitProblem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
 
     def doubts(rows: np.ndarray, seed: int) -> list[str]:
         problem.measured = (rows + 1e-3 * np.random.default_rng(seed).standard_normal(clean.shape)).ravel()
@@ -215,7 +215,7 @@ def test_noise_alone_makes_no_law_of_shapes_at_rest_wrong(rows):
     moments = 0.1 * np.concatenate([np.linspace(0.0, 1.0, half), np.linspace(0.95, 0.0, rows - half)])
     poses = bent(moments, moments * LENGTH / STIFFNESS)
     unknowns, found = read_unknowns(scene, KNOWN[:1]), 0
-    problem = Problem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
+    problem = FitProblem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
     clean = problem.measured
     for seed in range(300):
         problem.measured = clean + 4e-3 * np.random.default_rng(seed).standard_normal(rows)
@@ -229,7 +229,7 @@ def test_the_direction_of_loading_is_judged_from_four_rows_each_way_on(back, jud
     scene = bare_scene(1, "arc")
     poses = bent(0.1 * bends, bends)
     unknowns = read_unknowns(scene, KNOWN[:1])
-    problem = Problem([PosesBlock(scene, poses, unknowns)], unknowns)
+    problem = FitProblem([PosesBlock(scene, poses, unknowns)], unknowns)
     assert bool(_widths(problem, bends)) == judged
 
 

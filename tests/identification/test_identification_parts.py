@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from continuum_grasp.errors import NumericalError, SolverError
+from continuum_grasp.base import NumericalError, SolverError
 from continuum_grasp.identification import Poses, Reading, fit_damped_sine
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.inference import infer

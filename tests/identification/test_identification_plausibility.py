@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.identification import Poses, Reading, plausibility
-from continuum_grasp.identification.blocks import Block, PosesBlock
-from continuum_grasp.identification.numbers import Measured, MeasuredColumn
+from continuum_grasp.identification.blocks import MeasuredBlock, PosesBlock
+from continuum_grasp.identification.numbers import MeasuredColumn, MeasuredSet
 from continuum_grasp.identification.plausibility import Misfit, _refitted, judge, misfits
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import FitProblem, Solution
 from continuum_grasp.identification.slips import slips_of, undone
 from continuum_grasp.identification.unknowns import read_unknowns
 from tests.identification.test_identification_doubts import ONE
@@ -31,7 +31,7 @@ def tips() -> np.ndarray:
     return np.array([elastica(load) for load in LOADS])
 
 
-class Missed(Block):
+class Missed(MeasuredBlock):
     """A set whose predictions are given, of readings of the scene."""
 
     def __init__(self, poses: Poses, sigma: float | None = None) -> None:
@@ -41,7 +41,7 @@ class Missed(Block):
             MeasuredColumn(one.what, one.kind, "m", sigma, one.quantity, LENGTH if one.at is None else one.at)
             for one in poses.measured
         )
-        self.measured = Measured(
+        self.measured = MeasuredSet(
             poses.name, tuple(columns), np.arange(1, len(rows) + 1), rows, np.ones(len(rows), bool)
         )
 
@@ -54,7 +54,7 @@ class Missed(Block):
 
 def reason_of(poses: Poses, off: float, sigma: float | None = None) -> str:
     """Why readings are refused whose predictions are off by so much."""
-    problem = Problem([Missed(poses, sigma)], [ONE])
+    problem = FitProblem([Missed(poses, sigma)], [ONE])
     predictions, noise = problem.measured + off, np.full(problem.measured.size, 1e-6 if sigma is None else sigma)
     solution = Solution(np.ones(1), predictions, np.ones((noise.size, 1)), noise, 0, 0)
     return judge(problem, solution).reason
@@ -97,7 +97,7 @@ def test_other_quantities_are_refused_from_a_share_of_their_range_or_size_on(qua
     block = Missed(Poses([Reading("x", values)]))
     columns = tuple(one._replace(quantity=quantity) for one in block.measured.columns)
     block.measured = replace(block.measured, columns=columns)
-    (found,) = misfits(Problem([block], [ONE]), np.zeros(len(values)))
+    (found,) = misfits(FitProblem([block], [ONE]), np.zeros(len(values)))
     assert found.limit == pytest.approx(limit)
 
 
@@ -114,7 +114,7 @@ class Fixed(Missed):
 
 @pytest.mark.parametrize(("share", "named"), [(0.999, False), (1.001, True)])
 def test_a_slip_explains_what_it_leaves_a_third_of(share, named):
-    problem = Problem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE])
+    problem = FitProblem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE])
     before = 3.0 * 1e-3 / (0.05 * LENGTH)  # per what is plausible
     assert bool(_refitted("a slip", problem, share * before)) == named
 
@@ -124,7 +124,7 @@ def test_a_slip_explains_what_it_leaves_a_third_of(share, named):
 )
 @pytest.mark.parametrize(("share", "named"), [(0.999, True), (1.001, False)])
 def test_a_slip_that_leaves_too_much_explains_nothing(limit, scatter, share, named, monkeypatch):
-    problem = Problem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE])
+    problem = FitProblem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE])
     left = Misfit("set", "positions", "m", share * 1e-3, limit, scatter)
     monkeypatch.setattr(plausibility, "misfits", lambda *_: [left])
     assert bool(_refitted("a slip", problem, np.inf)) == named
@@ -134,7 +134,7 @@ def test_a_slip_that_leaves_too_much_explains_nothing(limit, scatter, share, nam
 @pytest.mark.parametrize("times", [10.0, 0.1])
 def test_stiffnesses_ten_times_the_scene_s_are_doubted(share, warned, times):
     poses = Poses([Reading("x", 0.1 * np.arange(4))])
-    problem = Problem([Missed(poses)], [ONE._replace(target="bending_stiffness")])
+    problem = FitProblem([Missed(poses)], [ONE._replace(target="bending_stiffness")])
     value = times ** (1.0 + np.log10(share))
     solution = Solution(np.array([value]), problem.measured, np.ones((4, 1)), np.ones(4), 0, 0)
     found = judge(problem, solution).warnings
@@ -146,7 +146,7 @@ def test_few_slips_are_fitted_anew(monkeypatch):
     tried = []
     monkeypatch.setattr(plausibility, "_refitted", lambda words, *_: tried.append(words) or [])
     poses = Poses([Reading("x", [0.0, 1e-9]), Reading("y", [1e-9, 0.0])])
-    problem = Problem([Fixed(poses)], [ONE])
+    problem = FitProblem([Fixed(poses)], [ONE])
     assert plausibility.explain(problem) == ()
     assert len(tried) == 5
     assert tried[-1] == "the base is elsewhere"
@@ -238,7 +238,7 @@ def test_good_data_are_not_refused(seeds):
         block = copy(model)
         block.data, block.again = data, Missed(data).again
         block.measured = replace(model.measured, values=noisy)
-        problem = Problem([block], unknowns)
+        problem = FitProblem([block], unknowns)
         assert not judge(problem, problem.solve(lambda share: None)).reason
 
 

@@ -8,19 +8,19 @@ from scipy.signal import lfilter
 from scipy.special import stdtrit
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath
-from continuum_grasp.identification.blocks import Block
+from continuum_grasp.base import InputError
+from continuum_grasp.identification import Poses, Reading, TipPath, read_data
+from continuum_grasp.identification.blocks import MeasuredBlock
 from continuum_grasp.identification.inference import infer, middle
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Problem
-from continuum_grasp.identification.read import read_data
+from continuum_grasp.identification.problem import FitProblem
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
+from continuum_grasp.scene import Estimate, IdentifyScene
 from tests.identification_cases import ROD, at_tip, level_set
 from tests.rods import HANGING, rod_scene
 
 
-class Linear(Block):
+class Linear(MeasuredBlock):
     """Predictions A x, of which entries of known deviation are measured; the last ``held`` unknowns are its own."""
 
     def __init__(self, matrix: np.ndarray, values: np.ndarray, sigma: float, own: tuple[Unknown, ...] = (), fit=True):
@@ -43,7 +43,7 @@ def test_what_is_known_beforehand_weighs_as_bayes_says():
     a, y, sigma, known = rng.standard_normal((9, 3)), rng.standard_normal(9), 0.3, np.array([0.2, np.inf, 0.05])
     about = np.array([1.0, -2.0, 0.5])
     unknowns = [unknown(start, one) for start, one in zip(about, known, strict=True)]
-    problem = Problem([Linear(a, y, sigma)], unknowns)
+    problem = FitProblem([Linear(a, y, sigma)], unknowns)
     found = problem.solve(lambda share: None)
     precision = a.T @ a / sigma**2 + np.diag(1.0 / known**2)
     mean = np.linalg.solve(precision, a.T @ y / sigma**2 + about / known**2)
@@ -62,7 +62,7 @@ def test_derivatives_by_a_vector_across_the_finger_are_differences():
     blocks = [Linear(rng.standard_normal((4, 3)), rng.standard_normal(4), 0.1) for _ in range(2)]
     for block, plane in zip(blocks, (0.3, 2.0), strict=True):
         block.plane = plane
-    problem = Problem(blocks, sought)
+    problem = FitProblem(blocks, sought)
     at = rng.standard_normal(len(problem.unknowns))
     y, jacobian = problem.predict(at)
     assert jacobian.shape == (8, 6)  # two of all sets, two parts of the vector, one of each set
@@ -79,7 +79,7 @@ def test_the_start_of_a_hold_out_is_sought_with_what_is_known_of_it():
         Linear(np.ones((3, 1)), np.full(3, 4.0), 0.1),
         Linear(np.ones((2, 2)), np.full(2, 9.0), 0.1, own, False),
     )
-    problem = Problem([fitted, held], [unknown(0.0)])
+    problem = FitProblem([fitted, held], [unknown(0.0)])
     found = problem.solve(lambda share: None)
     # Two readings of 9 - 4 = 5, and 2 beforehand, of equal deviations.
     assert found.values == pytest.approx([4.0, (5.0 + 5.0 + 2.0) / 3.0])
@@ -181,7 +181,7 @@ def test_intervals_of_a_release_cover_the_truth_where_noise_hangs_together():
     scene = rod_scene(ROD, "arc", 1, finger={"damping": {"material": 5e-4}}, initial={"q": [0.6]})
     t, rng, repeats = 0.01 * np.arange(1, 151), np.random.default_rng(8), 60
     unknowns = read_unknowns(scene, ["bending_stiffness", "material_damping"])
-    problem = Problem([PathBlock(scene, TipPath(t, at_tip(0.0 * t, 0.0 * t)), unknowns)], unknowns)
+    problem = FitProblem([PathBlock(scene, TipPath(t, at_tip(0.0 * t, 0.0 * t)), unknowns)], unknowns)
     truth = np.array([one.start for one in unknowns])
     clean, hits = problem.predict(truth)[0], {"series": np.zeros(2), "independent": np.zeros(2)}
     for _ in range(repeats):

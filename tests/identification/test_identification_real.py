@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Estimate, Fit, data_folder, read_table
+from continuum_grasp.identification import Fit, data_folder
 from continuum_grasp.identification.read import VARIABLE
-from continuum_grasp.scene.identify import IdentifyScene
+from continuum_grasp.scene import Estimate, IdentifyScene, read_table
 from docs.real_robots import width
 from tests.marks import few
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Estimate, Poses, Reading, TipPath
+from continuum_grasp.base import InputError
+from continuum_grasp.identification import Poses, Reading, TipPath
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import FitProblem, Solution
 from continuum_grasp.identification.searches import may_be_local, restarted
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
-from continuum_grasp.scene import Scene
+from continuum_grasp.scene import Estimate, Scene
 from tests.identification_cases import (
     LENGTH,
     ROD,
@@ -227,7 +227,7 @@ def test_a_fit_is_another_minimum_only_where_it_misses_a_tenth_of_the_motion(sha
     readings = [Reading("x", 0.1 * turns, sigma=sigma), Reading("y", np.zeros(8), sigma=sigma)]
     poses = Poses(readings, {"load_1_y": np.zeros(8)})
     unknowns = read_unknowns(loaded_scene(), ["bending_stiffness"])
-    problem = Problem([PosesBlock(loaded_scene(), poses, unknowns)], unknowns)
+    problem = FitProblem([PosesBlock(loaded_scene(), poses, unknowns)], unknowns)
     predictions = problem.measured * (1.0 + share)
     assert may_be_local(problem, Solution(np.ones(1), predictions, np.ones((16, 1)), np.ones(16), 0, 0)) is local
 

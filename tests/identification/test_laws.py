@@ -9,12 +9,13 @@ import pytest
 from scipy import stats
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
-from continuum_grasp.identification import IdentifyScene, Poses, Reading, TipPath
+from continuum_grasp.base import InputError
+from continuum_grasp.identification import Poses, Reading, TipPath
 from continuum_grasp.identification.fitting import posed
-from continuum_grasp.identification.problem import Problem
+from continuum_grasp.identification.problem import FitProblem
 from continuum_grasp.identification.searches import _differ, choose_law
 from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.scene import IdentifyScene
 from tests.identification.test_identification_doubts import Level
 from tests.identification_cases import at_tip
 
@@ -94,7 +95,7 @@ def test_single_rows_of_many_sets_scatter_as_those_of_one(moved):
     blocks = [Level(np.zeros(3), f"set {k}") for k in range(5)]
     for block in blocks:
         block.measured = replace(block.measured, fitted=np.array([True, False, True]))
-    problem, surely = Problem(blocks, [one]), 0
+    problem, surely = FitProblem(blocks, [one]), 0
     for _ in range(200):
         more = rng.standard_normal((5, 3)) + moved
         rows = more[:, 1]

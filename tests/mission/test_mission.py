@@ -11,27 +11,33 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from continuum_grasp.base import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.cli import app
-from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
+from continuum_grasp.control import Prediction, stages_of
 from continuum_grasp.export.web.plant import plant_of_loop
 from continuum_grasp.export.web.record import loop_record
 from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission import (
+    NotLifted,
+    Outcome,
+    PlantVariation,
+    Timetable,
+    TrialsResult,
+    assign,
+    mission_plant_model,
+)
 from continuum_grasp.mission import run as runs
-from continuum_grasp.mission.assign import _control_scene, assign
 from continuum_grasp.mission.causes import Drop
-from continuum_grasp.mission.lift import Doubted, NotLifted, Slipped
-from continuum_grasp.mission.outcomes import Outcome, TrialsResult
-from continuum_grasp.mission.plant import MissionPlant, Timetable, Variation, mission_plant_model
-from continuum_grasp.mission.record import Record
+from continuum_grasp.mission.from_grasp import _control_scene
+from continuum_grasp.mission.lift import Doubted, Slipped
+from continuum_grasp.mission.plant import MissionPlant
+from continuum_grasp.mission.record import MissionRecord
 from continuum_grasp.mission.result import verdict_data
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.verdict import judge
 from continuum_grasp.plotting.mission import _draw_moved
 from continuum_grasp.results import read_run
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import Trials
+from continuum_grasp.scene import Trials, load
 from tests.declared import assert_declared
 from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned
 
@@ -69,9 +75,9 @@ def held(runner):
 )
 def test_a_plant_that_cannot_be_is_refused_by_name(name, value):
     with pytest.raises(InputError, match=rf"^{name}: expected a number from .* got {value}"):
-        Variation(**{name: value})
+        PlantVariation(**{name: value})
     with pytest.raises(InputError, match=r"^shift: .* got \(0.0, inf\)"):
-        Variation(shift=(0.0, np.inf))
+        PlantVariation(shift=(0.0, np.inf))
 
 
 # -- what is to be done -----------------------------------------------------------------------------------------------
@@ -226,7 +232,9 @@ def test_an_object_is_shifted_into_no_support(assignment):
     plain, model = Prediction(assignment.control), mission_plant_model(assignment)
 
     def placed(shift):
-        return MissionPlant(assignment, table, plain, Variation(shift=shift), model).x[model.system.object_states][:2]
+        return MissionPlant(assignment, table, plain, PlantVariation(shift=shift), model).x[model.system.object_states][
+            :2
+        ]
 
     assert placed((1e-3, 5e-4)) == pytest.approx([x + 1e-3, y + 5e-4], abs=1e-15)
     assert placed((-1e-3, 5e-4)) == pytest.approx([x, y + 5e-4], abs=1e-8)
@@ -266,10 +274,12 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
         found = np.array(system.forward_dynamics(x, [1.0, 1.0], w, model.p)).ravel()
         return plant, found[at.stop : at.stop + 4]
 
-    plain, moved = falling(Variation())
+    plain, moved = falling(PlantVariation())
     assert moved == pytest.approx([2.0 / 0.3, 0.0, 0.0, -9.81])
     other, moved = falling(
-        Variation(stiffness=0.9, damping=0.8, mass=1.5, friction=0.5, shift=(1e-3, -2e-3), seed=5, tendon_friction=1.2)
+        PlantVariation(
+            stiffness=0.9, damping=0.8, mass=1.5, friction=0.5, shift=(1e-3, -2e-3), seed=5, tendon_friction=1.2
+        )
     )
     assert moved == pytest.approx([2.0 / 0.45, 0.0, 0.0, -9.81])
     assert other.x[at][:2] - plain.x[at][:2] == pytest.approx([1e-3, -2e-3])
@@ -337,7 +347,7 @@ def judged(
     held = {"contact": "finger.1", "force": 5.0, "forces": {"finger.1": 5.0}, "middles": ("finger.middle",)}
     held["object_pose"] = (0.0, 0.0, 0.0)
     work = SimpleNamespace(mission=asked, grasp=certified, name="finger", control=control, **held)
-    return judge(Record((work,), table, Variation(friction=0.8), (run,), contacts), slipped=slipped)
+    return judge(MissionRecord((work,), table, PlantVariation(friction=0.8), (run,), contacts), slipped=slipped)
 
 
 INSTANTS = np.arange(0.0, 8.05, 0.1)
@@ -407,7 +417,7 @@ def test_what_still_touches_is_named(away, why):
     assert (found.released, found.status) == (False, "not_released")
     assert "finger.1 presses with 5 N in the end" in found.texts["not released"]
     assert why in found.texts["not released"]
-    assert found.texts["not released"] in Outcome(Variation(), found).text
+    assert found.texts["not released"] in Outcome(PlantVariation(), found).text
     assert judged(INSTANTS, away=away).touching is None
 
 
@@ -415,7 +425,7 @@ def test_what_was_not_lifted_says_so():
     found = replace(judged(INSTANTS), held=False, refused=NotLifted(2.4, (), "the drive is at its limit"))
     assert (found.word, found.status) == ("not lifted, released", "not_lifted")
     assert found.pairs()["not lifted"] == verdict_data(found)["refused"]["text"] == found.refused.text
-    assert found.refused.text in Outcome(Variation(), found).text
+    assert found.refused.text in Outcome(PlantVariation(), found).text
 
 
 def test_what_a_controller_held_that_tripped_is_no_success():
@@ -425,7 +435,7 @@ def test_what_a_controller_held_that_tripped_is_no_success():
     assert (found.word, found.status) == ("tripped, held and released", "tripped")
     said = "finger at 1.80 s: tip contradicts the model"
     assert found.pairs()["tripped"] == verdict_data(found)["tripped"]["text"] == said
-    run = TrialsResult(load(MUG), (Outcome(Variation(), found), Outcome(Variation(), judged(INSTANTS))))
+    run = TrialsResult(load(MUG), (Outcome(PlantVariation(), found), Outcome(PlantVariation(), judged(INSTANTS))))
     assert (run.summary.held, run.summary.succeeded, run.summary.failed) == (2, 1, (0,))
     assert run.to_pandas()["tripped"].to_list() == [said, ""]
 
@@ -532,14 +542,14 @@ def test_a_page_plays_it_back_and_goes_on_with_its_weights(held):
     with pytest.raises(InputError, match="one finger, and this mission 2"):
         replace(held, runs=(loop, loop)).show()
     with pytest.raises(InputError, match="friction does not change"):
-        replace(held, variation=Variation(friction_fall=0.3)).show()
+        replace(held, variation=PlantVariation(friction_fall=0.3)).show()
 
 
 @pytest.mark.deep
 def test_it_stays_on_the_ground_without_friction_and_repeats_bit_for_bit(runner, held):
     """Other plants in between leave no trace, nor do they change what is read off a run."""
     before = held.run.readings.plant.p
-    slipping = runner.run(Variation(friction=0.3))
+    slipping = runner.run(PlantVariation(friction=0.3))
     assert not np.array_equal(slipping.run.readings.plant.p, before)
     assert np.array_equal(held.run.readings.plant.p, before)
     read = held.run.readings.contacts(held.run.x, np.vstack([held.run.u, held.run.u[-1:]]), held.run.w)
@@ -640,10 +650,10 @@ def test_what_makes_no_mission_is_named(change, said):
 @pytest.mark.deep
 @pytest.mark.parametrize("status", ["infeasible", "unstable"])
 def test_without_a_grasp_there_is_no_mission(grasp, assignment, status):
-    from continuum_grasp.grasp.values import Status
+    from continuum_grasp.grasp import GraspStatus
 
     with pytest.raises(SolverError, match="no grasp to carry out") as caught:
-        assign(assignment.mission, replace(grasp, status=Status(status)))
+        assign(assignment.mission, replace(grasp, status=GraspStatus(status)))
     assert caught.value.status == status
 
 

@@ -12,18 +12,16 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.base import BeyondCertificate, SolverError
 from continuum_grasp.cli import app
-from continuum_grasp.errors import BeyondCertificate, SolverError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission import PlantVariation, Timetable, assign, exceeded
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.causes import find_drop
-from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
-from continuum_grasp.mission.record import Record
+from continuum_grasp.mission.precheck import exceeded_by_trials
+from continuum_grasp.mission.record import MissionRecord
 from continuum_grasp.mission.run import variations
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import Trials
+from continuum_grasp.scene import Trials, load
 from tests.mission_cases import MUG, planned
 
 GRAVITY = 9.81  # m/s2
@@ -35,7 +33,7 @@ def grasp():
 
 
 def found(grasp, *changes, variation=None):
-    return {one.name: one for one in exceeded(assign(load(MUG, changes), grasp), variation or Variation())}
+    return {one.name: one for one in exceeded(assign(load(MUG, changes), grasp), variation or PlantVariation())}
 
 
 def carried(grasp, friction):
@@ -52,7 +50,7 @@ def test_a_mission_within_its_certificate_is_not_warned_of(grasp):
     """Up to the very plant that was certified: 0.33 kg and friction of 0.45, pulled as much as it resists."""
     assert found(grasp) == {}
     assert found(grasp, "object_mass=0.33", "contact_law.friction=0.45") == {}
-    assert found(grasp, variation=Variation(mass=1.1, friction=0.9)) == {}
+    assert found(grasp, variation=PlantVariation(mass=1.1, friction=0.9)) == {}
     assert found(grasp, "object_mass=0.33", "contact_law.friction=0.45", "pull_share=1.001") != {}
 
 
@@ -166,7 +164,7 @@ def drop_of(grasp, *, normal, shear, fallen=5.0, step=0.01):
     contacts = SimpleNamespace(
         names=("finger.1", "finger.tip", "palm", "table"), normal_force=forces[0], shear=forces[1]
     )
-    record = Record((assignment,), table, Variation(friction=0.75), (SimpleNamespace(t=t),), contacts)
+    record = MissionRecord((assignment,), table, PlantVariation(friction=0.75), (SimpleNamespace(t=t),), contacts)
     return find_drop(record, 0.02 * (t >= fallen - 1e-9))
 
 

@@ -8,21 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from continuum_grasp.base import InputError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission import PlantVariation, Timetable, assign, exceeded
 from continuum_grasp.mission.budget import keep_position, lowered_by_pulls
 from continuum_grasp.mission.causes import find_drop
-from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.precheck import exceeded
-from continuum_grasp.mission.record import Record
+from continuum_grasp.mission.record import MissionRecord
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import Circle
-from continuum_grasp.scene.surroundings import ContactLaw, Surroundings, Table
-from continuum_grasp.simulation.statics import equilibrium_under
+from continuum_grasp.scene import Circle, ContactLaw, Surroundings, Table, load
+from continuum_grasp.simulation import equilibrium_under
 from tests.mission_cases import COARSE, CUP, PINCH, pressed
 
 
@@ -62,15 +58,17 @@ def test_a_table_in_the_plane_presses_along_its_normal_and_moves_along_it(assign
 @pytest.mark.deep
 def test_weight_in_the_plane_is_compared_with_what_the_grasp_carries(grasp):
     """A weight that is added in the plane is a pull downwards: the same as the certificate resists along it."""
-    assert exceeded(assign(load(CUP), grasp), Variation()) == ()
+    assert exceeded(assign(load(CUP), grasp), PlantVariation()) == ()
     down = grasp.quality.resistance
     (row,) = [k for k, wrench in enumerate(down.wrenches) if tuple(wrench) == (0.0, -1.0, 0.0)]
     carried = 0.11 + down.factors[row] / 9.81
-    found = {one.name: one for one in exceeded(assign(load(CUP, ["object_mass=0.4"]), grasp), Variation())}
+    found = {one.name: one for one in exceeded(assign(load(CUP, ["object_mass=0.4"]), grasp), PlantVariation())}
     assert (found["mass"].given, found["mass"].certified) == (0.4, pytest.approx(0.11))
     rough = {
         one.name: one
-        for one in exceeded(assign(load(CUP, ["object_mass=0.4", "contact_law.friction=0.45"]), grasp), Variation())
+        for one in exceeded(
+            assign(load(CUP, ["object_mass=0.4", "contact_law.friction=0.45"]), grasp), PlantVariation()
+        )
     }
     assert rough["mass"].resisted == pytest.approx(carried, rel=1e-6)
 
@@ -127,7 +125,7 @@ def lowered(fingers, pulls, pad, mass=1.0):
     own, certified = fingers[0].mission, fingers[0].grasp.scene.object.mass
     mission = own.replaced(contact_law=own.contact_law.replaced(stiffness=pad), object_mass=certified)
     first = replace(fingers[0], pulls=np.array(pulls), mission=mission)
-    found = lowered_by_pulls([first, *fingers[1:]], Variation(mass=mass))
+    found = lowered_by_pulls([first, *fingers[1:]], PlantVariation(mass=mass))
     return np.array([(one.distance, one.certified) for one in found]).T
 
 
@@ -165,20 +163,20 @@ def test_winches_hold_as_firmly_as_their_cables(stacked):
 
 @pytest.mark.deep
 def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_it(stacked):
-    (warned,) = exceeded(assign(load(PINCH, [DOWN]), stacked), Variation())
+    (warned,) = exceeded(assign(load(PINCH, [DOWN]), stacked), PlantVariation())
     assert (warned.name, warned.key, warned.resisted) == ("sinking", "pull_share", 0.005)
     assert warned.given > 0.005 > warned.certified
     assert f"pull 4 lowers it by {1e3 * warned.given:.3g} mm at least" in warned.text
     assert f"the certificate has {1e3 * warned.certified:.3g} mm" in warned.text
-    assert exceeded(assign(load(PINCH, [DOWN, "pull_share=0.3"]), stacked), Variation()) == ()
-    assert exceeded(assign(load(PINCH, [DOWN, *WINCHES]), stacked), Variation()) == ()
+    assert exceeded(assign(load(PINCH, [DOWN, "pull_share=0.3"]), stacked), PlantVariation()) == ()
+    assert exceeded(assign(load(PINCH, [DOWN, *WINCHES]), stacked), PlantVariation()) == ()
     fingers = assign(load(PINCH, [DOWN, COARSE]), stacked)
     table = Timetable(fingers[0])
     t, span = np.arange(0.0, table.duration, 0.01), table.span("pull 4")
     one = np.ones((len(t), 2))
     held = pressed(("lower.tip", "upper.tip"), 4.0 * one, one)
     sunk = 0.006 * ((t > span.start + 0.2) & (t < span.end))
-    record = Record(fingers, table, Variation(), (SimpleNamespace(t=t),), held)
+    record = MissionRecord(fingers, table, PlantVariation(), (SimpleNamespace(t=t),), held)
     drop = find_drop(record, sunk)
     assert drop.slips == ()
     assert drop.lowered.distance == pytest.approx(warned.given)
@@ -191,7 +189,7 @@ def test_a_pull_that_lowers_the_object_too_far_is_said_before_the_run_and_after_
 def test_what_pulls_lower_is_no_slip(grasp):
     """Where slip is watched; it was, and the cup was set down."""
     fingers = assign(load(CUP, ["slip={height: 0.1 mm}"]), grasp)
-    lowered = [one.distance for one in lowered_by_pulls(fingers, Variation())]
+    lowered = [one.distance for one in lowered_by_pulls(fingers, PlantVariation())]
     assert fingers[0].gives == max(lowered) > 3e-4
 
 

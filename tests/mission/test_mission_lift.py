@@ -8,17 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.control.status import Anomaly, Health, Sight, Status, Trip
-from continuum_grasp.errors import SolverError
+from continuum_grasp.base import SolverError
+from continuum_grasp.control import Anomaly, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import check_mission, on_pads
-from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission import Timetable, assign, check_mission, on_pads, run_mission, run_trials
 from continuum_grasp.mission.lift import LiftCheck
-from continuum_grasp.mission.plan import BLIND, LETS_GO, Plan
-from continuum_grasp.mission.plant import Timetable
-from continuum_grasp.mission.run import run_mission, run_trials
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import Slip
+from continuum_grasp.mission.plan import BLIND, LETS_GO, PhasePlan
+from continuum_grasp.scene import Slip, load
 from tests.mission_cases import CERTIFIED, MUG, STAGES, STEP, carried_out, commanded, fingers
 
 
@@ -111,7 +107,7 @@ def test_fingers_let_go_at_once_where_one_is_blind_before_the_lift(since, blind,
         ({"anomaly": Anomaly.BLIND}, "nothing was measured"),
         ({"trip": Trip.UNSEEN}, "the controller is tripped (unseen)"),
         ({"health": Health.FROZEN}, "a reading is frozen"),
-        ({"status": Status.SAFE_RAMP}, "no plan was found for as long as one lasts"),
+        ({"status": CommandStatus.SAFE_RAMP}, "no plan was found for as long as one lasts"),
         ({}, "no sensor shows the shape"),
     ],
 )
@@ -211,7 +207,7 @@ def test_a_drive_at_its_limit_is_the_cause(share):
 def test_an_object_is_let_go_when_asked_without_a_jump(k, at_once, phase):
     """Setpoints go on from where they are; what was lifted is lowered first."""
     (of,) = fingers("finger")
-    plan, plant = Plan(Timetable(of), STAGES, np.zeros(1)), SimpleNamespace(command=np.zeros(2))
+    plan, plant = PhasePlan(Timetable(of), STAGES, np.zeros(1)), SimpleNamespace(command=np.zeros(2))
     command, controller, rows = commanded(CERTIFIED), SimpleNamespace(change=lambda **_: None), []
     plan.enter(0.0, controller, plant)
     for step in range(1, 800):

@@ -7,14 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.status import Sight
+from continuum_grasp.closed_loop import PlantModel
+from continuum_grasp.control import Sight
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
-from continuum_grasp.mission.plant import Timetable, Variation, reserve
+from continuum_grasp.mission import PlantVariation, Timetable, assign
+from continuum_grasp.mission.plant import reserve
 from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import Slip
+from continuum_grasp.scene import Slip, load
 from tests.mission_cases import CERTIFIED, MUG, QUICK, STEP, carried_out, fingers
 from tests.rods import ROOT
 
@@ -221,7 +220,7 @@ def test_a_mug_whose_friction_falls_is_squeezed_and_set_down(grasp):
     """By 30 % it creeps while it is pulled, by 60 % it falls: more than friction can carry with the usual forces."""
     own = (), ("slip={height: 0.1 mm}",)
     usual, answering = (MissionRunner(assign(load(MUG, [*QUICK, *keys]), grasp)) for keys in own)
-    fallen = Variation(friction_fall=0.6)
+    fallen = PlantVariation(friction_fall=0.6)
     dropped, down = usual.run(fallen), answering.run(fallen)
     assert (dropped.verdict.held, dropped.verdict.slipped) == (False, None)
     assert (down.status, down.outcome, down.verdict.succeeded) == ("set_down", "set down and released", False)
@@ -232,7 +231,7 @@ def test_a_mug_whose_friction_falls_is_squeezed_and_set_down(grasp):
     assert np.nanmax(down.friction_use) < 1.0 + 1e-6
     # What falls slides: its contacts use all of the friction that is left.
     assert np.nanmax(dropped.friction_use[dropped.t > dropped.verdict.drop.time]) == pytest.approx(1.0, abs=1e-2)
-    held = answering.run(Variation(friction_fall=0.3))
+    held = answering.run(PlantVariation(friction_fall=0.3))
     assert (held.status, held.verdict.succeeded) == ("finished", True)
     height, noticed = held.object_pose[:, 3], held.verdict.slipped
     # Of what is lost since the hold began, contacts give way by some when friction falls.

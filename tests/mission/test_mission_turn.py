@@ -9,18 +9,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import run_trials
-from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission import (
+    Outcome,
+    PlantVariation,
+    Timetable,
+    TrialsResult,
+    assign,
+    exceeded,
+    mission_plant_model,
+    run_trials,
+)
 from continuum_grasp.mission.causes import Turned, find_turned
-from continuum_grasp.mission.outcomes import Outcome, TrialsResult
-from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
-from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
-from continuum_grasp.mission.record import Record
+from continuum_grasp.mission.precheck import exceeded_by_trials
+from continuum_grasp.mission.record import MissionRecord
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.results import read_run
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.declared import assert_declared
 from tests.marks import few
 from tests.mission_cases import BLOCK, MUG, PINCH, begun, planned
@@ -153,15 +159,15 @@ def test_an_object_that_the_tip_cannot_turn_is_refused(grasp, position, said):
 
 def test_friction_of_the_table_is_compared_with_the_tips_force(assignment, grasp):
     """Coulomb: friction times weight."""
-    assert exceeded([assignment], Variation()) == ()
+    assert exceeded([assignment], PlantVariation()) == ()
     rough = replace(assignment, mission=load(BLOCK, ["table_friction=3.0", "pull_share=0.0"]))
-    (one,) = exceeded([rough], Variation(mass=1.05))
+    (one,) = exceeded([rough], PlantVariation(mass=1.05))
     assert (one.name, one.key, one.unit) == ("turn", "table_friction", "N")
     assert one.given == pytest.approx(3.0 * 1.05 * 0.12 * 9.81)
     assert one.certified == grasp.contact("finger.tip").normal_force
     assert f"{one.given:.3g} N against sliding" in one.text
     # Trials are compared at their heavy and rough end as well.
-    drawn = [Variation(), Variation(friction=1.1)]
+    drawn = [PlantVariation(), PlantVariation(friction=1.1)]
     edge = one.certified / (1.05 * 0.12 * 9.81)
     rough = replace(assignment, mission=load(BLOCK, [f"table_friction={edge}", "pull_share=0.0"]))
     head, text = exceeded_by_trials([rough], drawn)
@@ -188,7 +194,7 @@ def judged(table, assignment, *, first=15.0, second=30.0, end=30.0, shear=0.1, n
     )
     u = np.full((len(t) - 1, 2), u)
     run = SimpleNamespace(t=t, u=u, u_max=np.array([95.0, 95.0]), health=("ok",), object_pose=pose)
-    return find_turned(Record((assignment,), table, Variation(), (run,), contacts))
+    return find_turned(MissionRecord((assignment,), table, PlantVariation(), (run,), contacts))
 
 
 @pytest.mark.parametrize(
@@ -216,7 +222,7 @@ def test_a_turn_that_fell_short_is_explained(table, assignment, given, reason):
 
 def test_no_turn_has_no_verdict(table, assignment):
     plain = replace(assignment, mission=load(MUG))
-    assert find_turned(Record((plain,), table, Variation(), (SimpleNamespace(t=None),), None)) is None
+    assert find_turned(MissionRecord((plain,), table, PlantVariation(), (SimpleNamespace(t=None),), None)) is None
 
 
 # -- end to end -------------------------------------------------------------------------------------------------------

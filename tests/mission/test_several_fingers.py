@@ -7,22 +7,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import SharedModel
 from continuum_grasp.closed_loop.integration import ChainIntegration
-from continuum_grasp.closed_loop.shared_object import SharedModel
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
+from continuum_grasp.control import Prediction
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission import PlantVariation, Timetable, assign, exceeded, mission_plant_model, run_mission
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.causes import find_drop
 from continuum_grasp.mission.on_pads import pushed_out
-from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
-from continuum_grasp.mission.precheck import exceeded
-from continuum_grasp.mission.record import Record
-from continuum_grasp.mission.run import MissionRunner, run_mission
+from continuum_grasp.mission.record import MissionRecord
+from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.results import read_run
-from continuum_grasp.scene.load import load
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.scene import load
+from continuum_grasp.simulation import ContactHistory
 from tests.declared import assert_declared
 from tests.mission_cases import PINCH, QUICK, SHORT, pressed
 
@@ -69,7 +67,7 @@ def test_what_is_pushed_out_is_pressed_harder_from_the_lift_on(grasp):
 def test_a_pinch_whose_friction_falls_is_held(grasp):
     """A plant that fell 51 mm with squeezes that came when the tips slid: here it is pulled in the plane before."""
     scene = load(PINCH, ["slip={height: 0.1 mm}"])
-    fallen = Variation(stiffness=0.945, mass=0.975, friction=1.042, friction_fall=0.3)
+    fallen = PlantVariation(stiffness=0.945, mass=0.975, friction=1.042, friction_fall=0.3)
     run = MissionRunner(assign(scene, grasp)).run(fallen)
     verdict = run.verdict
     assert any("they press 12 % harder from the lift on" in text for text in run.warnings)
@@ -270,11 +268,11 @@ def test_a_finger_alone_of_its_kind_has_its_base_in_the_code(grasp):
 
 def test_the_check_before_the_run_names_the_finger(grasp):
     weak = assign(load(PINCH, ["drive_tension=60"]), grasp)
-    found = exceeded(weak, Variation())
+    found = exceeded(weak, PlantVariation())
     assert [one.name for one in found] == ["tension", "tension"]
     assert "the drive of lower" in found[0].text
     assert "the drive of upper" in found[1].text
-    heavy = {one.name: one for one in exceeded(assign(load(PINCH, ["object_mass=0.6"]), grasp), Variation())}
+    heavy = {one.name: one for one in exceeded(assign(load(PINCH, ["object_mass=0.6"]), grasp), PlantVariation())}
     carried = 0.5 * sum(contact.normal_force for contact in grasp.contacts) / 9.81
     assert heavy["mass"].resisted == pytest.approx(carried, rel=1e-3)
     assert heavy["mass"].certain
@@ -289,10 +287,10 @@ def test_a_drop_names_finger_and_contact(assignments, grasp):
     names = ("finger.tip", "table")
     firm, weak = np.full(shape, 4.0), np.full(shape, 1.0)
     slipping = np.where(t[:, None] < 3.0, 1.0, 2.0) * np.ones(shape)
-    both = ContactForces.joined({"lower": pressed(names, firm, weak), "upper": pressed(names, firm, slipping)})
+    both = ContactHistory.joined({"lower": pressed(names, firm, weak), "upper": pressed(names, firm, slipping)})
     assert both.names == ("lower.tip", "upper.tip", "table")
     assert [both.on_finger(name) for name in both.names] == [True, True, False]
-    record = Record(assignments, table, Variation(), (SimpleNamespace(t=t),), both)
+    record = MissionRecord(assignments, table, PlantVariation(), (SimpleNamespace(t=t),), both)
     drop = find_drop(record, 0.02 * (t >= 3.2))
     assert drop.text.startswith("slipped at upper.tip at 3.00 s: friction 0.50, certificate needs 0.45")
     own = certified_contact(assignments, "upper.tip")
@@ -346,7 +344,7 @@ def test_a_short_mission_of_two_fingers_holds_and_is_saved(grasp, tmp_path):
     assert {path.name for path in run.save_pictures(tmp_path)} == {"timeline.png", "snapshots.png"}
     assert run.animate(tmp_path / "a.gif", fps=2).stat().st_size > 10_000
     # Other plants in between leave no trace; half of the friction is too little.
-    dropped = runner.run(Variation(friction=0.2))
+    dropped = runner.run(PlantVariation(friction=0.2))
     assert not dropped.verdict.held
     assert {slip.contact for slip in dropped.verdict.drop.slips} == {"lower.tip", "upper.tip"}
     again = runner.run()
@@ -383,7 +381,7 @@ def test_a_tin_is_pressed_on_a_palm_by_two_fingers_and_dropped_off_it():
     assert run.contacts.lift[during][:, bearing].sum(axis=1).mean() == pytest.approx(0.1 * 9.81, rel=0.02)
     assert run.contacts.force[during][:, 0, bearing].sum(axis=1).mean() == pytest.approx(0.0, abs=0.05)
     assert run.contacts.normal_force[during, names.index("palm")].mean() > 2.0
-    dropped = runner.run(Variation(friction=0.2)).verdict
+    dropped = runner.run(PlantVariation(friction=0.2)).verdict
     assert not dropped.held
     assert "palm" in {slip.contact for slip in dropped.drop.slips}
     assert "palm slipped" in dropped.drop.text or "slipped at palm" in dropped.drop.text

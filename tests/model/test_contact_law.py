@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.model.contact_law import TouchLaw
-from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.surroundings import ContactLaw
+from continuum_grasp.scene import ContactLaw, Rod
 
 EDGE = 1e-4
 ROD = Rod(length=0.18, linear_density=0.006 / 0.18, bending_stiffness=0.02)

@@ -12,12 +12,9 @@ from pydantic import TypeAdapter
 from scipy.optimize import brentq
 
 from continuum_grasp.grasp.starts.scan.task import rough_distance
-from continuum_grasp.model.planar import Vec
-from continuum_grasp.model.surfaces import nearest, surface_of
-from continuum_grasp.model.surfaces.surface import own_outline
-from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, Stadium, Superellipse, Union
+from continuum_grasp.model import Vec, nearest, own_outline, surface_of
+from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, Stadium, Superellipse, SuperellipsePart, Union
 from continuum_grasp.scene.objects import UnionMember
-from continuum_grasp.scene.parts import SuperellipsePart
 
 KEYS = {"mass": 0.1, "position": (0.0, 0.0)}
 CORNERS = ((0.0, 0.0), (0.08, 0.01), (0.05, 0.06), (0.01, 0.05))

@@ -10,11 +10,9 @@ from export_cases import STRICT, TENDONS, compile_programs, run
 from grasp_scenes import make_scene
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.scene import Damping, Fidelity, Finger, Rod, Scene
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.methods import FAMILIES
+from continuum_grasp.scene import FAMILIES, Damping, Fidelity, Finger, Rod, Scene, load
 from tests.control_cases import TARGET, rod_scene
 from tests.finger_cases import LENGTHS, LOADS, Case, State, errors, worst
 from tests.quadratic_family import ENTRY, NAME

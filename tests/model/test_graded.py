@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from continuum_grasp import FingerModel
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene import Damping, Finger, MomentLoad, PointMass, Rod
 from tests.finger_cases import energy_rate, evaluate, relative_error
 from tests.marks import few

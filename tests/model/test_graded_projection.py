@@ -8,7 +8,7 @@ import pytest
 from benchmarks.rod_shapes import ShapeRod
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod.frequencies import mass_matrix
-from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation import Signals
 from tests.graded_rods import RODS, SPIRAL
 from tests.marks import few
 from tests.rods import force, rod_scene

@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.core.source import generated
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.layout import MOST_ELEMENTS
-from continuum_grasp.model.pattern import FEWEST_ELEMENTS
+from continuum_grasp.core import generated
+from continuum_grasp.model import FEWEST_ELEMENTS, MOST_ELEMENTS, FingerModel
 from continuum_grasp.scene import (
     BasePose,
     Damping,
     Finger,
     ForceLoad,
+    LengthDrive,
     MomentLoad,
     PiecewiseCurvature,
     PointMass,
     Rod,
+    Stops,
+    Tendon,
     Tendons,
+    TipBody,
 )
-from continuum_grasp.scene.drives import LengthDrive
-from continuum_grasp.scene.finger import Softening, Stops, TipBody
-from continuum_grasp.scene.tendons import Tendon
+from continuum_grasp.scene.finger import Softening
 from tests.marks import every
 
 LENGTH, COUNT = 0.6, FEWEST_ELEMENTS

@@ -8,19 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.functions import function_names
-from continuum_grasp.scene import (
-    Damping,
-    Fidelity,
-    Finger,
-    ForceLoad,
-    Initial,
-    PointMass,
-    Scene,
-    Tendons,
-)
+from continuum_grasp.base import InputError
+from continuum_grasp.model import FingerModel, function_names
+from continuum_grasp.scene import Damping, Fidelity, Finger, ForceLoad, Initial, PointMass, Scene, Tendons
 from continuum_grasp.scene import Rod as RodValue
 from tests.finger_cases import (
     FAMILIES,

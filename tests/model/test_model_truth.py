@@ -11,12 +11,13 @@ import mpmath
 import numpy as np
 import pytest
 
-from continuum_grasp.model.chain import Chain, Place
+from continuum_grasp.model import RANGES, ROUNDING, Vec, collocation, column, stumpff
+from continuum_grasp.model.chain import Chain, ChainPlace
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.moment_linear import Clothoid
-from continuum_grasp.model.planar import ZERO, Vec, column
-from continuum_grasp.model.quadrature import _ERRORS, RANGES, collocation
-from continuum_grasp.model.stumpff import ROUNDING, rotation, stumpff
+from continuum_grasp.model.planar import ZERO
+from continuum_grasp.model.quadrature import _ERRORS
+from continuum_grasp.model.stumpff_functions import rotation
 from continuum_grasp.scene import Damping, PointMass, Tendons
 from tests.finger_cases import (
     EXACT,
@@ -235,7 +236,7 @@ def element(reach: float, nodes: int) -> ca.Function:
     mass = ca.vertcat(*[ca.horzcat(*row) for row in chain.mass_matrix])
     bias = -column(chain.motion_forces([qd[0], qd[1]], ZERO))
     weight = -column(chain.motion_forces(None, Vec(g[0], g[1])))
-    return ca.Function("element", [q, qd, g], [mass, bias, weight, chain.position(Place(0)).column()])
+    return ca.Function("element", [q, qd, g], [mass, bias, weight, chain.position(ChainPlace(0)).column()])
 
 
 RATES = ((1, 0), (0, 1), (1, 1))

@@ -14,9 +14,9 @@ from identification_cases import bare_scene, frequency, rung
 from plan_cases import two_arcs
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop import Plant
 from continuum_grasp.core import Core, compiler
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests import control_cases
 from tests.marks import few
 

@@ -10,14 +10,13 @@ from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp import FingerModel
+from continuum_grasp.base import InputError
+from continuum_grasp.control import Prediction
 from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
 from continuum_grasp.identification import TipPath
 from continuum_grasp.rod import solve_elastica
-from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.scene import FAMILIES, Scene
+from continuum_grasp.simulation import Signals
 from tests.export_cases import needs, shared_library
 from tests.identification_cases import at_tip
 

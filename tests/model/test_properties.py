@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import continuum_grasp as cg
+from continuum_grasp.base import InputError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError
 from continuum_grasp.scene import Scene
 
 STEADY = {

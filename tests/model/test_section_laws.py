@@ -8,7 +8,8 @@ from scipy.linalg import expm
 
 import continuum_grasp as cg
 from continuum_grasp.identification import TipPath
-from continuum_grasp.scene.finger import Softening, Stops
+from continuum_grasp.scene import Stops
+from continuum_grasp.scene.finger import Softening
 from tests.finger_cases import energy_rate
 from tests.identification_cases import at_tip
 from tests.marks import few

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import approx_fprime, brentq
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import (
     BasePose,
     Box,
     Circle,
+    ContactLaw,
     Ellipse,
     Finger,
     Line,
@@ -25,10 +26,10 @@ from continuum_grasp.scene import (
     Rod,
     Stadium,
     Superellipse,
+    Surroundings,
     Tendons,
     VGroove,
 )
-from continuum_grasp.scene.surroundings import ContactLaw, Surroundings
 from tests.finger_cases import energy_rate
 from tests.marks import few
 from tests.truth.differences import differences

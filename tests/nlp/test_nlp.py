@@ -27,16 +27,16 @@ from continuum_grasp.nlp import (
     Multipliers,
     OptionSet,
     Settings,
+    Solver,
+    SolverStatus,
     Start,
-    Status,
     new_solver,
+    optimality_error,
     outcome_words,
 )
-from continuum_grasp.nlp.solver import Solver, _Stop, optimality_error
+from continuum_grasp.nlp.solver import _Stop
 from continuum_grasp.planning import plan
-from continuum_grasp.scene.grasp_options import GraspSolver
-from continuum_grasp.scene.methods import Method
-from continuum_grasp.scene.plan import PlanSolver
+from continuum_grasp.scene import GraspSolver, Method, PlanSolver
 
 METHODS = get_args(Method)
 INF = np.inf
@@ -99,7 +99,7 @@ def solved(method, problem, start, budget=None, **settings) -> Attempt:
 def test_solutions_are_the_published_ones(method, name):
     problem, start, expected = PROBLEMS[name]()
     found = solved(method, problem, start)
-    assert found.status is Status.SOLVED
+    assert found.status is SolverStatus.SOLVED
     assert_allclose(found.x, expected, atol=1e-5)
     assert found.violation < 1e-7
     slopes = ca.Function(
@@ -116,7 +116,7 @@ def test_a_solution_with_its_multipliers_is_found_again_in_fewer_iterations(meth
     problem, start, expected = PROBLEMS[name]()
     first = solved(method, problem, start)
     again = solved(method, problem, replace(start, x=first.x, multipliers=first.multipliers))
-    assert again.status is Status.SOLVED
+    assert again.status is SolverStatus.SOLVED
     assert_allclose(again.x, expected, atol=1e-5)
     assert again.iterations < max(first.iterations, 4)
 
@@ -126,10 +126,10 @@ def test_a_problem_without_a_solution_is_not_solved(method):
     problem, start, _ = problem_71()
     found = solved(method, problem, replace(start, lower=np.array([25.0, 200.0]), upper=np.array([INF, 200.0])))
     assert not found.converged
-    assert found.status is not Status.STOPPED
+    assert found.status is not SolverStatus.STOPPED
     assert found.violation > 10.0
     if method == "ipopt":
-        assert found.status is Status.INFEASIBLE
+        assert found.status is SolverStatus.INFEASIBLE
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -140,7 +140,7 @@ def test_more_equations_than_unknowns_print_nothing(method, capfd):
     values = np.array([1.0, 0.0, 2.0])
     start = Start(np.zeros(2), np.full(2, -9.0), np.full(2, 9.0), values, values)
     found = solved(method, problem, start)
-    assert found.status is (Status.FAILED if method == "ipopt" else Status.SOLVED)
+    assert found.status is (SolverStatus.FAILED if method == "ipopt" else SolverStatus.SOLVED)
     assert capfd.readouterr() == ("", "")
 
 
@@ -176,7 +176,7 @@ def test_what_has_no_solution_ends_early(ends):
     problem, start, expected = problem_71()
     none = replace(start, lower=np.array([25.0, 200.0]), upper=np.array([INF, 200.0]))
     found, ended = solved("ipopt", problem, none), solved("ipopt", problem, replace(none, **ends))
-    assert (ended.status, ended.outcome) == (Status.STOPPED, "Stalled")
+    assert (ended.status, ended.outcome) == (SolverStatus.STOPPED, "Stalled")
     assert ended.iterations < found.iterations
     assert_allclose(solved("ipopt", problem, replace(start, **ends)).x, expected, atol=1e-5)
 
@@ -196,11 +196,11 @@ def test_a_run_ends_at_a_solution_that_is_known(aside, outcome):
 @pytest.mark.parametrize("method", METHODS)
 def test_iterations_of_one_run_and_of_all_runs_end_it(method):
     problem, start, _ = problem_71()
-    assert solved(method, problem, start, max_iterations=2).status is Status.ITERATION_LIMIT
+    assert solved(method, problem, start, max_iterations=2).status is SolverStatus.ITERATION_LIMIT
     budget = Budget(left=10)
     with budget.share(2) as part:
         found = solved(method, problem, start, part)
-    assert (found.status, found.iterations) == (Status.STOPPED, 2)
+    assert (found.status, found.iterations) == (SolverStatus.STOPPED, 2)
     assert outcome_words(found.outcome) == "the iterations of this start were used up"  # no user stopped it
     assert (budget.left, budget.over, budget.cut) == (8, False, "")
 
@@ -210,7 +210,7 @@ def test_the_deadline_ends_it(method):
     problem, start, _ = problem_71()
     budget = Budget(until=-1.0)
     found = solved(method, problem, start, budget)
-    assert found.status is Status.STOPPED
+    assert found.status is SolverStatus.STOPPED
     assert found.iterations == 0
     assert budget.cut == "clock"
 
@@ -283,10 +283,10 @@ def test_a_solution_is_solved_whatever_the_solver_says(method, monkeypatch):
     problem, start, _ = problem_71()
     monkeypatch.setattr(Solver, "statistics", lambda self, function: {"return_status": "Error_In_Step_Computation"})
     found = solved(method, problem, start, tolerance=1e-6)
-    assert (found.status, found.outcome) == (Status.SOLVED, "Error_In_Step_Computation")
+    assert (found.status, found.outcome) == (SolverStatus.SOLVED, "Error_In_Step_Computation")
     monkeypatch.setattr(Solver, "statistics", lambda self, function: {"return_status": "Solve_Succeeded"})
     early = solved(method, problem, start, Budget(left=3), tolerance=1e-6)
-    assert early.status is Status.FAILED
+    assert early.status is SolverStatus.FAILED
     assert early.error > 1e-4
 
 
@@ -295,7 +295,7 @@ def test_every_option_set_solves_from_next_to_the_solution(option_set):
     problem, start, expected = problem_71()
     near = replace(start, x=np.array(expected) + 1e-3, option_set=option_set)
     found = solved("ipopt", problem, near)
-    assert found.status is Status.SOLVED
+    assert found.status is SolverStatus.SOLVED
     assert_allclose(found.x, expected, atol=1e-5)
 
 
@@ -344,5 +344,5 @@ def test_violations_are_named_with_their_amounts():
 )
 def test_a_point_is_solved_up_to_both_tolerances(error, violation, solved):
     solver = new_solver(Settings("ipopt", tolerance=1e-6, constraint_tolerance=1e-9))
-    status = solver._status(Status.FAILED, 1e-6 * error, 1e-9 * violation)
-    assert (status is Status.SOLVED) == solved
+    status = solver._status(SolverStatus.FAILED, 1e-6 * error, 1e-9 * violation)
+    assert (status is SolverStatus.SOLVED) == solved

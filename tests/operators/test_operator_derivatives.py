@@ -8,7 +8,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.core import Core
-from continuum_grasp.operators.derivatives import METHODS, Point, Recursion, held_step
+from continuum_grasp.operators.derivatives import METHODS, Recursion, RowFunction, held_step
 from continuum_grasp.scene import Circle, ContactLaw, Surroundings
 from tests.marks import few
 
@@ -89,7 +89,7 @@ def test_functions(name):
     function = getattr(model, name)
     x, u, w, p = rows_of(model, 11)
     values = {"x": x, "u": u, "w": w, "p": p, "q": x[:, :2], "qd": x[:, 2:], "qdd": x[:, 2:]}
-    check(Point(function, Core(model)), [values[key] for key in function.name_in()], 1e-7)
+    check(RowFunction(function, Core(model)), [values[key] for key in function.name_in()], 1e-7)
 
 
 CASES = {
@@ -105,7 +105,7 @@ CASES = {
 def test_dynamics_of_hard_cases(case):
     build, straight, tolerance = CASES[case]
     model = build()
-    check(Point(model.forward_dynamics, Core(model)), rows_of(model, 11, straight), tolerance)
+    check(RowFunction(model.forward_dynamics, Core(model)), rows_of(model, 11, straight), tolerance)
 
 
 def rollout_rows(model, count, step, rows=(2, 1)):
@@ -191,4 +191,4 @@ def test_no_rows_give_none():
     model = plain()
     operator = Recursion(held_step(model, "rk4"), Core(model)).over(4)
     assert operator([row[:0] for row in rollout_rows(model, 3, 1e-4)])[0].shape == (0, 5, 4)
-    assert Point(model.tip, Core(model))([np.zeros((0, n)) for n in (2, 1, 2)])[0].shape == (0, 2)
+    assert RowFunction(model.tip, Core(model))([np.zeros((0, n)) for n in (2, 1, 2)])[0].shape == (0, 2)

@@ -9,15 +9,14 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
-from continuum_grasp.planning import Plan, PlanStatus
+from continuum_grasp.base import InputError
+from continuum_grasp.planning import MotionPlan, PlanStatus
 from continuum_grasp.planning.condensed import Condensed, _Model
 from continuum_grasp.planning.guess import first_state_of_plan, smooth_path
-from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.motion import PlannedMotion
+from continuum_grasp.planning.search import PlanSearch
 from continuum_grasp.planning.shooting import amplification, derived, fewest_evaluations, shooting_interval
-from continuum_grasp.scene import Tendons
-from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.scene import PlanScene, Tendons
 from tests.control_cases import CABLE, DRIVES, HAND
 from tests.marks import few
 from tests.plan_cases import small, two_arcs
@@ -115,7 +114,7 @@ def test_plan_of_a_bent_finger_turns_friction_around(friction, cells, family, hi
         initial={"pose": "equilibrium", "reached_by": history},
         input={**DRIVES["winches"][1], "form": "linear", "initial": first},
     )
-    start = first_state_of_plan(asked, Motion(asked).prediction)[0]
+    start = first_state_of_plan(asked, PlannedMotion(asked).prediction)[0]
     # After sliding the other way.
     found, off, moved = held(asked, first, last, 0.6, 1.0, 1e6, start)
     assert off < 1e-4
@@ -150,7 +149,7 @@ def test_plan_of_one_pulley_and_of_motors_without_servo(friction, drive, last):
 @pytest.mark.parametrize(("drive", "end"), [("torques", "held"), ("torques", "still"), ("winches", "held")])
 def test_search_begins_at_a_posture_with_taut_tendons(drive, end):
     """A slack tendon has no slopes, and its motor runs away: plans ended 50 mm from their goals."""
-    search = Search(scene(0.0, drive, fidelity=ARCS, goal={"tip": {"value": AIM, "weight": 1e6}, "end": end}))
+    search = PlanSearch(scene(0.0, drive, fidelity=ARCS, goal={"tip": {"value": AIM, "weight": 1e6}, "end": end}))
     model, last = search.motion.prediction, search.last
     tensions = np.array(model.tensions(model.at_rest(last.q, last.u), last.u, model.p_nominal)).ravel()
     assert tensions.min() >= 1.0 - 2e-2  # half the pretension, by least squares
@@ -220,7 +219,7 @@ def test_no_step_seems_worse_than_none():
     by one measure and judged by another, a search ended by rounding, and called its goal out of reach.
     """
     asked = two_arcs(method="single_shooting", goal={"bending": (0.4, 0.2), "end": "still"}, bounds={"speed": 2.0})
-    search = Search(asked)
+    search = PlanSearch(asked)
     w = search.problem.start(smooth_path(search.motion, search.x0, search.first, search.last))
     condensed = Condensed(search.problem, 1e-5, search.feasible)
     end = condensed.solve(w, search.budget, 100)
@@ -245,7 +244,7 @@ def test_no_step_seems_worse_than_none():
 )
 def test_objective_and_limits_are_those_of_what_drives_take(drive, unit, key):
     asked = scene(0.0, drive, fidelity={"family": "arc", "elements": 1})
-    made = Plan(asked, PlanStatus.OPTIMAL, "", np.zeros(2), np.zeros((2, 1)), np.zeros((2, 2)), 0.0)
+    made = MotionPlan(asked, PlanStatus.OPTIMAL, "", np.zeros(2), np.zeros((2, 1)), np.zeros((2, 2)), 0.0)
     assert made.objective_unit == unit
     assert asked.limit_keys == key
 

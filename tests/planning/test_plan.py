@@ -17,13 +17,13 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.planning import Plan, PlanStatus, plan, search
+from continuum_grasp.base import InputError, Interrupted, SolverError
+from continuum_grasp.planning import MotionPlan, PlanStatus, plan, search
 from continuum_grasp.planning.fine import excess_over_intervals, simulated
 from continuum_grasp.planning.guess import Path
-from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.search import Search
-from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.planning.motion import PlannedMotion
+from continuum_grasp.planning.search import PlanSearch
+from continuum_grasp.scene import PlanScene
 from tests.declared import assert_declared
 from tests.marks import few
 from tests.rods import after
@@ -67,7 +67,7 @@ def test_derivatives_are_those_of_automatic_differentiation(kind):
     zone = {"keep_out": {"post": {"type": "disc", "center": (-0.05, 0.28), "radius": 0.01}}}
     bounds = KINDS[kind].get("bounds", {}) | zone
     scene = two_arcs(**(KINDS[kind] | {"intervals": 4, "bounds": bounds}))
-    assembly = Search(scene).problem.assembly
+    assembly = PlanSearch(scene).problem.assembly
     nlp, lam = assembly.nlp, ca.MX.sym("lam", assembly.count)
     lagrangian = 0.7 * nlp.f + ca.dot(lam, nlp.g)
     slopes = [ca.gradient(nlp.f, nlp.x), ca.jacobian(nlp.g, nlp.x), ca.triu(ca.hessian(lagrangian, nlp.x)[0])]
@@ -84,7 +84,7 @@ def test_derivatives_are_those_of_automatic_differentiation(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_conditions_of_optimality_hold(kind):
     """Karush, Kuhn and Tucker, with gradients of CasADi rather than the assembled ones."""
-    search = Search(two_arcs(**KINDS[kind]))
+    search = PlanSearch(two_arcs(**KINDS[kind]))
     search.run()
     assembly, best = search.problem.assembly, search.best
     assert best.converged
@@ -162,7 +162,7 @@ def test_bounds_that_a_plan_leaves_between_their_places_hold_at_more(monkeypatch
     assert (held.status, left.status) == ("optimal", "feasible")
     assert "between the nodes bending_rate_1 is left" in left.message
     for found, low, high in ((held, 0.0, 1e-3), (left, 1e-2, 0.3 if beside else 3e-2)):
-        motion = Motion(scene)
+        motion = PlannedMotion(scene)
         states = simulated(scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0], 101)
         assert low <= excess_over_intervals(motion, states, 101).max() < high
     assert held.objective > 1.01 * left.objective
@@ -172,7 +172,7 @@ def test_bounds_that_a_plan_leaves_between_their_places_hold_at_more(monkeypatch
 def test_the_shipped_detour_keeps_off_the_post():
     """At 101 places per interval: cheap plans rush through a zone between the places where they are bounded."""
     found = plan("configs/plan/past_a_post.yaml")
-    motion = Motion(found.scene)
+    motion = PlannedMotion(found.scene)
     states = simulated(found.scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0], 101)
     assert found.status == "optimal"
     assert excess_over_intervals(motion, states, 101)[:, motion.hard].max() < 1.1e-3
@@ -460,7 +460,7 @@ def test_a_wall_that_is_entered_after_the_end_is_said(end):
 def test_saved_plan_comes_back_and_starts_the_next_one(tmp_path):
     found = plan(two_arcs())
     found.save(tmp_path)
-    back = Plan.load(tmp_path)
+    back = MotionPlan.load(tmp_path)
     for name in ("t", "x", "u", "tip", "bending"):
         assert getattr(back, name) == pytest.approx(getattr(found, name))
     assert (back.status, back.scene, back.deviation) == (found.status, found.scene, found.deviation)
@@ -504,10 +504,10 @@ def test_command(tmp_path):
     assert done.exit_code == 0
     printed = json.loads(done.stdout)
     assert printed["status"] == "optimal"
-    assert Plan.load(tmp_path / "run").objective == pytest.approx(printed["objective"])
+    assert MotionPlan.load(tmp_path / "run").objective == pytest.approx(printed["objective"])
     failed = CliRunner().invoke(app, [str(file), "--out", str(tmp_path / "no"), "--set", "duration=0.005"])
     assert isinstance(failed.exception, SolverError)
-    assert Plan.load(tmp_path / "no").status is PlanStatus.INFEASIBLE
+    assert MotionPlan.load(tmp_path / "no").status is PlanStatus.INFEASIBLE
 
 
 # -- contact -----------------------------------------------------------------------------------------------------------

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from plan_cases import small
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.nlp import Status, Violation
+from continuum_grasp.base import InputError
+from continuum_grasp.nlp import SolverStatus, Violation
 from continuum_grasp.planning import PlanStatus, diagnosis, fine
 from continuum_grasp.planning.guess import Path
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.motion import PlannedMotion
 from continuum_grasp.planning.problem import PlanProblem
-from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.search import PlanSearch
 from continuum_grasp.planning.solve import _result
-from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.scene import PlanScene
 
 LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, fine.PARTS
 """Of the hand-made plan: finger [m], greatest deviation per length [1], nodes, and parts of an interval."""
@@ -146,7 +146,7 @@ def test_what_no_check_is_about_goes_unsaid(monkeypatch):
 @pytest.mark.parametrize("given", [None, 3])
 @pytest.mark.parametrize("sudden", [True, False])
 def test_more_steps_than_can_be_taken_are_refused_with_what_to_try(monkeypatch, given, sudden):
-    motion = Motion(small(method="single_shooting", intervals=4, solver={"substeps": given} if given else {}))
+    motion = PlannedMotion(small(method="single_shooting", intervals=4, solver={"substeps": given} if given else {}))
     monkeypatch.setattr(PlanScene, "sudden", sudden)
     for rate, refused in ((-40.0, False), (-1e12, True)):
         motion.__dict__.pop("_rates", None)
@@ -211,7 +211,7 @@ def test_a_goal_is_missed_beyond_its_tolerance_alone(aim, length, angle):
     for share, missed in ((0.999, []), (1.001, ["goal tip", "goal bending"])):
         tip, bend = (0.6 * share * length, 0.3 - 0.8 * share * length), share * angle
         goal = {"tip": {"value": tip, **aim}, "bending": {"value": (bend,), **aim}, "end": "moving"}
-        motion = Motion(small(goal=goal, intervals=2))
+        motion = PlannedMotion(small(goal=goal, intervals=2))
         problem = PlanProblem(motion, np.zeros(motion.nx))
         w = problem.start(Path(np.zeros((3, motion.nx)), np.zeros((3, 1)), 0.1))
         found, worst = diagnosis.missed_goals(problem, w, weighted="weight" in aim)
@@ -223,7 +223,7 @@ def test_a_shape_is_met_by_an_arc_through_its_points():
     bend, at = 0.8, (0.1, 0.3)
     points = [0.3 / bend * np.array((np.cos(bend * s / 0.3) - 1.0, np.sin(bend * s / 0.3))) for s in at]
     goal = {"shape": {"at": at, "value": np.array(points).tolist()}, "end": "moving"}
-    motion = Motion(small(goal=goal, intervals=2))
+    motion = PlannedMotion(small(goal=goal, intervals=2))
     problem = PlanProblem(motion, np.zeros(motion.nx))
     w = problem.start(Path(np.tile([bend, 0.0], (3, 1)), np.zeros((3, 1)), 0.1))
     assert diagnosis.missed_goals(problem, w, weighted=False) == ([], pytest.approx(0.0, abs=1e-9))
@@ -276,7 +276,7 @@ def test_the_strength_of_a_limit_is_what_widening_it_gains(name, changes):
     """Against differences of the least distance of problems solved anew."""
 
     def nearest(factor):
-        search = Search(small(intervals=5, **changes(factor)))
+        search = PlanSearch(small(intervals=5, **changes(factor)))
         problem, motion = search._near_goal, search.motion
         path = Path(np.zeros((6, motion.nx)), np.zeros((6, 1)), motion.scene.duration_range[1])
         attempt = search._solved(problem, problem.start(path))
@@ -291,7 +291,7 @@ def test_the_strength_of_a_limit_is_what_widening_it_gains(name, changes):
 
 @pytest.mark.parametrize(("method", "limit"), [("collocation", 1e-6), ("single_shooting", 1e-5)])
 def test_an_attempt_is_a_plan_up_to_its_violation(method, limit):
-    search = Search(small(method=method, intervals=2))
+    search = PlanSearch(small(method=method, intervals=2))
     for share, good in ((0.999, True), (1.001, False)):
         search.best = None
         search._solved = lambda *_, v=share * limit, **__: SimpleNamespace(violation=v, converged=True, objective=1.0)
@@ -301,7 +301,7 @@ def test_an_attempt_is_a_plan_up_to_its_violation(method, limit):
 
 @pytest.fixture(scope="module")
 def searched():
-    search = Search(small(intervals=5))
+    search = PlanSearch(small(intervals=5))
     search.run()
     assert search.best is not None
     return search
@@ -324,7 +324,7 @@ STATUSES = [
 def test_a_plan_says_in_a_word_how_the_search_ended(monkeypatch, searched, status, text, how):
     best = searched.best
     if not how.get("converged", True) or not how.get("found", True):
-        best = replace(best, status=Status.ITERATION_LIMIT, outcome="Maximum_Iterations_Exceeded")
+        best = replace(best, status=SolverStatus.ITERATION_LIMIT, outcome="Maximum_Iterations_Exceeded")
     cut = how.get("cut", "")
     monkeypatch.setattr(searched, "attempts", [("direct", best)])
     monkeypatch.setattr(searched, "relaxed", [("direct", best)])
@@ -343,7 +343,7 @@ def test_a_zone_may_have_any_name(name):
     """A zone called speed was one with the bound of the speed, and one called motion with the equations of motion."""
     wall = {"type": "half_plane", "point": (-9.0, 0.0), "normal_angle": 0.0, "of": "backbone"}
     asked = small(intervals=3, bounds={"curvature": None, "speed": 20.0, "keep_out": {name: wall}})
-    search = Search(asked)
+    search = PlanSearch(asked)
     blocks = {block.key: block for block in search.problem.assembly.blocks}
     speed, zone = blocks["bounds.speed"], blocks[f"bounds.keep_out.{name}"]
     assert (speed.name, speed.unit, speed.rows.shape) == ("speed", "of its limit", (12, 1))

@@ -13,14 +13,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import continuum_grasp as cg
-from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control import Prediction
 from continuum_grasp.planning import guess, plan
 from continuum_grasp.planning.fine import simulated
 from continuum_grasp.planning.guess import closing, final_postures, smooth_path
-from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.search import PlanSearch
 from continuum_grasp.planning.shooting import amplification
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.scene import PlanScene, load
 from tests.marks import few
 from tests.rods import ROOT, after
 
@@ -105,7 +104,7 @@ def test_tracking_follows_a_reference_that_the_finger_can_run():
 def test_starts_with_an_object_differ_by_when_their_inputs_rest():
     """Bent to either side they would be one start: the finger goes where its inputs lead. All end on the object."""
     asked, near = closing(cg.load(ROOT / "configs/plan/close_on_mug.yaml", ["intervals=20"]))
-    search = Search(asked, near=near)
+    search = PlanSearch(asked, near=near)
     model, starts = search.motion.prediction, [path for _, path, _ in search._paths()]
     assert len(starts) == 3
     for path, rests in zip(starts, (14, 18, 20), strict=True):
@@ -134,7 +133,7 @@ def test_a_search_begins_where_its_inputs_press(side):
     """Static least squares end short of balance: their inputs leave the finger beside the disc, by an integrator of its
     own, and plans did not move.
     """
-    search = Search(pressing(side))
+    search = PlanSearch(pressing(side))
     model, static = search.motion.prediction, final_postures(search.motion, search.problem.goal, search.first)[0]
     for posture, presses in ((static, False), (search.last, True)):
         path = smooth_path(search.motion, search.x0, search.first, posture, share=0.7)
@@ -227,7 +226,7 @@ def test_a_plan_presses_as_near_to_its_grasp_as_one_moment_can():
 @pytest.mark.parametrize("faster", [1.0, 20.0])
 def test_steps_follow_a_motion_that_is_faster_than_was_thought(faster):
     """Where a motion would make the steps grow they become finer, and unknowns keep their places."""
-    search = Search(load(TIP, [*BY_SHOOTING, "intervals=20", "finger.damping.quadratic=1e-5"]))
+    search = PlanSearch(load(TIP, [*BY_SHOOTING, "intervals=20", "finger.damping.quadratic=1e-5"]))
     problem = search.problem
     path = smooth_path(search.motion, search.x0, search.first, search.last)
     w, size, before = problem.start(replace(path, x=faster * path.x)), problem.assembly.size, problem.steps

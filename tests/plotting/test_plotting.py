@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from PIL import Image
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.plotting import motion as plotting
 from continuum_grasp.plotting.drawing.axes import draw_timed, head, plane_axes
 from continuum_grasp.plotting.drawing.forces import draw_arrow

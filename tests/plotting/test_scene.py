@@ -9,7 +9,7 @@ import pytest
 
 from continuum_grasp.plotting import plot_scene
 from continuum_grasp.plotting.scene_view import SceneView
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 
 
 def texts(ax):

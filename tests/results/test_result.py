@@ -16,11 +16,10 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.values import Status
-from continuum_grasp.planning import Plan
-from continuum_grasp.results import Dimension, File, Picture, Result, Stored, read_run
-from continuum_grasp.results.declared import maker_of
+from continuum_grasp.base import InputError
+from continuum_grasp.grasp import GraspStatus
+from continuum_grasp.planning import MotionPlan
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored, maker_of, read_run
 from continuum_grasp.simulation import Modes, Trajectory
 from tests.declared import assert_declared
 from tests.results_page import BEGIN, MADE_BY, PAGE, lists
@@ -74,7 +73,7 @@ def test_a_folder_holds_what_is_declared(tmp_path: Path) -> None:
 def test_a_run_of_another_kind_is_refused(tmp_path: Path) -> None:
     Case(np.zeros(1)).save(tmp_path)
     with pytest.raises(InputError, match="expected the folder of a run of plan, got that of case"):
-        Plan.load(tmp_path)
+        MotionPlan.load(tmp_path)
 
 
 @pytest.mark.parametrize(("result", "one"), FILES, ids=[f"{r.__name__}-{f.name}" for r, f in FILES])
@@ -158,7 +157,7 @@ def several(motion: Trajectory) -> list[Result]:
 
     modes = cg.modes(CONFIGS / "simulate" / "standing.yaml")
     grasp = cg.optimize_grasp(CONFIGS / "grasp" / "mug_arcs.yaml")
-    failed = replace(grasp, status=Status.INFEASIBLE, message="too heavy", advice="object.mass = 0.63 kg")
+    failed = replace(grasp, status=GraspStatus.INFEASIBLE, message="too heavy", advice="object.mass = 0.63 kg")
     return [motion, modes, modes.equilibrium, grasp, failed]
 
 

@@ -11,10 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.results import read_run, run_folder, write_run
-from continuum_grasp.results.atomic import replacing
-from continuum_grasp.results.plain import digest, plain
+from continuum_grasp.base import InputError
+from continuum_grasp.results import digest, plain, read_run, replacing, run_folder, write_run
 from tests.commands import python
 
 ARRAYS = {"t": np.linspace(0.0, 1.0, 11), "x": np.arange(44.0).reshape(11, 4), "names": np.array(["a", "bc"])}

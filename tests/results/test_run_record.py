@@ -11,12 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.errors import InputError
-from continuum_grasp.results import read_run, write_run
-from continuum_grasp.results.atomic import replacing
-from continuum_grasp.results.record import begin_run, kind_of_run, note_part
+from continuum_grasp.base import InputError
+from continuum_grasp.core import find_compiler, library_for
+from continuum_grasp.results import begin_run, kind_of_run, read_run, replacing, write_run
+from continuum_grasp.results.record import note_part
 from tests.commands import ROOT, environment, python, run, said
 
 RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"

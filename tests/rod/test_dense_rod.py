@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from continuum_grasp.rod.dense_rod import DenseRod
+from continuum_grasp.rod import DenseRod
 from tests import certificate_cases as cases
 
 

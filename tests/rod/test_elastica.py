@@ -10,16 +10,12 @@ import numpy as np
 import pytest
 from scipy import integrate, optimize, special
 
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.rod.dense_rod import Mesh
+from continuum_grasp.rod import PanelMesh, RodEquations, solve_elastica
 from continuum_grasp.rod.dimensionless import read_problem
-from continuum_grasp.rod.elastica import solve_elastica
-from continuum_grasp.rod.equations import RodEquations
-from continuum_grasp.scene import ForceLoad, MomentLoad
-from continuum_grasp.scene.profile import Channel, Curve
-from continuum_grasp.simulation import equilibrium
-from continuum_grasp.simulation.signals import interpolate
+from continuum_grasp.scene import Channel, Curve, ForceLoad, MomentLoad
+from continuum_grasp.simulation import equilibrium, interpolate
 from tests.closed_forms import rods as closed_forms
 from tests.graded_rods import with_profile
 from tests.marks import every, few
@@ -373,7 +369,7 @@ def test_the_estimated_error_bounds_the_error(case, tolerance):
 @pytest.mark.parametrize("case", ["mixed", "mixed dead", "mixed with friction", "graded", "graded with stops"])
 def test_the_derivative_is_exact_and_symmetric_without_following_loads(case):
     problem = read_problem(SHOT[case])
-    mesh = Mesh(problem.breaks, 5)
+    mesh = PanelMesh(problem.breaks, 5)
     equations, rng = RodEquations(problem, mesh), np.random.default_rng(1)
     curvature, change = rng.normal(size=(2, mesh.size))
     balance, step = equations.balance(curvature), 1e-5

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from continuum_grasp.rod.elastica import solve_elastica
-from continuum_grasp.rod.frequencies import natural_frequencies
+from continuum_grasp.rod import natural_frequencies, solve_elastica
 from tests.closed_forms.rods import beam_pulsations, roots
 from tests.rods import UNIT, UPRIGHT, force, rod_scene
 

@@ -9,7 +9,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.accuracy import choose_fidelity
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.simulation import equilibrium
 from tests.marks import few

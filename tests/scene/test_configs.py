@@ -11,12 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.scene import DEFINITIONS, KINDS, json_schema, load, read_yaml, schema_files
 from continuum_grasp.scene.assembly import kind_of
-from continuum_grasp.scene.kinds import DEFINITIONS, KINDS
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.schema import json_schema, schema_files
-from continuum_grasp.scene.yaml_loader import read_yaml
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*/*.yaml"))

@@ -11,13 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.scene import KINDS, Value, load, units_of
 from continuum_grasp.scene.assembly import kind_of
-from continuum_grasp.scene.kinds import KINDS
-from continuum_grasp.scene.load import load
 from continuum_grasp.scene.objects.outline import OutlineFile
-from continuum_grasp.scene.units import QUANTITIES, units_of
-from continuum_grasp.scene.value import Value
+from continuum_grasp.scene.units import QUANTITIES
 from continuum_grasp.scene.yaml_loader import parse_yaml
 from tests.commands import run
 from tests.errata_page import table

@@ -15,19 +15,15 @@ import pytest
 import typer
 
 import continuum_grasp as cg
-from continuum_grasp.cli.app import app
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.base import InputError, NumericalError, SolverError
+from continuum_grasp.cli import app
+from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.export import export_fmu
-from continuum_grasp.model.parameters import ModelOptions
-from continuum_grasp.model.system import System
+from continuum_grasp.model import ModelOptions, System
 from continuum_grasp.rod import solve_elastica
-from continuum_grasp.scene.consumer import CONSUMERS, Condition, Consumer
-from continuum_grasp.scene.kinds import KINDS
-from continuum_grasp.scene.schema import json_schema
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.value import Value
-from continuum_grasp.simulation.statics import equilibrium
+from continuum_grasp.scene import KINDS, Consumer, Scene, Value, json_schema
+from continuum_grasp.scene.consumer import CONSUMERS, KeyCondition
+from continuum_grasp.simulation import equilibrium
 from tests.consumers_page import BEGIN, PAGE, tables
 from tests.features import FEATURES, VERBS, declared, scene_of
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, keys_below, others, places
@@ -95,7 +91,7 @@ RULED = sorted((kind for kind in subclasses(Value) if "REFUSALS" in vars(kind)),
 @pytest.mark.parametrize("kind", RULED, ids=lambda kind: kind.__qualname__)
 def test_every_rule_is_about_what_its_class_has(kind):
     for rule in vars(kind)["REFUSALS"]:
-        others = [] if not isinstance(rule.where, Condition) else rule.where.others
+        others = [] if not isinstance(rule.where, KeyCondition) else rule.where.others
         keys = [*rule.refused, *(other for other in others if other.partition("(")[0] not in rule.where.functions)]
         assert not [key for key in keys if not is_there({kind}, key.partition("=")[0].split("."))]
 

@@ -15,7 +15,7 @@ from ezdxf.math import Matrix44
 from ezdxf.xclip import XClip
 from shapely.affinity import affine_transform, rotate, scale, skew, translate
 
-from continuum_grasp.scene.objects import Outline
+from continuum_grasp.scene import Outline
 
 
 def outline(file, **keys):

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene import SpiRob
 
 LENGTH, MODULUS, DENSITY = 0.25, 2e6, 1100.0

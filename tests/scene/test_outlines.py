@@ -13,19 +13,25 @@ import shapely
 import yaml
 from shapely.affinity import rotate, translate
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.grasp.certificate import surfaces
-from continuum_grasp.model.planar import Vec
-from continuum_grasp.model.surfaces import nearest, outline_of, surface_of
-from continuum_grasp.scene import Design, GraspScene, Polygon, Sweep
-from continuum_grasp.scene.design_space import SINGLE, design_space_of
-from continuum_grasp.scene.document import Document, Place
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.objects import redrawn
-from continuum_grasp.scene.parts import OffsetPolygon, corners_of
-from continuum_grasp.scene.variation import variation_of
-from continuum_grasp.sweeps.plan import Point
-from continuum_grasp.sweeps.worker import scene_data
+from continuum_grasp.model import Vec, nearest, outline_of, surface_of
+from continuum_grasp.scene import (
+    Design,
+    Document,
+    GraspScene,
+    OffsetPolygon,
+    Polygon,
+    Sweep,
+    design_space_of,
+    load,
+    redrawn,
+    variation_of,
+)
+from continuum_grasp.scene.design_space import SINGLE
+from continuum_grasp.scene.document import Place
+from continuum_grasp.scene.parts import corners_of
+from continuum_grasp.sweeps import SweepPoint, scene_data
 
 SCENE = "configs/grasp/mug.yaml"
 # An L of two bars, 60 mm and 40 mm long, both 20 mm wide.
@@ -275,7 +281,7 @@ def test_scale_and_tolerance_of_an_outline_vary(tmp_path):
     varied = variation_of(sweep, Document({}, {(): Place("sweep")}), tmp_path / "sweep.yaml")
     paths = [axis.path for axis in varied.axes]
     for values in itertools.product(*(axis.values for axis in varied.axes)):
-        scene = GraspScene.model_validate(scene_data(varied.base, paths, Point(0, values, values)))
+        scene = GraspScene.model_validate(scene_data(varied.base, paths, SweepPoint(0, values, values)))
         scale, tolerance = values
         assert scene.object.size == pytest.approx(20.0 * scale, abs=2.0 * tolerance)
         # Chords of a circle that stay within a tolerance t of it span angles of acos(1 - t / r) either way.

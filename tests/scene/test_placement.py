@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.load import load
+from continuum_grasp.base import InputError
+from continuum_grasp.scene import load
 
 MUG = "configs/grasp/mug.yaml"
 DISC = {"shape": "circle", "diameter": 0.06}

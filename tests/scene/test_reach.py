@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 LENGTH = 0.18

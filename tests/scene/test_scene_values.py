@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 ROD = {"length": 0.6, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}
 FINGER = cg.Finger(rod=cg.Rod(**ROD))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene import SpiRob
 
 LENGTH = 0.25

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.optimize import approx_fprime
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 LENGTH = 0.25
 ROD = cg.Rod(length=LENGTH, linear_density=0.1, bending_stiffness=1e-2)

@@ -10,12 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.loads import VectorSamples
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.yaml_loader import MAX_BYTES, parse_yaml, read_yaml
+from continuum_grasp.base import InputError
+from continuum_grasp.scene import Finger, Scene, VectorSamples, load, read_yaml
+from continuum_grasp.scene.yaml_loader import MAX_BYTES, parse_yaml
 
 ROD = "{length: 0.6, diameter: 0.002, density: 6450, youngs_modulus: 60e9}"
 HEAD = f"schema_version: 1\ngravity: [0, -9.81]\nfinger:\n  rod: {ROD}\n"

@@ -9,7 +9,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.export import export_c
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.export_cases import compile_programs, needs, run
 from tests.rods import ROOT
 from tests.similarity.similar import larger

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.model import System
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene import Scene
 from tests.features import FEATURES, Feature, scene_of
 from tests.similarity.similar import larger, power
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.rods import ROOT
 from tests.similarity.similar import larger, power
 

@@ -11,7 +11,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.accuracy import accuracy_report
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene import Damping, Finger, Rod, Scene
 from continuum_grasp.simulation import equilibrium_path, equilibrium_under, initial_state
 from tests.finger_cases import energy_rate

@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 from scipy import linalg, special
 
 from continuum_grasp.simulation import equilibrium, modes
-from continuum_grasp.simulation.modes import _frequencies
+from continuum_grasp.simulation.vibration import _frequencies
 from tests.closed_forms.rods import beam_pulsations, roots
 from tests.rods import HANGING, NITINOL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from continuum_grasp.scene.loads import Samples, VectorSamples
-from continuum_grasp.simulation.signals import interpolate
+from continuum_grasp.scene import Samples, VectorSamples
+from continuum_grasp.simulation import interpolate
 
 RNG = np.random.default_rng(0)
 

@@ -13,13 +13,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from continuum_grasp.base import InputError, Interrupted, NumericalError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene import MomentLoad, Scene, load
 from continuum_grasp.scene.finger import Tendons
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.loads import MomentLoad
-from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation import equilibrium, initial_state, simulate, stepping
 from tests.marks import but, few
 from tests.rods import (  # noqa: F401

@@ -9,14 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import minimize, root
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.model import System
-from continuum_grasp.scene import Finger
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation import equilibrium, modes, simulate
-from continuum_grasp.simulation.contacts import ContactForces
+from continuum_grasp.scene import Finger, Scene, load
+from continuum_grasp.simulation import ContactHistory, equilibrium, modes, simulate
 from tests.rods import ROOT, without_compiler  # noqa: F401
 from tests.truth.differences import differences
 
@@ -321,7 +318,7 @@ def test_friction_is_what_a_force_has_beside_its_normal_part(turn, side):
     across = np.array([-normal[1], normal[0]])
     forces = np.stack([3.0 * normal + side * 0.6 * across, [0.3, side * 0.4]], axis=1)[None]
     rows = ([[0.0, 0.0]], [[3.0, 2.94]], [[side * 0.6, 0.3]], [[side * -0.8, 2.94]])
-    contacts = ContactForces(("palm", "table"), *map(np.array, rows), forces, np.zeros((1, 2, 2)))
+    contacts = ContactHistory(("palm", "table"), *map(np.array, rows), forces, np.zeros((1, 2, 2)))
     assert contacts.shear[0] == pytest.approx([1.0, 0.5])
 
 

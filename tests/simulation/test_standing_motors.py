@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.simulation import equilibrium_path
 from tests.simulation.test_winches import HOLDING, scene
 from tests.tendon_cases import LENGTH, OFFSET, STIFFNESS, bend

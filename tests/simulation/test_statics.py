@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import integrate, optimize
 
-from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.rod.elastica import solve_elastica
+from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import ForceLoad
 from continuum_grasp.simulation import equilibrium, equilibrium_path
 from tests.closed_forms import rods as closed_forms

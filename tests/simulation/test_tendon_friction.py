@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.model.tendon_friction import shares
 from continuum_grasp.simulation import equilibrium_path, equilibrium_under
 from tests.rods import ROOT

@@ -7,12 +7,10 @@ import sys
 import numpy as np
 import pytest
 
-from continuum_grasp.core import Core
-from continuum_grasp.core.rollouts import signal
-from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.base import InputError, NumericalError
+from continuum_grasp.core import Core, signal
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.load import load
-from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.scene import Scene, Timing, load
 from continuum_grasp.simulation import simulate
 from tests.marks import few
 from tests.rods import NITINOL, ROOT, force, integrated, order, rod_scene, without_compiler  # noqa: F401

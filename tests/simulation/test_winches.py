@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.scene import Tendons
 from continuum_grasp.simulation import equilibrium_under
 from continuum_grasp.simulation.slack import slack_times, tension_warnings

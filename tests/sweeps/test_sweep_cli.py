@@ -10,7 +10,7 @@ import pytest
 
 from continuum_grasp import optimize_grasp, sweep_table
 from continuum_grasp.results import read_run
-from continuum_grasp.scene.load import load
+from continuum_grasp.scene import load
 from tests.commands import run
 from tests.sweep_cases import MUG
 

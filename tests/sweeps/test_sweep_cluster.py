@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp import sweep
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 from continuum_grasp.sweeps.folder import decode
 from tests.commands import environment
 from tests.marks import optional

@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 
 from continuum_grasp import sweep, sweep_table
-from continuum_grasp.errors import InputError
-from continuum_grasp.results.tables import pareto
+from continuum_grasp.base import InputError
+from continuum_grasp.results import pareto
 from continuum_grasp.sweeps import SweepTable
 from tests.sweep_cases import MUG, STUCK, held
 

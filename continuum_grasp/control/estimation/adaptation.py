@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any, NamedTuple
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 
 _KNOWN = 0.5
 """Share of the standard deviation at the start below which a parameter counts as observed [1]: measurements tell three

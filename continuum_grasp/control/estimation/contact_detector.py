@@ -10,23 +10,20 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, Summarized, check_arguments, quoted
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, detector_source
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
-from continuum_grasp.core.precision import precision_of
-from continuum_grasp.labels import Summarized, quoted
-from continuum_grasp.model.functions import Remade
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.simulation.statics import Friction
+from continuum_grasp.core import precision_of
+from continuum_grasp.model import Remade
+from continuum_grasp.scene import ControlScene, scene_of
+from continuum_grasp.simulation import Friction
 
 _MOST = 1e9
 """``CONTACT_MOST`` of ``c/contact_detector.h`` [N]."""
 
 
-class Contact(IntEnum):
+class ResidualContact(IntEnum):
     """Contact shown by the residual of a contact detector."""
 
     FREE = 0
@@ -68,7 +65,7 @@ class DetectedContact(Summarized):
         the tip, as tendon 1 bends the finger; NaN where none agrees with all drives.
     """
 
-    contact: Contact
+    contact: ResidualContact
     residual: Array
     bounds: Array
     places: Array
@@ -91,7 +88,7 @@ class DetectedContact(Summarized):
     @property
     def detected(self) -> bool:
         """Whether there is a contact."""
-        return self.contact is Contact.DETECTED
+        return self.contact is ResidualContact.DETECTED
 
     @property
     def place(self) -> float | None:
@@ -116,7 +113,7 @@ def detected_contact(parts: Mapping[str, Array], places: Sequence[float]) -> Det
     forces[forces[:, 0] > forces[:, 1]] = np.nan
     threshold = numbers["threshold"]
     return DetectedContact(
-        Contact(int(numbers["verdict"][0])),
+        ResidualContact(int(numbers["verdict"][0])),
         numbers["residual"],
         np.stack([numbers["low"], numbers["high"]], axis=1),
         np.array(places),

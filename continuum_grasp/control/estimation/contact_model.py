@@ -12,19 +12,15 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.free_finger import FreeFinger
 from continuum_grasp.control.estimation.model import torque_name
 from continuum_grasp.control.estimation.noise import measurement_range
 from continuum_grasp.control.prediction import Prediction, first_state
-from continuum_grasp.core.calls import straight_function
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.planar import Scalar
-from continuum_grasp.model.winches import Motor, Winch, winches_of
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.estimator import Measured
-from continuum_grasp.simulation.statics import Friction, friction_of
+from continuum_grasp.core import straight_function
+from continuum_grasp.model import Motor, Scalar, Winch, winches_of
+from continuum_grasp.scene import ControlScene, Measured, MotorDrive
+from continuum_grasp.simulation import Friction, friction_of
 
 _NOISE = 6.0
 """Standard deviations that noise reaches [1]: one sample of normal noise in 5e8 exceeds them."""

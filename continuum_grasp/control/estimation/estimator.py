@@ -7,21 +7,17 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, Summarized, check_arguments, quoted
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.estimation.contact_detector import ContactDetector, DetectedContact
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction, first_state
-from continuum_grasp.control.status import Anomaly, Verdict, texts
-from continuum_grasp.core.precision import precision_of
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import Summarized, quoted
-from continuum_grasp.model.functions import Remade
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import scene_of
+from continuum_grasp.control.status import Anomaly, MeasurementVerdict, texts
+from continuum_grasp.core import precision_of
+from continuum_grasp.model import Remade
+from continuum_grasp.scene import ControlScene, scene_of
 
 _RESTARTED = 1
 """``EKF_RESTARTED`` of ``c/ekf.h``."""
@@ -60,7 +56,7 @@ class Filtered(Summarized):
         self.z, self.p, self.then = parts["z"], parts["p"], parts["then"]
         self.covariance = parts["covariance"].reshape(self.z.size, -1)
         self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
-        self.verdict = tuple(Verdict(int(v)) for v in parts["verdict"])
+        self.verdict = tuple(MeasurementVerdict(int(v)) for v in parts["verdict"])
         self.adapted = {each.name: each.read(self.p, self.z, self.std) for each in adapted}
         self.anomaly = Anomaly.ESTIMATE_RESTARTED if restarted else Anomaly(0)
         self.anomaly |= Anomaly.ESTIMATE_LIMITED if parts["limited"][0] else Anomaly(0)

@@ -6,14 +6,11 @@ from contextlib import suppress
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, SolverError
 from continuum_grasp.control.estimation.model import Estimation
 from continuum_grasp.control.estimation.noise import noise_of
 from continuum_grasp.control.prediction import Prediction, start_state
-from continuum_grasp.errors import SolverError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.simulate import Initial
+from continuum_grasp.scene import ControlScene, Finger, Initial
 
 _AWAY = 1e-3
 """Difference by which sensitivities are differentiated, in deviations of the states at the start [1]: they are nearly

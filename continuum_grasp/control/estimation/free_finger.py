@@ -8,15 +8,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.core.calls import call, straight_function
-from continuum_grasp.core.integrators import differentiated_step
-from continuum_grasp.core.integrators.derivatives import solve
-from continuum_grasp.errors import NumericalError
+from continuum_grasp.base import Array, NumericalError
+from continuum_grasp.core import call, differentiated_step, solve, straight_function
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.simulation.spectrum import sample_shapes
-from continuum_grasp.simulation.statics import Friction, equilibrium_under, following
+from continuum_grasp.scene import ControlScene
+from continuum_grasp.simulation import Friction, equilibrium_under, following, sample_shapes
 
 _STABLE = 2.5
 """Greatest product of a Runge-Kutta step and the fastest rate [1]: 2.78 is where steps of order 4 become unstable."""

@@ -11,17 +11,13 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.ocp.cost_terms import Quantities, predicted
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.calls import call, straight_function
-from continuum_grasp.core.integrators import differentiated_step
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.winches import Motor
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Estimator, Measured
-from continuum_grasp.scene.methods import INTEGRATORS
+from continuum_grasp.core import call, differentiated_step, straight_function
+from continuum_grasp.model import Motor
+from continuum_grasp.scene import INTEGRATORS, ControlScene, EstimatorSettings, Measured
 
 _DRIFTING = 100.0
 """Control periods over which a disturbance drifts as far as it may be off at the start by default [1]."""
@@ -210,7 +206,7 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     )
 
 
-def _disturbances(asked: Estimator, model: Prediction, period: float) -> list[_Disturbance]:
+def _disturbances(asked: EstimatorSettings, model: Prediction, period: float) -> list[_Disturbance]:
     """List the disturbances that are estimated."""
     root = math.sqrt(_DRIFTING * period)  # [s^0.5]
     relative = ("bending_stiffness", "tendon_friction", "drive_time_constant")

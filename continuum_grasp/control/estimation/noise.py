@@ -9,14 +9,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.model import OBJECT_POSE, Estimation
 from continuum_grasp.control.ocp.cost_terms import UNLIMITED, cost_terms
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene import ControlScene, MotorDrive
 
 _DRIVE = 0.01
 """Standard deviation of a drive at rest from the model of its lag, as a share of the greatest tip moment [1]: four

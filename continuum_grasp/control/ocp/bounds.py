@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.controller import Bounds, DiscZone, HalfPlaneZone, Penalty
+from continuum_grasp.scene import Bounds, DiscZone, HalfPlaneZone, Penalty
 
 ABSENT = 1e30
 """Magnitude of a bound that means there is none, in the bound's unit: beyond any quantity, and below the largest number

@@ -10,16 +10,23 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import (
+    Array,
+    InputError,
+    Summarized,
+    check_arguments,
+    choice,
+    name_of,
+    positive,
+    quoted,
+    shown,
+    whole,
+)
 from continuum_grasp.control.arguments import named, vector
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import Summarized, name_of, quoted
-from continuum_grasp.scene.controller import Penalty
-from continuum_grasp.scene.methods import CONTROL_METHODS
+from continuum_grasp.scene import CONTROL_METHODS, Penalty
 
 
 class ControlProblem(Summarized):

@@ -15,10 +15,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.scene.cost import Cost, Weight
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene import Cost, Finger, Weight
 
 Limits = tuple[tuple[float, float], ...]
 

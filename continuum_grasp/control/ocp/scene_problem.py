@@ -8,16 +8,13 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.control.ocp.bounds import HARD, Row, state_bounds
 from continuum_grasp.control.ocp.control_problem import ControlProblem
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.stages import Scenarios, Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Controller
-from continuum_grasp.scene.methods import INTEGRATORS
+from continuum_grasp.scene import INTEGRATORS, ControllerSettings, ControlScene
 
 _TARGET = 1.5
 """Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes
@@ -132,7 +129,7 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
 
 
 def _integration(
-    asked: Controller, model: Prediction, u_min: Array, u_max: Array, parameters: list[Array]
+    asked: ControllerSettings, model: Prediction, u_min: Array, u_max: Array, parameters: list[Array]
 ) -> tuple[str, int]:
     """Choose method and steps per stage; where the scene has ``auto`` from the stiffness, the greatest of all
     parameters (np). Rounding adds no step.

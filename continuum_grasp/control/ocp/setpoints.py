@@ -11,16 +11,11 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import real_array, shown
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, real_array, shown
 from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs, Tracked, tracked_groups
-from continuum_grasp.errors import InputError
-from continuum_grasp.scene.cost import CircleReference, Reference, RowSamples
-from continuum_grasp.scene.loads import Samples
-from continuum_grasp.scene.reach import check_reach
-from continuum_grasp.scene.rod import Rod
-from continuum_grasp.simulation.signals import interpolate
+from continuum_grasp.scene import CircleReference, Reference, Rod, RowSamples, Samples, check_reach
+from continuum_grasp.simulation import interpolate
 
 Function: TypeAlias = Callable[[float], ArrayLike]
 _Given: TypeAlias = "CircleReference | RowSamples | tuple[float, ...] | Function | _Rows"

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.core.calls import call, straight_function
-from continuum_grasp.core.integrators import differentiated_step
+from continuum_grasp.base import Array
+from continuum_grasp.core import call, differentiated_step, straight_function
 
 
 class Scenarios(NamedTuple):

@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.scene.methods import INTEGRATORS
+from continuum_grasp.scene import INTEGRATORS
 
 __all__ = ["differentiated_step", "step_function"]
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.model.planar import solve_ldl
+from continuum_grasp.model import solve_ldl
 
 _GAMMA = 1.0 - math.sqrt(0.5)
 """Makes the method L-stable [1]."""

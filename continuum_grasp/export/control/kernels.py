@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.control.rti.source import SharedSlope
-from continuum_grasp.core.calls import straight_function, straight_functions
+from continuum_grasp.control import SharedSlope
+from continuum_grasp.core import straight_function, straight_functions
 from continuum_grasp.export.fields import fill
 from continuum_grasp.export.kernel import Kernel
 

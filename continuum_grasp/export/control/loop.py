@@ -10,18 +10,24 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.compiled_controller import CHANGEABLE
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.parts import ControlParts, Settings, free_ranges
-from continuum_grasp.control.prediction import Prediction, first_state
-from continuum_grasp.control.rti_solver import RtiSolver
-from continuum_grasp.control.status import CALL_RATE
+from continuum_grasp.base import Array
+from continuum_grasp.control import (
+    CALL_RATE,
+    CHANGEABLE,
+    ControlParts,
+    Outputs,
+    Prediction,
+    RtiSolver,
+    Setpoints,
+    Settings,
+    Stages,
+    first_state,
+    free_ranges,
+    setpoints,
+)
 from continuum_grasp.export.control.kernels import Adapter, adapters_of
 from continuum_grasp.export.fields import Field, Real, Struct, identifiers, named_fields, unit_of
-from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene import ControlScene
 
 DIAGNOSIS = (
     ("uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_... in the header"),
@@ -51,7 +57,7 @@ _NAMES = {
 }
 
 
-class Phases(NamedTuple):
+class ExportedPhases(NamedTuple):
     """Phases of a finger's mission.
 
     Dimensions and settings of ``control/c/mission.h``, names of the phases, when the last one is planned to begin [s],
@@ -92,12 +98,12 @@ class Loop(ControlParts):
     """Size (nd) of pushes in test vectors, of each state."""
     safe: str
     """Command that is approached when there is no plan."""
-    phases: Phases | None = None
+    phases: ExportedPhases | None = None
     """Phases of a mission; None of a controller alone."""
 
     @staticmethod
     def of(
-        scene: ControlScene, real: Real, parts: Sequence[str], phases: Callable[[Stages], Phases] | None = None
+        scene: ControlScene, real: Real, parts: Sequence[str], phases: Callable[[Stages], ExportedPhases] | None = None
     ) -> Loop:
         """A scene's loop for a package that computes in a type, with the ``phases`` of a mission."""
         model = Prediction(scene)

@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.control.ocp.cost_terms import UNLIMITED
+from continuum_grasp.base import Array
+from continuum_grasp.control import UNLIMITED
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.control.loop import Loop
@@ -172,7 +172,7 @@ class _Record:
         return np.sort(np.array([np.broadcast_to(row, self._close) for row in rows])[usual], axis=0)
 
 
-class Finger:
+class ReplayedFinger:
     """The prediction as a plant, with what is measured of it."""
 
     def __init__(self, loop: Loop, rng: np.random.Generator) -> None:
@@ -276,7 +276,7 @@ def _controller_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, li
     record = begin(nu + loop.start.size + 5 + _felt(loop), nu)
     limits = np.clip((loop.stages.u_min, loop.stages.u_max), -UNLIMITED, UNLIMITED)
     for episode in range(_EPISODES):
-        finger, u, planned = Finger(loop, rng), loop.before.copy(), False
+        finger, u, planned = ReplayedFinger(loop, rng), loop.before.copy(), False
         later = _target(loop, rng)
         for k in range(_EPISODE):
             if k % _HELD == 0:
@@ -305,7 +305,7 @@ def _estimator_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, lis
     low, high = loop.stages.u_min, loop.stages.u_max
     record = begin(2 * nz + 1 + _felt(loop), nz)
     for episode in range(_EPISODES):
-        finger, u = Finger(loop, rng), loop.before.copy()
+        finger, u = ReplayedFinger(loop, rng), loop.before.copy()
         for k in range(_EPISODE):
             if k % 10 == 0:
                 target = low + (high - low) * rng.uniform(0.0, 0.3, len(low))
@@ -332,7 +332,7 @@ def _mission_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[
     begins, last = np.asarray(numbers["begin"]), float(np.sum(numbers["length"]))
     lifted, squeezed = (begins[phases.index(name)] for name in ("hold", "squeeze"))
     for ends, asked in ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2), (squeezed + 0.5 * last, 3)):
-        finger, u = Finger(loop, rng), loop.before.copy()
+        finger, u = ReplayedFinger(loop, rng), loop.before.copy()
         opens = round((lifted if asked == 1 else squeezed) / loop.period) + 10
         for k in range(math.ceil(ends / loop.period)):
             flags = (k == 0, asked == 1 and k == opens, asked == 2 and k == opens, 1 if k == 0 else 0)

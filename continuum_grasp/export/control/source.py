@@ -11,13 +11,20 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.control.compiled import macros
-from continuum_grasp.control.compiled_controller import CHANGEABLE
-from continuum_grasp.control.parts import Settings, is_whole
-from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
-from continuum_grasp.control.status import ANOMALY_TEXTS, MEASUREMENT_TEXTS, Anomaly, Verdict
-from continuum_grasp.core.calls import calls_source, straight_functions
-from continuum_grasp.core.precision import TOKEN, literal
+from continuum_grasp.control import (
+    ANOMALY_TEXTS,
+    CHANGEABLE,
+    MEASUREMENT_TEXTS,
+    Anomaly,
+    MeasurementVerdict,
+    Settings,
+    dimensions,
+    is_whole,
+    iteration_bodies,
+    macros,
+    template,
+)
+from continuum_grasp.core import TOKEN, calls_source, literal, straight_functions
 from continuum_grasp.export.control.loop import DIAGNOSIS, Loop
 from continuum_grasp.export.fields import Real, each_once, fill, identifiers
 from continuum_grasp.export.strict_math import c_source
@@ -113,7 +120,7 @@ _RENAMED = {"BAD_PARAMETERS": "BAD_KNOWN", "INPUT_LIMITED": "COMMAND_LIMITED"}
 """Anomalies of what has another name in a package."""
 ANOMALIES = {
     _RENAMED.get(str(anomaly.name), str(anomaly.name)): ANOMALY_TEXTS.get(anomaly)
-    or f"a reading: {MEASUREMENT_TEXTS[Verdict[str(anomaly.name)]]}"
+    or f"a reading: {MEASUREMENT_TEXTS[MeasurementVerdict[str(anomaly.name)]]}"
     for anomaly in Anomaly
 }
 """Meaning of each bit of anomalies, by its name, from the lowest one on."""

@@ -9,11 +9,10 @@ from typing import Any
 
 from continuum_grasp.export.control.loop import DIAGNOSIS
 from continuum_grasp.export.fields import Field
-from continuum_grasp.export.fmu.variable import STRICT, Unit, Variable, count, library_of, variables_of
+from continuum_grasp.export.fmu.variable import STRICT, UnitContents, Variable, count, library_of, variables_of
 from continuum_grasp.export.source import names_of
-from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.mission import MissionRun
+from continuum_grasp.scene import ControlScene, MissionScene
 
 _COUNTS = [name for kind, name, _ in DIAGNOSIS if kind != "real"]
 _REALS = [name for kind, name, _ in DIAGNOSIS if kind == "real"]
@@ -38,7 +37,7 @@ def controller_unit(
     *,
     preview: bool = False,
     finger: str | None = None,
-) -> Unit:
+) -> UnitContents:
     """The controller of a closed loop; of setpoints over the horizon each is given where there is a ``preview``.
 
     That of a mission, of the ``finger`` by name where there are several, brings its setpoints and settings, and may be
@@ -58,7 +57,7 @@ def controller_unit(
         "FMU_ESTIMATE": variables_of("estimate", "output", structs[start]),
         "FMU_DIAGNOSIS": variables_of("diagnosis", "output", [Field(name, "1", _TEXTS[name]) for name in _REALS]),
     }
-    return Unit(
+    return UnitContents(
         identifier=identifier,
         title=names_of(scene)[0],
         what="its predictive controller" if alone else "the controller of its mission",

@@ -10,10 +10,10 @@ from xml.sax.saxutils import escape, quoteattr
 
 from continuum_grasp import __version__
 from continuum_grasp.export.fields import fill
-from continuum_grasp.export.fmu.variable import Unit, Variable
+from continuum_grasp.export.fmu.variable import UnitContents, Variable
 
 
-def model_description(unit: Unit, fmi: str, token: str) -> str:
+def model_description(unit: UnitContents, fmi: str, token: str) -> str:
     """XML of a version, ``"2"`` or ``"3"``."""
     old = fmi == "2"
     units = {name: base_unit(name) for name in sorted({variable.unit for variable in unit.variables} | {"s"})}
@@ -38,7 +38,7 @@ def model_description(unit: Unit, fmi: str, token: str) -> str:
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _variables(unit: Unit, old: bool) -> list[tuple[str, str, str]]:
+def _variables(unit: UnitContents, old: bool) -> list[tuple[str, str, str]]:
     """Type of each variable, what both versions say of it, and what FMI 2.0 has in an element within."""
     reals = unit.variables
     first = next((k for k, v in enumerate(reals) if v.kind == "state"), 0)
@@ -58,7 +58,7 @@ def _variables(unit: Unit, old: bool) -> list[tuple[str, str, str]]:
     ]
 
 
-def _structure(unit: Unit, old: bool) -> list[tuple[str, str, list[str]]]:
+def _structure(unit: UnitContents, old: bool) -> list[tuple[str, str, list[str]]]:
     """Outputs, rates and what the initialization computes: group of FMI 2.0, element of FMI 3.0, and the entries."""
     reals = unit.variables
     rates = [k for k, v in enumerate(reals) if v.kind == "rate"] if unit.linear else []
@@ -103,7 +103,7 @@ def _real(variable: Variable) -> dict[str, str]:
     return attributes
 
 
-def _roles(unit: Unit, variable: Variable) -> dict[str, str]:
+def _roles(unit: UnitContents, variable: Variable) -> dict[str, str]:
     changes = "continuous" if unit.continuous else "discrete"
     return {
         "input": {"causality": "input", "variability": changes},
@@ -118,7 +118,7 @@ def _roles(unit: Unit, variable: Variable) -> dict[str, str]:
 _COUNT = {"causality": "output", "variability": "discrete", "initial": "calculated"}
 
 
-def _depends(unit: Unit, variable: Variable) -> list[int]:
+def _depends(unit: UnitContents, variable: Variable) -> list[int]:
     """Value references of states and inputs on which a result depends, as far as the structure tells."""
     inputs = [k for k, v in enumerate(unit.variables) if v.kind == "input"]
     states = [k for k, v in enumerate(unit.variables) if v.kind == "state"] if unit.linear else []

@@ -20,18 +20,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arguments import positive
-from continuum_grasp.closed_loop.plant import Sensors, choose_method
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.source import generator_of, with_static_help
+from continuum_grasp.base import positive
+from continuum_grasp.closed_loop import PlantModel, Sensors, choose_method
+from continuum_grasp.control import Prediction
+from continuum_grasp.core import generator_of, step_function, with_static_help
 from continuum_grasp.export.fields import REALS, fill
 from continuum_grasp.export.fmu.variable import (
     STRICT,
     TIP,
     Kind,
-    Unit,
+    UnitContents,
     contact_variables,
     count,
     labeled,
@@ -44,11 +42,8 @@ from continuum_grasp.export.parts.model import has_linearization
 from continuum_grasp.export.parts.seen import by_component
 from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer, ControlScene, Scene
+from continuum_grasp.simulation import Signals, initial_state
 
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
 _START = "an input, which begins with what the scene has at time zero"
@@ -69,7 +64,7 @@ _UNIT = Consumer(
 )
 
 
-def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
+def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
     """The plant of a closed loop, with the integrator and the sub-steps that a run of the scene takes."""
     _UNIT.check(scene)
     model, period = PlantModel(scene), scene.controller.step
@@ -78,7 +73,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
     named = _functions(model, sensors, method.name, step, identifier)
     source, header = _generated(f"{identifier}_plant", named)
     seen, noisy = (*TIP, *contact_variables(model.system.touch_names)), scene.estimator is not None
-    return Unit(
+    return UnitContents(
         identifier=identifier,
         title=names_of(scene)[0],
         what="the plant of its closed loop",
@@ -170,7 +165,7 @@ def finger_unit(
     step: float | None,
     substeps: int | None,
     ranges: Mapping[str, Sequence[float]] | None,
-) -> Unit:
+) -> UnitContents:
     """The finger of a scene, with its object where it has one."""
     source = source_of(scene, REALS["double"])
     subject = Subject.of(source.finger, identifier, REALS["double"], ranges or {}, source.surroundings)
@@ -200,7 +195,7 @@ def finger_unit(
     words: dict[str, Any] = {"forces": bool(groups["FMU_FORCES"]), "parameters": bool(parameters)}
     words |= {"acting": ", &forces" if words["forces"] else "", "contacts": bool(touching)}
     words["touched"] = ", &forces" if "forces" in manifest["functions"].get("touch", {}).get("inputs", ()) else ""
-    return Unit(
+    return UnitContents(
         identifier=identifier,
         title=source.title,
         what="a planar continuum finger" + " with the object that it touches" * (subject.touching is not None),

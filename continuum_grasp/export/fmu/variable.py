@@ -53,7 +53,7 @@ class Variable(Field):
 
 
 @dataclass(frozen=True)
-class Unit:
+class UnitContents:
     """Contents of a functional mock-up unit."""
 
     identifier: str

@@ -18,26 +18,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from continuum_grasp import __version__, interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.core.compiler import LONG, CompileError, find_compiler, quick_compile, why_no_compiler
-from continuum_grasp.core.source import filled
-from continuum_grasp.errors import InputError
+from continuum_grasp import __version__
+from continuum_grasp.base import InputError, check_arguments, interruptible
+from continuum_grasp.core import LONG, CompileError, filled, find_compiler, quick_compile, why_no_compiler
 from continuum_grasp.export.build import strict_flags, write_files
 from continuum_grasp.export.fields import fill
 from continuum_grasp.export.fmu.controller import controller_unit
 from continuum_grasp.export.fmu.description import model_description
 from continuum_grasp.export.fmu.plant import finger_unit, loop_plant_unit
-from continuum_grasp.export.fmu.variable import Unit
+from continuum_grasp.export.fmu.variable import UnitContents
 from continuum_grasp.export.manifest import check_file, is_unit, manifest_text
 from continuum_grasp.export.source import chosen, names_of, prefix_of
-from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.results.atomic import replacing
-from continuum_grasp.scene.consumer import beside
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.mission import MissionRun
+from continuum_grasp.results import replacing
+from continuum_grasp.scene import ControlScene, MissionScene, Scene, beside, scene_of
 
 WHAT = ("plant", "controller")
 """Parts of a closed loop that may be exported; of a simulated scene the first, of a mission the second."""
@@ -90,7 +84,7 @@ class FunctionalMockupUnit:
     binary: str | None
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def export_fmu(
     given: Scene | ControlScene | MissionScene | MissionRun | str | os.PathLike[str],
@@ -186,7 +180,7 @@ def identifier_of(given: Any, scene: Any) -> str:
     return text if re.match(r"[a-z]", text) else f"finger_{text}".strip("_")
 
 
-def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool, work: Path) -> FunctionalMockupUnit:
+def _written(unit: UnitContents, kind: str, fmi: str, file: Path, binary: bool, work: Path) -> FunctionalMockupUnit:
     files = _files(unit, fmi)
     platform_name = None
     content: dict[str, bytes] = {name: text.encode() for name, text in files.items()}
@@ -215,7 +209,7 @@ def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool, work: Pa
     )
 
 
-def _files(unit: Unit, fmi: str) -> dict[str, str]:
+def _files(unit: UnitContents, fmi: str) -> dict[str, str]:
     """Everything but the binary, by its path in the archive."""
     source = _source(unit, fmi)
     digest = hashlib.sha256("".join([source, *unit.sources.values()]).encode()).hexdigest()
@@ -260,7 +254,7 @@ _SPELLED: dict[str, dict[str, Any]] = {
 _NO_TOKEN = "{00000000-0000-0000-0000-000000000000}"
 
 
-def _source(unit: Unit, fmi: str) -> str:
+def _source(unit: UnitContents, fmi: str) -> str:
     """C between the library and the standard, one file."""
     words: dict[str, object] = {
         "p": unit.identifier,
@@ -308,7 +302,7 @@ def _platform(fmi: str) -> tuple[str, str]:
     return f"{'win' if system == 'windows' else system}{bits}" if known else f"{machine}-{system}", suffix
 
 
-def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> bytes:
+def _compiled(unit: UnitContents, files: Mapping[str, str], suffix: str, work: Path) -> bytes:
     """The shared library of this machine; what versions of the standard have in common is compiled once in ``work``."""
     compiler = find_compiler()
     if compiler is None:
@@ -330,7 +324,7 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
     return (folder / f"unit{suffix}").read_bytes()
 
 
-def _page(unit: Unit) -> str:
+def _page(unit: UnitContents) -> str:
     rows = []
     for v in (*unit.variables, *unit.counts):
         span = [f"{end:g}" for end in (v.low, v.high) if abs(end) < 1e300]

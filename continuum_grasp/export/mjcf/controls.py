@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.drives import LengthDrive, Pull
-from continuum_grasp.scene.loads import ForceLoad, Samples, VectorSamples
-from continuum_grasp.scene.profile import Channel
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.signals import interpolate, value_of
+from continuum_grasp.base import Array
+from continuum_grasp.scene import Channel, ForceLoad, LengthDrive, Pull, Samples, Scene, VectorSamples
+from continuum_grasp.simulation import interpolate, value_of
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,11 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.links import Links
+from continuum_grasp.base import Array
+from continuum_grasp.closed_loop import Links
 from continuum_grasp.export.fields import fill
 from continuum_grasp.export.mjcf.controls import Control
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.parts import OffsetPolygon, Part
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.supports import Wall
+from continuum_grasp.scene import Finger, OffsetPolygon, Part, Scene, Wall
 
 # Two bodies touch where the type of one is among those that the other is asked to touch: the finger touches the object,
 # the object the supports, and no link another.

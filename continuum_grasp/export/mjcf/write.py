@@ -10,24 +10,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.accuracy.choose import resolve_fidelity
-from continuum_grasp.arguments import check_arguments, whole
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.links import Links, lump, rounded_step
+from continuum_grasp.accuracy import resolve_fidelity
+from continuum_grasp.base import Array, InputError, check_arguments, whole
+from continuum_grasp.closed_loop import Links, lump, rounded_step
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.manifest import check_file, is_marked
 from continuum_grasp.export.mjcf.controls import Control, cable_springs, controls_of
 from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results.atomic import write_text
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, refusals, unknown_to
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.table import csv_text
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.results import write_text
+from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, Scene, csv_text, refusals, scene_of, unknown_to
+from continuum_grasp.simulation import Signals, initial_state
 
 _LEAST_INERTIA = 1e-15
 """Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""

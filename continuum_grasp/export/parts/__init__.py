@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from continuum_grasp.export.part import Part
+from continuum_grasp.export.part import PackagePart
 from continuum_grasp.export.parts.control import estimator, mission, mpc
 from continuum_grasp.export.parts.implicit import implicit_step
 from continuum_grasp.export.parts.model import dynamics, kinematics, linearization, statics, step
@@ -14,7 +14,7 @@ from continuum_grasp.export.subject import Subject
 
 __all__ = ["ASKED_FOR", "OF_LOOPS", "PARTS"]
 
-PARTS: dict[str, Callable[[Subject], Part]] = {
+PARTS: dict[str, Callable[[Subject], PackagePart]] = {
     "dynamics": dynamics,
     "step": step,
     "implicit_step": implicit_step,

@@ -10,11 +10,11 @@ from typing import cast
 
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Struct, fill
-from continuum_grasp.export.part import NUMBER, ROW_FLAGS, Code, Method, Part, Stateful
+from continuum_grasp.export.part import NUMBER, ROW_FLAGS, Code, PackagePart, PartMethod, Stateful
 from continuum_grasp.export.subject import Subject
 
 
-def estimator(subject: Subject) -> Part:
+def estimator(subject: Subject) -> PackagePart:
     """State and disturbances from what is measured."""
     loop = _loop(subject)
     text = "State and disturbances now, from a measurement and the command that was applied."
@@ -30,7 +30,7 @@ def estimator(subject: Subject) -> Part:
     return _part(subject, "estimator", structs, (Code.WARN_ESTIMATE_RESTARTED,), function)
 
 
-def mpc(subject: Subject) -> Part:
+def mpc(subject: Subject) -> PackagePart:
     """Commands by predictive control."""
     loop = _loop(subject)
     codes = (
@@ -53,7 +53,7 @@ def mpc(subject: Subject) -> Part:
     return _part(subject, "mpc", structs, codes, function)
 
 
-def mission(subject: Subject) -> Part:
+def mission(subject: Subject) -> PackagePart:
     """Commands from approach to release, by the phases of a mission."""
     loop = _loop(subject)
     function = Stateful(
@@ -75,7 +75,7 @@ _METHOD = re.compile(r"/\* ((?:(?!\*/).)+) \*/\n\w+ (\w+)\(([^)]*)\);", re.DOTAL
 """Comment, name and arguments of a function in a header."""
 
 
-def _methods(header: str, prefix: str, owner: str, step: str) -> tuple[Method, ...]:
+def _methods(header: str, prefix: str, owner: str, step: str) -> tuple[PartMethod, ...]:
     """Functions of an owner beside the one of the step, as a header declares them."""
     methods, first = [], f"{prefix}_{owner}_"
     for text, name, arguments in _METHOD.findall(header):
@@ -91,11 +91,13 @@ def _methods(header: str, prefix: str, owner: str, step: str) -> tuple[Method, .
                 inputs.append(struct)
             else:
                 output = struct
-        methods.append(Method(name.removeprefix(first), " ".join(text.split()), inputs, output))
+        methods.append(PartMethod(name.removeprefix(first), " ".join(text.split()), inputs, output))
     return tuple(methods)
 
 
-def _part(subject: Subject, name: str, structs: Sequence[Struct], codes: tuple[Code, ...], function: Stateful) -> Part:
+def _part(
+    subject: Subject, name: str, structs: Sequence[Struct], codes: tuple[Code, ...], function: Stateful
+) -> PackagePart:
     loop = _loop(subject)
     files, declared = subject.control_files
     methods = _methods(declared[name], subject.prefix, function.types[0], function.name)
@@ -103,7 +105,7 @@ def _part(subject: Subject, name: str, structs: Sequence[Struct], codes: tuple[C
     if name == "mpc":
         nodes = f"of a reference: from now on, one each {loop.stages.stage:g} s"
         constants["NODES"] = f"{loop.nodes} /* {nodes} */"
-    return Part(
+    return PackagePart(
         name,
         [adapter.kernel for adapter in loop.adapters if adapter.kernel is not None],
         (),

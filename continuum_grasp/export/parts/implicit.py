@@ -9,15 +9,14 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.core.calls import straight_function
-from continuum_grasp.core.integrators.sdirk2 import correct, predict
+from continuum_grasp.base import Array
+from continuum_grasp.core import correct, predict, straight_function
 from continuum_grasp.export.fields import fill
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Code, Part, Rows
+from continuum_grasp.export.part import Code, PackagePart, Rows
 from continuum_grasp.export.parts.model import check_derivatives, codes_of, stepping
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.model.planar import column
+from continuum_grasp.model import column
 
 LONGEST = 5e-3
 """Longest sub-step [s]; docs/drives.md has the errors of steps of 1 to 5 ms."""
@@ -31,7 +30,7 @@ _UNSOLVED = 1e-1
 """Last correction above which a step is refused: its equations are not solved."""
 
 
-def implicit_step(subject: Subject) -> Part:
+def implicit_step(subject: Subject) -> PackagePart:
     """Write the implicit step in time."""
     real, prefix = subject.real, subject.prefix
     check_derivatives(subject.moving, "implicit_step")
@@ -73,7 +72,7 @@ def implicit_step(subject: Subject) -> Part:
     }
     call = stepping(subject, "implicit_step", _STEP, longest, fill("implicit_step.c", words), steps)
     constants = {"IMPLICIT_SUBSTEPS": str(substeps), "LONGEST_IMPLICIT_STEP": real.literal(longest)}
-    return Part("implicit_step", (*kernels, *subject.kernels), (call,), constants)
+    return PackagePart("implicit_step", (*kernels, *subject.kernels), (call,), constants)
 
 
 def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:

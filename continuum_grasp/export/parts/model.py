@@ -11,17 +11,13 @@ from functools import cache, partial
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.export.fields import Field, Struct, fill, outside
 from continuum_grasp.export.kernel import Kernel, check_size
-from continuum_grasp.export.part import Argument, Call, Code, Part, Rows
+from continuum_grasp.export.part import Argument, Call, Code, PackagePart, Rows
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.memory import direction
-from continuum_grasp.model.planar import column
-from continuum_grasp.model.sweep import Builder
+from continuum_grasp.model import Builder, FingerModel, System, column, direction
 
 
 def _dynamics_kernel(subject: Subject) -> Kernel:
@@ -90,16 +86,16 @@ def rate_fields(states: Sequence[Field]) -> tuple[Field, ...]:
     )
 
 
-def dynamics(subject: Subject) -> Part:
+def dynamics(subject: Subject) -> PackagePart:
     """Rate of change of the state."""
     kernel = _dynamics_kernel(subject)
     rate = Struct("rate", "Rate of change of each entry of the state.", rate_fields(subject.state.fields))
     text = "Rate of change of the state: accelerations of the finger under input and forces."
     call = _acted_on(subject, kernel, "dynamics", text, rate)
-    return Part("dynamics", (kernel, *subject.kernels), (call,))
+    return PackagePart("dynamics", (kernel, *subject.kernels), (call,))
 
 
-def statics(subject: Subject) -> Part:
+def statics(subject: Subject) -> PackagePart:
     """Residual of equilibrium and its tangent stiffness."""
     n, unit = subject.model.n, subject.model.structure.family.force_unit
     balance = Struct(
@@ -122,10 +118,10 @@ def statics(subject: Subject) -> Part:
     text = "Balance of the finger at rest in a state, whose rates are not read."
     text += " What touches it is left out." if subject.touching is not None else ""
     call = _acted_on(subject, kernel, "statics", text, balance)
-    return Part("statics", (kernel, *subject.kernels), (call,))
+    return PackagePart("statics", (kernel, *subject.kernels), (call,))
 
 
-def kinematics(subject: Subject) -> Part:
+def kinematics(subject: Subject) -> PackagePart:
     """Position, angle and derivatives of the tip and of any section."""
     eq, n = subject.equations, subject.model.n
     section = Struct(
@@ -156,10 +152,10 @@ def kinematics(subject: Subject) -> Part:
         evaluating(subject, tip_kernel, "tip", tip_text, acting, output, warns=True),
         evaluating(subject, section_kernel, "section_at", section_text, at, output, warns=True),
     )
-    return Part("kinematics", (tip_kernel, section_kernel, *subject.kernels), calls)
+    return PackagePart("kinematics", (tip_kernel, section_kernel, *subject.kernels), calls)
 
 
-def linearization(subject: Subject) -> Part:
+def linearization(subject: Subject) -> PackagePart:
     """Derivatives of the rates and of the tip by state, input and forces."""
     check_derivatives(subject.moving, "linearization")
     eq, n = subject.equations, subject.moving
@@ -184,7 +180,7 @@ def linearization(subject: Subject) -> Part:
     kernel = subject.kernel("linearization", "x u w p", "Linearization.", by=flat)
     text = "Derivatives of what dynamics and tip compute, by state, input and forces: xd = A x + B u around a point."
     call = _acted_on(subject, kernel, "linearize", text, struct)
-    return Part("linearization", (kernel, *subject.kernels), (call,))
+    return PackagePart("linearization", (kernel, *subject.kernels), (call,))
 
 
 def check_derivatives(model: FingerModel | System, name: str) -> None:
@@ -266,7 +262,7 @@ _MANY = 8
 _STEP = "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4."
 
 
-def step(subject: Subject) -> Part:
+def step(subject: Subject) -> PackagePart:
     """Write the step in time."""
     kernel, real = _dynamics_kernel(subject), subject.real
     coarse, longest = subject.accurate_step, subject.longest_step
@@ -309,4 +305,4 @@ def step(subject: Subject) -> Part:
         "LONGEST_STEP": real.literal(longest),
         "ACCURATE_STEP": real.literal(coarse),
     }
-    return Part("step", (kernel, *subject.kernels), (call,), constants)
+    return PackagePart("step", (kernel, *subject.kernels), (call,), constants)

@@ -9,7 +9,7 @@ import casadi as ca
 
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Part
+from continuum_grasp.export.part import Argument, PackagePart
 from continuum_grasp.export.parts.model import DRAWN, evaluating
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.model import System
@@ -68,7 +68,7 @@ _VECTORS = ("force", "point", "normal")
 """Outputs of ``System.touch`` that are world vectors (2, K)."""
 
 
-def sections(name: str, subject: Subject) -> Part:
+def sections(name: str, subject: Subject) -> PackagePart:
     """Write many sections in one call, without derivatives, or their velocities."""
     kind, text, _, entries = _SECTIONS[name]
     symbols = {letter: ca.SX.sym(letter, getattr(subject.system, f"n{letter}")) for letter in "xup"}
@@ -77,10 +77,10 @@ def sections(name: str, subject: Subject) -> Part:
     inputs, output = subject.acting(forces=False, drawn=True), Argument(struct.name, struct, "result")
     call = evaluating(subject, kernel, name, text + DRAWN, inputs, output, warns=True)
     constants = {"SECTIONS": f"{subject.sections} /* from base to tip, of a shape and of velocities */"}
-    return Part(name, (kernel, *subject.kernels), (call,), constants)
+    return PackagePart(name, (kernel, *subject.kernels), (call,), constants)
 
 
-def contact(subject: Subject) -> Part:
+def contact(subject: Subject) -> PackagePart:
     """Write gaps and forces of all contacts."""
     system = cast(System, subject.touching)  # without it packages do not have this part
     names = ", ".join(system.touch_names)
@@ -98,7 +98,7 @@ def contact(subject: Subject) -> Part:
     )
     inputs, output = subject.acting(forces="w" in kernel.inputs), Argument("contacts", struct, "result")
     call = evaluating(subject, kernel, "touch", text, inputs, output, warns=True)
-    return Part("contact", (kernel, *subject.kernels), (call,), {"CONTACTS": f"{count[0]} /* {names} */"})
+    return PackagePart("contact", (kernel, *subject.kernels), (call,), {"CONTACTS": f"{count[0]} /* {names} */"})
 
 
 TOUCH = (

@@ -19,15 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp import __version__, interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import Sensors
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.core.compiler import check_tools
-from continuum_grasp.errors import InputError
+from continuum_grasp import __version__
+from continuum_grasp.base import Array, InputError, check_arguments, interruptible, name_of
+from continuum_grasp.closed_loop import ControlRun, PlantModel, Sensors
+from continuum_grasp.control import Stages
+from continuum_grasp.core import check_tools
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
 from continuum_grasp.export.build import clang, wasm_module, write_files
 from continuum_grasp.export.control.loop import Loop
@@ -38,20 +34,12 @@ from continuum_grasp.export.package import controller_of
 from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.source import assigned, phases_of
 from continuum_grasp.export.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
-from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
-from continuum_grasp.labels import name_of
-from continuum_grasp.mission.assignment import Assignment, object_height
-from continuum_grasp.mission.plant import Timetable, mission_plant_model
-from continuum_grasp.model.system import System
-from continuum_grasp.results.atomic import write_text
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.scene.tendons import Tendon
-from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.export.web.record import RecordedStates, loop_record, rounded, trajectory_record
+from continuum_grasp.mission import Assignment, Timetable, mission_plant_model, object_height
+from continuum_grasp.model import System
+from continuum_grasp.results import write_text
+from continuum_grasp.scene import ControlScene, Finger, MissionScene, Scene, Tendon, ends, scene_of
+from continuum_grasp.simulation import Trajectory
 
 _TESTED = "tests/check.h"
 """Header of a package's tests."""
@@ -98,7 +86,7 @@ class Page:
         return f'<iframe srcdoc="{text}" title="{title}" style="width:100%;height:860px;border:0"></iframe>'
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def export_web(
     given: Scene | ControlScene | MissionScene | str | os.PathLike[str], file: str | os.PathLike[str]
@@ -143,7 +131,7 @@ def export_web(
 
 def page_of(
     scene: Scene | ControlScene,
-    record: Callable[[WebPlant, Loop | None], Record] | None = None,
+    record: Callable[[WebPlant, Loop | None], RecordedStates] | None = None,
     plant_model: PlantModel | None = None,
     mission: Assignment | None = None,
 ) -> Page:
@@ -209,7 +197,7 @@ def page_of_motion(run: Trajectory) -> Page:
 def page_of_loop(run: ControlRun, changes: Callable[[Stages], Sequence[Any]] = lambda _: ()) -> Page:
     """The page of a closed loop, and what changed of its controller."""
 
-    def record(plant: WebPlant, loop: Loop | None) -> Record:
+    def record(plant: WebPlant, loop: Loop | None) -> RecordedStates:
         return loop_record(run, plant, () if loop is None else changes(loop.stages))
 
     return page_of(run.scene, record, run.readings.plant)
@@ -412,7 +400,7 @@ def _slider(field: Any, value: float) -> dict[str, Any]:
 
 
 def _about(
-    plant: WebPlant, scene: Scene | ControlScene, played: Record | None, mission: Assignment | None = None
+    plant: WebPlant, scene: Scene | ControlScene, played: RecordedStates | None, mission: Assignment | None = None
 ) -> str:
     """Computed quantities, in a sentence or two."""
     model = plant.system.finger_model

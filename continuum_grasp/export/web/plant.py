@@ -13,29 +13,28 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.accuracy.choose import resolve_fidelity
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import Sensors
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.integrators.sdirk2 import GAMMA
-from continuum_grasp.errors import InputError
+from continuum_grasp.accuracy import resolve_fidelity
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.closed_loop import PlantModel, Sensors
+from continuum_grasp.control import Prediction, Stages, stages_of
+from continuum_grasp.core import GAMMA
 from continuum_grasp.export.fields import REALS, fill, unit_of
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
 from continuum_grasp.export.parts.seen import contact_kernel, sections_kernel
 from continuum_grasp.export.strict_math import c_source
-from continuum_grasp.model import FingerModel, System
-from continuum_grasp.model.pattern import FEWEST_ELEMENTS
-from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.methods import FAMILIES, default_family
-from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.model import FEWEST_ELEMENTS, FingerModel, System
+from continuum_grasp.scene import (
+    FAMILIES,
+    LEAST_COMMANDS,
+    LIMITS_OF_BENDING,
+    Consumer,
+    ControlScene,
+    ForceLoad,
+    Scene,
+    default_family,
+)
+from continuum_grasp.simulation import Signals, initial_state
 
 PUSHED = (0.25, 0.5, 0.75, 1.0)
 """Places where a finger can be pushed, as parts of its length."""

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.closed_loop import ControlRun
 from continuum_grasp.export.web.plant import WebPlant
 from continuum_grasp.model import System
-from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.simulation import Trajectory
 
 _MOST = 1200
 """Most frames of a record."""
@@ -23,7 +22,7 @@ _DIGITS = 8
 
 
 @dataclass(frozen=True)
-class Record:
+class RecordedStates:
     """States of a page's plant over time, as they were recorded."""
 
     t: list[float]
@@ -72,7 +71,7 @@ def frames_of(t: Array) -> NDArray[np.intp]:
     return np.array(chosen if chosen[-1] == len(t) - 1 else [*chosen, len(t) - 1])
 
 
-def trajectory_record(run: Trajectory, plant: WebPlant) -> Record:
+def trajectory_record(run: Trajectory, plant: WebPlant) -> RecordedStates:
     known = _columns(run.x_names, run.x)
     if not known.keys() >= set(plant.x_names):
         known = _with_tip(run) | known
@@ -89,7 +88,7 @@ def _with_tip(run: Trajectory) -> dict[str, Array]:
     return {f"{name} [1/m]": column for name, column in columns.items()} | rates
 
 
-def loop_record(run: ControlRun, plant: WebPlant, changes: Sequence[Any] = ()) -> Record:
+def loop_record(run: ControlRun, plant: WebPlant, changes: Sequence[Any] = ()) -> RecordedStates:
     """The record of a closed loop, and what changed of its controller."""
     periods = len(run.u)
     u = np.vstack([run.u, run.u[-1:]])
@@ -113,7 +112,7 @@ def _columns(names: Any, rows: Array) -> dict[str, Array]:
     return dict(zip(names, rows.T, strict=True))
 
 
-def _record(plant: WebPlant, t: Array, x: dict[str, Array], u: dict[str, Array], w: dict[str, Array]) -> Record:
+def _record(plant: WebPlant, t: Array, x: dict[str, Array], u: dict[str, Array], w: dict[str, Array]) -> RecordedStates:
     missing = [name for name in (*plant.x_names, *plant.u_names) if name not in {**x, **u}]
     if missing:
         lacks = ", ".join(missing[:3])
@@ -123,4 +122,4 @@ def _record(plant: WebPlant, t: Array, x: dict[str, Array], u: dict[str, Array],
     rows = [x[name] for name in plant.x_names], [u[name] for name in plant.u_names], forces
     state, inputs, pushing = (rounded(np.array(of).reshape(len(of), len(t)).T[chosen]) for of in rows)
     step = max(float(np.diff(t).min()), 0.005)
-    return Record([float(f"{v:.7g}") for v in t[chosen]], state, inputs, pushing, dt=step)
+    return RecordedStates([float(f"{v:.7g}") for v in t[chosen]], state, inputs, pushing, dt=step)

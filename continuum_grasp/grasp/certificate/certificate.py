@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, Summarized, check_arguments
 from continuum_grasp.grasp.certificate.check import (
     EXACT,
     Check,
@@ -32,10 +31,7 @@ from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
-from continuum_grasp.labels import Summarized
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.objects.shapes import Freedom, pose_bounds
+from continuum_grasp.scene import FAMILIES, Freedom, GraspScene, pose_bounds
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.certificate.recomputed import (
     RecomputedContact,
     RecomputedFinger,
@@ -18,7 +18,7 @@ from continuum_grasp.grasp.certificate.recomputed import (
     known_contacts,
 )
 from continuum_grasp.grasp.certificate.surfaces import SPREAD, PlacedObject, segment_distance
-from continuum_grasp.scene.supports import Wall
+from continuum_grasp.scene import Wall
 
 EXACT = 1e-6
 """Limit of residuals of moments and forces, as a part of the greatest moment or force in play; of contact gaps, stored

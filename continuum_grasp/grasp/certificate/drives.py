@@ -14,18 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes, friction_of
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene.drives import DriveLaw, MotorDrive
-from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene import DriveLaw, FingerSetup, MotorDrive
 
 LEAST_PULL = 1e-6
 """Tension above which a tendon counts as in tension, per greatest tension."""
 
 
 @dataclass(frozen=True)
-class DriveState:
+class RecomputedDrive:
     """State of one drive."""
 
     tendons: tuple[str, ...]  # those that it winds up, ``left`` (the -X side) or ``right``
@@ -133,22 +132,22 @@ class WoundTendons:
         return np.array(self.law.springs(stiffness.tolist()))
 
     @property
-    def drives(self) -> tuple[DriveState, ...]:
+    def drives(self) -> tuple[RecomputedDrive, ...]:
         pulls = np.where(self.in_tension, self.tensions, 0.0)
         if self.law.pulley:
             return (self._state(("left", "right"), self._wound_by_pulley, float(pulls[0] - pulls[1])),)
         each = zip(("left", "right"), self.wound - self.law.start, pulls, strict=True)
         return tuple(self._state((name,), float(wound), float(pull)) for name, wound, pull in each)
 
-    def _state(self, tendons: tuple[str, ...], wound: float, pull: float) -> DriveState:
+    def _state(self, tendons: tuple[str, ...], wound: float, pull: float) -> RecomputedDrive:
         law, drive = self.law, self.law.drive
         if not isinstance(drive, MotorDrive):
-            return DriveState(tendons, wound, np.nan, np.nan, wound)
+            return RecomputedDrive(tendons, wound, np.nan, np.nan, wound)
         position, torque = wound / law.radius, pull * law.radius
         if drive.gear_stiffness is not None:  # the motor is ahead of the drum by the twist of the gear and its play
             position += torque / drive.gear_stiffness + 0.5 * drive.backlash * float(np.sign(torque))
         command = torque if drive.position_gain is None else position + torque / drive.position_gain
-        return DriveState(tendons, position, torque, abs(torque) + drive.coulomb_friction, command)
+        return RecomputedDrive(tendons, position, torque, abs(torque) + drive.coulomb_friction, command)
 
 
 class StoredFinger:

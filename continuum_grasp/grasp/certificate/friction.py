@@ -20,9 +20,9 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene import FingerSetup, GraspScene
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT, GUARDED, Check, worst
 from continuum_grasp.grasp.certificate.friction import extreme_states, state_cells
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp

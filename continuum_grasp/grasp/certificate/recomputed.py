@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.shape import skin
-from continuum_grasp.rod.dense_rod import DenseRod
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.supports import Peg, Wall
+from continuum_grasp.rod import DenseRod
+from continuum_grasp.scene import FingerSetup, GraspScene, Peg, Wall
 
 TRACE = 1e-4
 """Part of E I / L^2 that a contact force counts as at least: of it residuals may be 1e-6, and solvers, which leave

@@ -7,10 +7,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
+from continuum_grasp.scene import GraspObject, OffsetPolygon, Part, SuperellipsePart
 
 SPREAD = np.linspace(0.0, 1.0, 33)
 """Places spread along a piece of a curve: along a panel that passes a corner closely, one of them is within 1/64 of the
@@ -19,7 +18,7 @@ elongation."""
 
 
 @dataclass(frozen=True)
-class Nearest:
+class NearestPoints:
     """Points of a surface nearest to n points."""
 
     distance: Array  # (n,) from the surface [m], negative inside
@@ -28,7 +27,7 @@ class Nearest:
     radius: Array  # (n,) of curvature of the surface there [m]: infinite on a flat face, zero at a sharp corner
 
 
-def nearest(part: Part, points: Array) -> Nearest:
+def nearest(part: Part, points: Array) -> NearestPoints:
     """Points of a part's surface nearest to points (n, 2) [m], both in the object's frame."""
     points = np.asarray(points, dtype=float).reshape(-1, 2)
     if isinstance(part, OffsetPolygon):
@@ -37,7 +36,7 @@ def nearest(part: Part, points: Array) -> Nearest:
     turn = _turn(part.angle)
     center = np.asarray(part.center)
     spot = _superellipse(part.semi_axes, part.exponent, (points - center) @ turn)
-    return Nearest(spot.distance, spot.point @ turn.T + center, spot.normal @ turn.T, spot.radius)
+    return NearestPoints(spot.distance, spot.point @ turn.T + center, spot.normal @ turn.T, spot.radius)
 
 
 def support_point(part: Part, direction: Array) -> Array:
@@ -69,15 +68,17 @@ class PlacedObject:
         """World positions of points of the object's frame [m]."""
         return np.asarray(points @ self._turn.T + self.position)
 
-    def nearest(self, points: Array, part: Part) -> Nearest:
+    def nearest(self, points: Array, part: Part) -> NearestPoints:
         """Points of one part's surface nearest to world points (n, 2)."""
         spot = nearest(part, (points - self.position) @ self._turn)
-        return Nearest(spot.distance, self.world(spot.point), spot.normal @ self._turn.T, spot.radius)
+        return NearestPoints(spot.distance, self.world(spot.point), spot.normal @ self._turn.T, spot.radius)
 
-    def nearest_of(self, points: Array, parts: Sequence[Part]) -> Nearest:
+    def nearest_of(self, points: Array, parts: Sequence[Part]) -> NearestPoints:
         """Nearest points where each point (n, 2) has a part of its own."""
         spots = [self.nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
-        return Nearest(*(np.concatenate([getattr(spot, key.name) for spot in spots]) for key in fields(Nearest)))
+        return NearestPoints(
+            *(np.concatenate([getattr(spot, key.name) for spot in spots]) for key in fields(NearestPoints))
+        )
 
     def touched(self, part: int, point: Array, normal: Array, depth: float) -> Part:
         """Feature of a part that a contact is on, whose center and normal (2,) are given in the world; see
@@ -142,14 +143,14 @@ def _turn(angle: float) -> Array:
     return np.array([[c, -s], [s, c]])
 
 
-def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
+def _rounded_polygon(core: Array, radius: float, points: Array) -> NearestPoints:
     """Everything within ``radius`` of a core: one point (a disc), two (a slot), or a simple polygon."""
     count = np.arange(len(points))
     if len(core) == 1:
         off = points - core
         away = np.hypot(off[:, 0], off[:, 1])
         normal = np.where(away[:, None] > 0.0, off / np.maximum(away, 1e-300)[:, None], np.array([1.0, 0.0]))
-        return Nearest(away - radius, core + radius * normal, normal, np.full(count.size, radius))
+        return NearestPoints(away - radius, core + radius * normal, normal, np.full(count.size, radius))
     along, out, length = _edges(core)
     walked, height, beside = _seen(core, points)
     # A ray to the right crosses the outline of what it starts in an odd number of times.
@@ -164,7 +165,7 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
     normal = side[:, None] * normal / np.maximum(away, 1e-300)[:, None]
     # As near to a sharp corner as rounding the way to it means nothing.
     normal = np.where((away > ROUNDING * length.max())[:, None], normal, out[edge])
-    return Nearest(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, np.inf))
+    return NearestPoints(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, np.inf))
 
 
 def _edges(core: Array) -> tuple[Array, Array, Array]:
@@ -208,7 +209,7 @@ def touched(part: Part, point: Array, normal: Array, depth: float) -> Part:
     return OffsetPolygon(tuple(map(tuple, core[np.arange(first, last + 2) % count].tolist())), part.radius)
 
 
-def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nearest:
+def _superellipse(axes: tuple[float, float], power: float, points: Array) -> NearestPoints:
     """In the superellipse's own frame; sought in the quadrant of each point, where its nearest point lies."""
     # Newton on the curve's polar angle, safeguarded by bisection between the neighbors of the best point tried.
     scale = max(axes)
@@ -240,7 +241,7 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
     speed = np.hypot(dpx, dpy)
     with np.errstate(divide="ignore"):
         radius = np.where(bend > 0.0, speed / bend, np.inf)
-    return Nearest(
+    return NearestPoints(
         scale * distance, scale * sign * np.stack([px, py], axis=1), sign * np.stack([nx, ny], axis=1), scale * radius
     )
 

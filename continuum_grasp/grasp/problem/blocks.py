@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.nlp import Constraints, Violation
 
 
@@ -69,7 +69,7 @@ class Columns(Places):
         return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX(0, 1)
 
 
-class Rows(Constraints):
+class ConstraintRows(Constraints):
     """Named constraints in units of a problem."""
 
     def violations(self, g: Array, tolerance: float, units: Mapping[str, tuple[float, str]]) -> list[Violation]:
@@ -88,7 +88,7 @@ class Rows(Constraints):
         return sorted((v for v in violations if v.scaled > tolerance), key=lambda v: -v.scaled)
 
 
-class Expressed(Rows):
+class Expressed(ConstraintRows):
     """Named constraints with their expressions."""
 
     def __init__(self) -> None:

@@ -18,13 +18,11 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.grasp.shape import skin, steepest
-from continuum_grasp.model.family import family_class
-from continuum_grasp.rod.dense_rod import with_places
-from continuum_grasp.scene.grasp import FingerSetup
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.model import family_class
+from continuum_grasp.rod import with_places
+from continuum_grasp.scene import Curve, FingerSetup
 
 MOST_PANELS = 16
 """Most parts of a finger on which a curve is one polynomial: every element has Gauss nodes in each of them."""

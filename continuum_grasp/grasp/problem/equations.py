@@ -25,9 +25,18 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.core.cache import entry_for, forget_oldest, hash_of_code, is_building, known_entry, lasting_folder
-from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
-from continuum_grasp.core.source import externals_source
+from continuum_grasp.core import (
+    CompileError,
+    Compiler,
+    entry_for,
+    externals_source,
+    find_compiler,
+    forget_oldest,
+    hash_of_code,
+    is_building,
+    known_entry,
+    lasting_folder,
+)
 from continuum_grasp.grasp.problem.points import BACKBONE_POINTS
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -49,7 +58,7 @@ _DERIVATIVES = {"grad_f": "nlp_grad_f", "jac_g": "nlp_jac_g", "hess_lag": "nlp_h
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class GraspEquations:
     """Equations of a problem for a solver run."""
 
     layout: Layout
@@ -58,7 +67,7 @@ class Equations:
     places: ca.Function  # what a look at the surroundings needs
 
 
-def equations(spec: ProblemSpec) -> Equations:
+def equations(spec: ProblemSpec) -> GraspEquations:
     """The equations of a structure; those of expressions are compiled when this process ends, for the next one."""
     compiler = find_compiler()
     if compiler is not None:
@@ -76,21 +85,21 @@ def expressions(spec: ProblemSpec) -> GraspProblem:
     return GraspProblem(spec)
 
 
-def _built(spec: ProblemSpec) -> Equations:
+def _built(spec: ProblemSpec) -> GraspEquations:
     problem = expressions(spec)
     x, numbers = problem.x.symbol, problem.numbers.symbol
     nlp = NLP("grasp", x, problem.objective, problem.rows.g, numbers)
-    return Equations(Layout.of(spec, described(problem)), nlp, point_reader(problem), places_reader(problem))
+    return GraspEquations(Layout.of(spec, described(problem)), nlp, point_reader(problem), places_reader(problem))
 
 
-def _loaded(spec: ProblemSpec, library: Path) -> Equations:
+def _loaded(spec: ProblemSpec, library: Path) -> GraspEquations:
     text = ctypes.CDLL(str(library)).layout
     text.restype = ctypes.c_char_p
     layout = Layout.of(spec, text().decode())
     x, p = ca.MX.sym("x", layout.x.size), ca.MX.sym("p", layout.numbers.size)
     f, g, read, places = (ca.external(name, str(library)) for name in _VALUES)
     derivatives = {key: ca.external(name, str(library)) for key, name in _DERIVATIVES.items()}
-    return Equations(layout, NLP("grasp", x, f(x, p), g(x, p), p, derivatives), read, places)
+    return GraspEquations(layout, NLP("grasp", x, f(x, p), g(x, p), p, derivatives), read, places)
 
 
 def _identity(spec: ProblemSpec, compiler: Compiler) -> str:

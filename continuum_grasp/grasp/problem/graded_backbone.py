@@ -21,14 +21,20 @@ from typing import Any, cast
 import casadi as ca
 
 from continuum_grasp.grasp.problem.curves import Curves, CurvesSpec
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.backbone import Backbone, Panel
-from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.laws.section import Port
-from continuum_grasp.model.planar import Scalar, column, matrix
-from continuum_grasp.model.quadrature import collocation, node_count
-from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.tendon_friction import Cell
+from continuum_grasp.model import (
+    Backbone,
+    Cell,
+    Equations,
+    FingerModel,
+    Panel,
+    Port,
+    Scalar,
+    Structure,
+    collocation,
+    column,
+    matrix,
+    node_count,
+)
 
 _GRADED_NODES = 2
 """Nodes beside those of a uniform element: a taper of 1:4 in four elements is then within 1e-7 (tests measure it)."""

@@ -9,8 +9,7 @@ import casadi as ca
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Unknowns
-from continuum_grasp.model.layout import SHORTEST
-from continuum_grasp.model.surfaces.surface import NEAR, distance_from
+from continuum_grasp.model import NEAR, SHORTEST, distance_from
 
 
 def add_limits(problem: Unknowns) -> None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
 from continuum_grasp.grasp.problem.values import Units, Values, node_places
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
-from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.model.surfaces.surface import Feature
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.methods import FAMILIES
+from continuum_grasp.grasp.starts.values import GraspStart
+from continuum_grasp.model import Feature
+from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
 
 BACKBONE_POINTS = 201
 """Points of a stored backbone: 0.5 % of the length apart, for pictures; the certificate integrates its own."""
@@ -20,7 +19,7 @@ PRESSED = 1e-2
 """Least normal force of a contact to start with, as a part of the weight."""
 
 
-def starting_point(problem: Layout, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
+def starting_point(problem: Layout, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> Array:
     units = Units.of(scene)
     values: Values = {"object pose": units.pose(start.object_pose)}
     for setup, finger in zip(scene.setups, problem.fingers, strict=True):
@@ -41,7 +40,7 @@ def starting_point(problem: Layout, scene: GraspScene, start: Start, features: d
     return problem.x.pack(values, 0.0)
 
 
-def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: Start, units: Units) -> Values:
+def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: GraspStart, units: Units) -> Values:
     """The unknowns of a finger, whose curvature is that of the start at the places of its family."""
     tendons, start = setup.tendons, whole.fingers[setup.name]
     length, stiffness = setup.finger.rod.length, setup.stiffness
@@ -103,7 +102,7 @@ def bending_arrays(
     return {"q": bent[: finger.size], "curvature_shapes": shapes, "tip_curvature": np.array(float(bent[-1]))}
 
 
-def stored_arrays(problem: Layout, scene: GraspScene, start: Start, values: list[ca.DM]) -> dict[str, Array]:
+def stored_arrays(problem: Layout, scene: GraspScene, start: GraspStart, values: list[ca.DM]) -> dict[str, Array]:
     """Stored arrays of a point, from the ``values`` that the problem's reader gives there."""
     units, spec = Units.of(scene), problem.spec
     pose, points, normals, forces, stations, *rest = (np.array(v) for v in values)

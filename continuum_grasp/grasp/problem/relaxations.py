@@ -8,11 +8,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from continuum_grasp.grasp.values import NEAR
-from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger
-from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
-from continuum_grasp.scene.value import Value
+from continuum_grasp.scene import FAMILIES, ONE_TURN, FingerSetup, GraspFinger, GraspScene, MotorDrive, Value
 
 BEYOND = 0.01
 """Part of a limit by which its repair goes beyond what is just enough: there one grasp is left, at the edge of all
@@ -20,7 +16,7 @@ limits, which neither a rounded number nor a search from other starts reaches.""
 
 
 @dataclass(frozen=True)
-class Relaxation:
+class RelaxedLimit:
     """A limit that may be relaxed by an amount z >= 0, in SI units."""
 
     name: str
@@ -182,7 +178,7 @@ def _normal_max(scene: GraspScene) -> float:
 
 
 RELAXATIONS = (
-    Relaxation(
+    RelaxedLimit(
         "tension",
         "finger.tendons.max_tension",
         "N",
@@ -192,7 +188,7 @@ RELAXATIONS = (
         relaxed=_tension,
         bounds_shape=False,
     ),
-    Relaxation(
+    RelaxedLimit(
         "friction",
         "contacts.friction",
         "1",
@@ -203,7 +199,7 @@ RELAXATIONS = (
         most=lambda s: 20.0,
         bounds_shape=False,
     ),
-    Relaxation(
+    RelaxedLimit(
         "normal force",
         "contacts.normal_force_max",
         "N",
@@ -213,7 +209,7 @@ RELAXATIONS = (
         relaxed=lambda s, amount: with_contacts_changed(s, "normal_force_max", lambda force: force + amount),
         bounds_shape=False,
     ),
-    Relaxation(
+    RelaxedLimit(
         "mass",
         "object.mass",
         "kg",
@@ -227,7 +223,7 @@ RELAXATIONS = (
         applies=lambda s: s.weight > 0.0,
         bounds_shape=False,
     ),
-    Relaxation(
+    RelaxedLimit(
         "tilt balance",
         "gravity.tilt",
         "N m",
@@ -240,7 +236,7 @@ RELAXATIONS = (
         applies=lambda s: s.balances_tilt and s.object.mass > 0,
         bounds_shape=False,
     ),
-    Relaxation(
+    RelaxedLimit(
         "strain",
         "finger.strain_limit",
         "1",
@@ -251,7 +247,7 @@ RELAXATIONS = (
         additive=False,
         applies=lambda s: any(f.strain_limit is not None for f in s.named_fingers.values()),
     ),
-    Relaxation(
+    RelaxedLimit(
         "bending range",
         "fidelity.bending_range",
         "rad",
@@ -262,7 +258,7 @@ RELAXATIONS = (
         most=_bendable,
         applies=lambda s: _bendable(s) > 0.0,
     ),
-    Relaxation(
+    RelaxedLimit(
         "clearance at the supports",
         "supports",
         "m",
@@ -273,7 +269,7 @@ RELAXATIONS = (
         without=_without_obstacles,
         applies=lambda s: bool(s.supports),
     ),
-    Relaxation(
+    RelaxedLimit(
         "clearance at the object",
         "object",
         "m",
@@ -282,7 +278,7 @@ RELAXATIONS = (
         repair="place base or object so that no finger need pass {needed:.2g} m deep through the object",
         excuses=_into_object,
     ),
-    Relaxation(
+    RelaxedLimit(
         "overlap",
         "overlap",
         "m",

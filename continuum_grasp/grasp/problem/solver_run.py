@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp import nlp
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.equations import equations
 from continuum_grasp.grasp.problem.points import starting_point, stored_arrays
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.problem.surroundings import Surroundings
+from continuum_grasp.grasp.problem.surroundings import NearbySearch
 from continuum_grasp.grasp.problem.values import (
     Units,
     contact_features,
@@ -28,24 +27,34 @@ from continuum_grasp.grasp.problem.values import (
     tolerance_of,
     units_of_rows,
 )
-from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.starts.values import GraspStart, start_from
 from continuum_grasp.grasp.values import LITTLE, SATISFIED
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import Feature
-from continuum_grasp.nlp import Budget
-from continuum_grasp.nlp.solver import KNOWN
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspSolver
+from continuum_grasp.model import Feature, surface_of
+from continuum_grasp.nlp import (
+    KNOWN,
+    NLP,
+    Attempt,
+    Budget,
+    Multipliers,
+    OptionSet,
+    Settings,
+    Solver,
+    SolverStatus,
+    Start,
+    Violation,
+    new_solver,
+)
+from continuum_grasp.scene import GraspScene, GraspSolver
 
 MODEST = 0.8
 """Part of the most that makes sense of an amount, up to which one of several limits is relaxed: else a mass would go to
 zero for a trace of another limit."""
 ROUNDS = 8
 """Number of times that the places that must stay clear are moved to where fingers are deepest."""
-OPTION_SETS = (
-    (nlp.OptionSet.REFINED, 40),
-    (nlp.OptionSet.REFINED_MONOTONE, 60),
-    (nlp.OptionSet.DEFAULT, 200),
+OPTION_SETS: tuple[tuple[OptionSet, int], ...] = (
+    (OptionSet.REFINED, 40),
+    (OptionSet.REFINED_MONOTONE, 60),
+    (OptionSet.DEFAULT, 200),
 )
 """Ways to solve from a start, boldest first: options, and the most iterations of one solver run."""
 OVERDETERMINED = "More_Equations_Than_Unknowns"
@@ -55,18 +64,18 @@ DEEP = 1.1
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt(nlp.Attempt):
+class GraspAttempt(Attempt):
     """Result of one start of the solver; iterations and seconds are those of all its runs."""
 
-    start: Start
+    start: GraspStart
     features: dict[str, Feature]  # where each contact sits
     numbers: Array  # run-time numbers of the problem there
-    violations: list[nlp.Violation]  # constraints that are violated there, worst first
+    violations: list[Violation]  # constraints that are violated there, worst first
 
     @property
     def optimal(self) -> bool:
         """Whether it is a local optimum to the full tolerance."""
-        return self.status is nlp.Status.SOLVED
+        return self.status is SolverStatus.SOLVED
 
     @property
     def badness(self) -> float:
@@ -80,22 +89,22 @@ class GraspSolverRun:
     def __init__(self, spec: ProblemSpec) -> None:
         made = equations(spec)
         self.problem, self.nlp, self._read = made.layout, made.nlp, made.read
-        self.near = Surroundings(self.problem, made.places)
-        self._solvers: dict[tuple[Any, ...], nlp.Solver] = {}
+        self.near = NearbySearch(self.problem, made.places)
+        self._solvers: dict[tuple[Any, ...], Solver] = {}
 
-    def prepare(self, scene: GraspScene) -> nlp.Solver:
+    def prepare(self, scene: GraspScene) -> Solver:
         """The solver for the options of a scene; built once."""
         options = scene.solver
         key = (options.method, options.tolerance, options.max_iterations)
         if key not in self._solvers:
-            self._solvers[key] = nlp.new_solver(settings_of(options))
+            self._solvers[key] = new_solver(settings_of(options))
             self._solvers[key].prepare(self.nlp)
         return self._solvers[key]
 
     def run(
         self,
         scene: GraspScene,
-        start: Start,
+        start: GraspStart,
         budget: Budget,
         *,
         features: dict[str, Feature] | None = None,
@@ -103,7 +112,7 @@ class GraspSolverRun:
         options_at: int = 0,
         x0: Array | None = None,
         **options: Any,
-    ) -> Attempt:
+    ) -> GraspAttempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
         ``options_at`` is a place in `OPTION_SETS`: 0 for starts that are nearly exact, 2 for rough ones.
@@ -112,7 +121,7 @@ class GraspSolverRun:
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
         start, beyond whose ends they go on while that is better; if ``smoothed``, circles stand for blunt corners
         first. The unknowns begin with ``x0``. Further run-time ``numbers`` go to the problem. Unknowns ``pinned`` stay
-        at their values, but for NaN. ``patience`` and ``standstill`` are as of `nlp.Start`; a run that comes to a
+        at their values, but for NaN. ``patience`` and ``standstill`` are as of `Start`; a run that comes to a
         ``known`` attempt returns that, and with an objective above ``enough`` guarded places are not moved any more.
 
         Raises
@@ -121,7 +130,7 @@ class GraspSolverRun:
             Ctrl-C was pressed meanwhile; this start has no result then.
         """
 
-        def solved(sits: dict[str, Feature], x0: Array | None, options_at: int = options_at) -> Attempt:
+        def solved(sits: dict[str, Feature], x0: Array | None, options_at: int = options_at) -> GraspAttempt:
             return self._run(scene, start, budget, sits, options_at=options_at, x0=x0, **options)
 
         if features is not None:
@@ -140,7 +149,7 @@ class GraspSolverRun:
                 break
         return attempt
 
-    def _circles(self, scene: GraspScene, start: Start, sits: dict[str, Feature]) -> dict[str, Feature]:
+    def _circles(self, scene: GraspScene, start: GraspStart, sits: dict[str, Feature]) -> dict[str, Feature]:
         """Circles that stand for blunt corners about features, by name of the contact."""
         circles = {}
         for name, feature in sits.items():
@@ -154,12 +163,12 @@ class GraspSolverRun:
     def _round(
         self,
         scene: GraspScene,
-        solved: Callable[..., Attempt],
+        solved: Callable[..., GraspAttempt],
         sits: dict[str, Feature],
         circles: dict[str, Feature],
         x0: Array | None,
         enough: float,
-    ) -> Attempt:
+    ) -> GraspAttempt:
         """Solve on circles; where these hold, on faces and corners next to where that ends, until some do.
 
         Each of many blunt corners has a minimum of its own; the best are near that of a smooth curve.
@@ -181,7 +190,7 @@ class GraspSolverRun:
                 break
         return attempt
 
-    def _beyond(self, scene: GraspScene, attempt: Attempt) -> tuple[dict[str, Feature], Array] | None:
+    def _beyond(self, scene: GraspScene, attempt: GraspAttempt) -> tuple[dict[str, Feature], Array] | None:
         """The features beyond the ends of faces and corners against which contacts press, and the unknowns there."""
         if not attempt.converged:
             return None
@@ -201,22 +210,22 @@ class GraspSolverRun:
     def _run(
         self,
         scene: GraspScene,
-        start: Start,
+        start: GraspStart,
         budget: Budget,
         features: dict[str, Feature],
         *,
         options_at: int,
         x0: Array | None,
         iterations: int | None = None,
-        relaxed: Sequence[tuple[Relaxation, float]] = (),
+        relaxed: Sequence[tuple[RelaxedLimit, float]] = (),
         weights: Mapping[str, float] | None = None,
         numbers: Mapping[str, Any] | None = None,
         pinned: Mapping[str, ArrayLike] | None = None,
         patience: int | None = None,
         standstill: int | None = None,
-        known: Sequence[Attempt] = (),
+        known: Sequence[GraspAttempt] = (),
         enough: float = np.inf,
-    ) -> Attempt:
+    ) -> GraspAttempt:
         """Solve from a start on given features; see `run`."""
         problem, units = self.problem, Units.of(scene)
         values = problem_values(problem, scene, start, features) | dict(numbers or {})
@@ -247,7 +256,7 @@ class GraspSolverRun:
         alike = [
             earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
         ]
-        first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
+        first = Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
         first = replace(first, patience=patience, standstill=standstill, known=[earlier.x for earlier in alike])
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
@@ -255,15 +264,15 @@ class GraspSolverRun:
         if last.outcome == KNOWN:
             return min(alike, key=lambda earlier: float(np.abs(earlier.x - last.x).max()))
         violations = problem.rows.violations(last.g, SATISFIED, units_of_rows(scene))
-        return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
+        return GraspAttempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
 
-    def _solved(self, solver: nlp.Solver, start: nlp.Start, until: Budget) -> nlp.Attempt:
+    def _solved(self, solver: Solver, start: Start, until: Budget) -> Attempt:
         # IPOPT may not come back from more equations than unknowns, as of a finger that lifts without a support.
         if np.count_nonzero(start.lower == start.upper) <= np.count_nonzero(start.low < start.high):
             return solver.solve(self.nlp, start, until)
         g = np.array(self.nlp.functions["jac_g"](start.x, start.p)[0]).ravel()
-        none, violation = nlp.Multipliers(np.zeros(start.x.size), np.zeros(g.size)), start.violation(start.x, g)
-        return nlp.Attempt(nlp.Status.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
+        none, violation = Multipliers(np.zeros(start.x.size), np.zeros(g.size)), start.violation(start.x, g)
+        return Attempt(SolverStatus.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
 
     def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[[Array, Array], tuple[float, Array]]:
         """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it."""
@@ -274,7 +283,7 @@ class GraspSolverRun:
 
         return look
 
-    def unrelaxed(self, scene: GraspScene, attempt: Attempt) -> Attempt:
+    def unrelaxed(self, scene: GraspScene, attempt: GraspAttempt) -> GraspAttempt:
         """An attempt with limits relaxed by nothing, in the problem in which none is; it is no optimum there."""
         x = np.clip(attempt.x, *self.bounds(scene, attempt.start, attempt.features))
         values = problem_values(self.problem, scene, attempt.start, attempt.features)
@@ -283,7 +292,7 @@ class GraspSolverRun:
         violations = self.problem.rows.violations(g, SATISFIED, units_of_rows(scene))
         return replace(
             attempt,
-            status=nlp.Status.STOPPED,
+            status=SolverStatus.STOPPED,
             outcome="it left a narrow feasible set, to which relaxed limits had led",
             x=x,
             g=g,
@@ -292,21 +301,21 @@ class GraspSolverRun:
             violations=violations,
         )
 
-    def given(self, scene: GraspScene, x: Array, relaxation: Relaxation) -> float:
+    def given(self, scene: GraspScene, x: Array, relaxation: RelaxedLimit) -> float:
         """By how much a limit is relaxed at a point (SI, or as a part of the limit)."""
         at, scale = self._relaxed(relaxation, Units.of(scene))
         return float(np.linalg.norm(x[at])) * scale
 
-    def _relaxed(self, relaxation: Relaxation, units: Units) -> tuple[slice, float]:
+    def _relaxed(self, relaxation: RelaxedLimit, units: Units) -> tuple[slice, float]:
         """Place of a relaxation's amount among the unknowns, and its unit."""
         scale = units.amounts.get(relaxation.unit, 1.0) if relaxation.additive else 1.0
         return self.problem.x.at[f"relaxed {relaxation.name}"], scale
 
-    def arrays(self, scene: GraspScene, attempt: Attempt) -> dict[str, Array]:
+    def arrays(self, scene: GraspScene, attempt: GraspAttempt) -> dict[str, Array]:
         """The physical numbers of an attempt; see `continuum_grasp.grasp.GraspResult`."""
         return stored_arrays(self.problem, scene, attempt.start, self._read.call([attempt.x, attempt.numbers]))
 
-    def bounds(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> tuple[Array, Array]:
+    def bounds(self, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> tuple[Array, Array]:
         """Bounds of the unknowns of a scene next to a start, with no limit relaxed."""
         return problem_bounds(self.problem, scene, features)
 
@@ -320,7 +329,9 @@ class GraspSolverRun:
         rows = [block.rows.ravel() for block in self.problem.rows.blocks if block.name.startswith("penetration")]
         return np.concatenate([np.zeros(0, dtype=np.int64), *rows])
 
-    def numbers_near(self, scene: GraspScene, attempt: Attempt, start: Start, features: dict[str, Feature]) -> Array:
+    def numbers_near(
+        self, scene: GraspScene, attempt: GraspAttempt, start: GraspStart, features: dict[str, Feature]
+    ) -> Array:
         """Run-time numbers of a scene of the same structure at the unknowns of an attempt.
 
         What is sought stays, and so do the guarded places; what is in their way is that of the scene.
@@ -334,12 +345,12 @@ class GraspSolverRun:
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 
 
-def _parts(start: Start) -> list[int]:
+def _parts(start: GraspStart) -> list[int]:
     """The parts of the object that contacts touch."""
     return [contact.part for contact in start.contacts.values()]
 
 
-def _after(attempt: Attempt, before: Attempt) -> Attempt:
+def _after(attempt: GraspAttempt, before: GraspAttempt) -> GraspAttempt:
     """An attempt with the effort of another one, too."""
     iterations, seconds = attempt.iterations + before.iterations, attempt.seconds + before.seconds
     return replace(attempt, iterations=iterations, seconds=seconds)
@@ -366,9 +377,9 @@ _IPOPT = {
 }
 
 
-def settings_of(options: GraspSolver) -> nlp.Settings:
+def settings_of(options: GraspSolver) -> Settings:
     constraints = min(1e-9, options.tolerance)
-    return nlp.Settings(options.method, options.tolerance, constraints, options.max_iterations, {"ipopt": _IPOPT})
+    return Settings(options.method, options.tolerance, constraints, options.max_iterations, {"ipopt": _IPOPT})
 
 
 def allowed_depth(scene: GraspScene) -> float:
@@ -377,15 +388,15 @@ def allowed_depth(scene: GraspScene) -> float:
 
 
 def solve_clear(
-    solve: Callable[[nlp.Start, Budget], nlp.Attempt],
-    problem: nlp.NLP,
-    start: nlp.Start,
+    solve: Callable[[Start, Budget], Attempt],
+    problem: NLP,
+    start: Start,
     look: Callable[[Array, Array], tuple[float, Array]],
     depth: float,
     budget: Budget,
     most: int,
     enough: float = np.inf,
-) -> tuple[nlp.Attempt, Array]:
+) -> tuple[Attempt, Array]:
     """Solve until no finger is deeper than ``depth`` between the places that must stay clear, or the objective is more
     than ``enough``, each time by at most so many iterations: the last run, with the iterations of all, and its numbers.
 
@@ -394,7 +405,7 @@ def solve_clear(
     """
     iterations, acceptable, numbers = 0, False, start.p
 
-    def solved(start: nlp.Start) -> nlp.Attempt:
+    def solved(start: Start) -> Attempt:
         nonlocal iterations
         with budget.share(most) as share:
             attempt = solve(start, share)
@@ -413,8 +424,8 @@ def solve_clear(
         moved = np.array(problem.functions["jac_g"](last.x, near)[0]).ravel() - last.g
         change = abs(float(last.multipliers.constraints @ moved))
         # A solution to the acceptable tolerance gets one more round from its own multipliers.
-        settled = last.status is nlp.Status.SOLVED or acceptable
-        acceptable = last.status is nlp.Status.ACCEPTABLE
+        settled = last.status is SolverStatus.SOLVED or acceptable
+        acceptable = last.status is SolverStatus.ACCEPTABLE
         # What guarded places are too deep, others may be; what holds to less than the tolerance gives no more depth.
         deep = deepest > depth + min(last.violation, SATISFIED)
         if settled and not deep and change < LITTLE * max(1.0, abs(last.objective)):

@@ -8,11 +8,8 @@ from typing import Any
 
 from continuum_grasp.grasp.problem.curves import CurvesSpec
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import Surface
-from continuum_grasp.scene.finger import Finger, PointMass
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.supports import Peg
+from continuum_grasp.model import Surface, surface_of
+from continuum_grasp.scene import Finger, FingerSetup, GraspScene, Peg, PointMass
 
 _RANGES = (1.0, 2.1, 3.15, 4.5, 6.3)
 """Bending ranges of models [rad]: a scene takes the next larger one, so that many scenes share a solver."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
@@ -16,13 +16,9 @@ from continuum_grasp.grasp.problem.values import FINE, Units, Values
 from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import ROUND, own_outline
-from continuum_grasp.rod.dense_rod import DenseRod
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.parts import Part
-from continuum_grasp.scene.supports import Wall
+from continuum_grasp.model import ROUND, own_outline, surface_of
+from continuum_grasp.rod import DenseRod
+from continuum_grasp.scene import Finger, FingerSetup, GraspScene, Part, Wall
 
 _FAR = 10.0
 """Distance from which on nothing is in the way, in units of the problem."""
@@ -62,7 +58,7 @@ def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array
     return [*obstacles, *(_Obstacle(body.part) for body in scene.places if body.part is not None)]
 
 
-class Surroundings:
+class NearbySearch:
     """Looks for what is near the fingers of one problem."""
 
     def __init__(self, problem: Layout, places: ca.Function) -> None:

@@ -16,12 +16,8 @@ from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.curves import Curves
 from continuum_grasp.grasp.problem.graded_backbone import GradedBackbone
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.winches import soft
-from continuum_grasp.scene.finger import Finger, PointMass
-from continuum_grasp.scene.loads import MomentLoad
-from continuum_grasp.scene.rod import Damping, DryFriction, Rod
-from continuum_grasp.scene.tendons import Tendons
+from continuum_grasp.model import FingerModel, soft
+from continuum_grasp.scene import Damping, DryFriction, Finger, MomentLoad, PointMass, Rod, Tendons
 
 _OFFSET = 0.5
 """Tendon offset of the unit finger; tensions are scaled so that any value does."""

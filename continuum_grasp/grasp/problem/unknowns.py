@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.blocks import Columns, Expressed, Places, Rows, rotation
+from continuum_grasp.grasp.problem.blocks import Columns, ConstraintRows, Expressed, Places, rotation
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec, ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger, unit_model
-from continuum_grasp.model.family import Family
-from continuum_grasp.model.surfaces.surface import SurfacePoint
+from continuum_grasp.model import Family, SurfacePoint
 
 
 @dataclass(frozen=True)
@@ -108,14 +107,14 @@ class Layout:
     spec: ProblemSpec
     x: Places  # the unknowns
     numbers: Places  # the run-time numbers
-    rows: Rows
+    rows: ConstraintRows
     fingers: list[FingerLayout]
 
     @staticmethod
     def of(spec: ProblemSpec, text: str) -> Layout:
         """The layout of a structure from what `described` wrote of it."""
         x, numbers, blocks, guarded = json.loads(text)
-        rows = Rows()
+        rows = ConstraintRows()
         for name, key, unit, count, lower, upper in blocks:
             rows.rows(name, key, unit, count, 1.0, lower, upper)
         pairs = zip(spec.fingers, guarded, strict=True)

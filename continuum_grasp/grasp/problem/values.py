@@ -10,21 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.problem.curves import curve_numbers
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses
 from continuum_grasp.grasp.problem.unknowns import Layout
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart
 from continuum_grasp.grasp.values import LITTLE, NEAR
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.offset_polygon import SHARP
-from continuum_grasp.model.surfaces.surface import Feature
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.shapes import Freedom, Pose, pose_bounds
-from continuum_grasp.scene.supports import Wall
+from continuum_grasp.model import SHARP, Feature, surface_of
+from continuum_grasp.scene import FingerSetup, Freedom, GraspScene, Pose, Wall, pose_bounds
 
 Values = dict[str, Any]
 
@@ -107,7 +103,7 @@ def moved_features(
     return moved
 
 
-def problem_values(problem: Layout, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Values:
+def problem_values(problem: Layout, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> Values:
     """All run-time numbers but those of clearance, with no limit relaxed."""
     units = Units.of(scene)
     values: Values = {
@@ -205,7 +201,7 @@ def _counts(setup: FingerSetup) -> list[int]:
     return [b - a for a, b in pairwise((0, *setup.before, setup.elements))]
 
 
-def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: Units) -> Values:
+def _finger_values(scene: GraspScene, setup: FingerSetup, whole: GraspStart, units: Units) -> Values:
     finger, rod, tendons, start = setup.finger, setup.finger.rod, setup.tendons, whole.fingers[setup.name]
     tensions, states = whole.tensions.get(setup.name, (0.0, 0.0)), whole.friction_states.get(setup.name)
     length, offset, greatest_tension, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used

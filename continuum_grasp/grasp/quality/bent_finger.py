@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.shape import skin
-from continuum_grasp.rod.dense_rod import DenseRod
-from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.rod import DenseRod
+from continuum_grasp.scene import FingerSetup
 
 CELLS = 32
 """Least number of cells along a finger: the responses of shipped grasps are within 3e-5 of those with 128."""

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix, diags_array
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 
 Outcome = Literal["optimal", "infeasible", "unbounded", "failed"]
 

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.supports import Peg
+from continuum_grasp.scene import GraspScene, Peg
 
 
 class ContactSet:

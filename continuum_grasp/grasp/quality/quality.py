@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arguments import instance
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, instance
 from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1
 from continuum_grasp.grasp.quality.resistance import Resistance, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.values import contacts_of
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene import GraspScene
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.drives import LEAST_PULL
 from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.quality.conic import Cones, solve_conic
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
-from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene import FingerSetup
 
 TURN = 3.0
 """Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""

@@ -14,10 +14,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.quality.bent_finger import BentFinger, rolled
 from continuum_grasp.grasp.quality.contact_set import ContactSet
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene import GraspScene
 
 Tendons = Literal["retensioned", "locked"]
 """Whether tensions are chosen anew for a disturbance, or tendon lengths stay fixed."""
@@ -28,7 +28,7 @@ leave open, between two ends of a face on a wall for instance."""
 
 
 @dataclass(frozen=True)
-class Change:
+class UnitChanges:
     """Changes by K unit causes."""
 
     pose: Array  # (3, K) of the object: center of mass [m], angle [rad]
@@ -101,13 +101,13 @@ class GraspResponse:
             return False
         return True
 
-    def to_wrenches(self, tendons: Tendons) -> Change:
+    def to_wrenches(self, tendons: Tendons) -> UnitChanges:
         """Response to a force along x and y [1 N] and a moment about the center of mass [1 N m]: K = 3."""
         causes = np.zeros((self._object + 3, 3))
         causes[self._object :] = np.eye(3)
         return self._solve(causes, tendons)
 
-    def to_tensions(self) -> Change:
+    def to_tensions(self) -> UnitChanges:
         """Response to each finger's tension 1 less tension 2 growing by 1 N: K = F."""
         return self._solve(self._shared.T, "retensioned")
 
@@ -138,7 +138,7 @@ class GraspResponse:
         self._jacobian[2 * k : 2 * k + 2] = np.stack([normal @ move, across @ move])
         self._turn_of_normal[k] = finger_share * turn + object_share * spin
 
-    def _solve(self, causes: Array, tendons: Tendons) -> Change:
+    def _solve(self, causes: Array, tendons: Tendons) -> UnitChanges:
         """Solve the saddle point problem of motions, contact forces and, where locked, tension differences."""
         count, fingers = self.contacts.count, len(self._fingers) if tendons == "locked" else 0
         with np.errstate(divide="ignore"):
@@ -159,4 +159,4 @@ class GraspResponse:
         forces = [changed[:, 0] + stored[:, 1, None] * turned, changed[:, 1] - stored[:, 0, None] * turned]
         differences = np.zeros((len(self._fingers), causes.shape[1]))
         differences[:fingers] = pulled
-        return Change(motion[self._object :], np.stack(forces, axis=1), differences, self._turned @ motion)
+        return UnitChanges(motion[self._object :], np.stack(forces, axis=1), differences, self._turned @ motion)

@@ -19,16 +19,15 @@ from dataclasses import replace
 
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify_reached
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation, changed_numbers
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit, changed_numbers
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
-from continuum_grasp.grasp.search import CLOSEST, FIRST_CAP, HELD, Search
+from continuum_grasp.grasp.search import CLOSEST, FIRST_CAP, HELD, GraspSearch
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.grasp.values import NEAR, Reason, Status
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.shapes import greatest_shift
+from continuum_grasp.grasp.starts.values import GraspStart
+from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason
+from continuum_grasp.scene import FingerSetup, GraspScene, greatest_shift
 
 CLEAR = 0.03
 """Relative change of a limit, or part of a usual amount, from which on no other start would do without: the estimates
@@ -84,7 +83,7 @@ def in_words(elastic: Elastic, repair: Repair) -> Reason:
     return replace(first, text=f"two limits at once: {text}", repair=advice, also=tuple(others))
 
 
-def part_of(elastic: Elastic, limit: Relaxation, repair: Repair) -> Reason:
+def part_of(elastic: Elastic, limit: RelaxedLimit, repair: Repair) -> Reason:
     """A limit of a repair, in the scene where the others are relaxed."""
     others = {other: part for other, part in repair.parts.items() if other is not limit}
     scene, amount = elastic.relaxed(others, spare=1.0), repair.parts[limit] * limit.start(elastic.scene)
@@ -146,14 +145,14 @@ REWEIGHTED, FLOOR = 2, 0.1
 class Repairs(Elastic):
     """Choice of the limits of a scene that are relaxed, alone or together, in search of reasons."""
 
-    def __init__(self, scene: GraspScene, search: Search) -> None:
+    def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
         super().__init__(scene, search)
         self.limits = [limit for limit in RELAXATIONS if limit.applies(scene)]
         # Limits with a number, and all but those that keep fingers clear of something.
         self.numbered = tuple(limit for limit in self.limits if limit.limit is not None)
         self.bounding = tuple(limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape)
         self.starts = Starts(scene, search)
-        self._tried: dict[Limits, list[tuple[Start, Repair | None]]] = {}
+        self._tried: dict[Limits, list[tuple[GraspStart, Repair | None]]] = {}
 
     def look(self) -> None:
         """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, all at
@@ -198,13 +197,13 @@ class Repairs(Elastic):
             return reason
         if certify_reached(self.relaxed(repair.parts), repair.arrays).stability.stable:
             return reason
-        return replace(reason, repair=f"{reason.repair}, where the grasp found is {Status.UNSTABLE}", stable=False)
+        return replace(reason, repair=f"{reason.repair}, where the grasp found is {GraspStatus.UNSTABLE}", stable=False)
 
     # -- one limit ---------------------------------------------------------------------------------------------
 
-    def _alone(self, limits: Sequence[Relaxation]) -> None:
+    def _alone(self, limits: Sequence[RelaxedLimit]) -> None:
         """Relax each limit, those that give a grasp from more starts."""
-        search, starts = self.search, dict[Relaxation, list[Start]]()
+        search, starts = self.search, dict[RelaxedLimit, list[GraspStart]]()
         for limit in limits:
             if search.budget.over:
                 return
@@ -228,7 +227,7 @@ class Repairs(Elastic):
                 closer = self.starts.alone(limit, self.found[limit,].total)
                 self._from(limit, [*closer, *starts[limit], *(rough if limit in others else [])], MORE)
 
-    def _in_place_of(self, point: Repair, others: Sequence[Relaxation]) -> None:
+    def _in_place_of(self, point: Repair, others: Sequence[RelaxedLimit]) -> None:
         """Relax other limits from where some are, which count the more: a point that satisfies all leads there more
         surely than starts do.
         """
@@ -250,7 +249,7 @@ class Repairs(Elastic):
             if at is not None and all(at.parts[relaxation] < NEAR for relaxation in rest):
                 self.attempt((limit,), at)
 
-    def _from(self, limit: Relaxation, starts: Iterable[Start], count: int) -> None:
+    def _from(self, limit: RelaxedLimit, starts: Iterable[GraspStart], count: int) -> None:
         """Relax a limit as little as possible, from so many new starts until several agree."""
         begun = len(self._tried.setdefault((limit,), []))
         for start in starts:
@@ -258,7 +257,7 @@ class Repairs(Elastic):
             if not enough and self._is_new((limit,), start):
                 self._tried[limit,].append((start, self.attempt((limit,), start)))
 
-    def _is_new(self, limits: Limits, start: Start) -> bool:
+    def _is_new(self, limits: Limits, start: GraspStart) -> bool:
         """Whether limits were not relaxed from an equal start yet, as relaxed scenes have in common."""
         return all(start != other for other, _ in self._tried[limits])
 
@@ -282,7 +281,7 @@ class Repairs(Elastic):
                 for limit in limits if len(limits) > 1 else ():
                     self.attempt((limit,), last)
 
-    def _all_from(self, limits: Limits, starts: Iterable[Start]) -> list[Repair | None]:
+    def _all_from(self, limits: Limits, starts: Iterable[GraspStart]) -> list[Repair | None]:
         """Points with many limits relaxed from starts."""
         tried = self._tried.setdefault(limits, [])
         for start in starts:

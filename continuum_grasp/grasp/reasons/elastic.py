@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import certify_reached
-from continuum_grasp.grasp.problem.relaxations import Relaxation
-from continuum_grasp.grasp.problem.solver_run import Attempt
+from continuum_grasp.grasp.problem.relaxations import RelaxedLimit
+from continuum_grasp.grasp.problem.solver_run import GraspAttempt
 from continuum_grasp.grasp.problem.values import contact_features
-from continuum_grasp.grasp.search import FIRST_CAP, PATIENCE, STANDSTILL, Search
-from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.search import FIRST_CAP, PATIENCE, STANDSTILL, GraspSearch
+from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.values import NEAR, SAME
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import Robust
+from continuum_grasp.scene import GraspScene, Robust
 
 AGREEING = 3
 """Number of starts that end at the same point, or elsewhere after the least, before no more are tried."""
@@ -29,16 +28,16 @@ STEPS, HALVINGS = (0.01, 0.04, 0.16, 0.64), 2
 often the last interval is halved.
 """
 
-Limits = tuple[Relaxation, ...]
+Limits = tuple[RelaxedLimit, ...]
 
 
 @dataclass(frozen=True)
 class Repair:
     """Relaxed limits, and the resulting grasp."""
 
-    parts: Mapping[Relaxation, float]  # by how many usual amounts
+    parts: Mapping[RelaxedLimit, float]  # by how many usual amounts
     arrays: Mapping[str, Array]  # of the grasp
-    attempt: Attempt  # that found it
+    attempt: GraspAttempt  # that found it
 
     @property
     def total(self) -> float:
@@ -49,12 +48,12 @@ class Repair:
 class Elastic:
     """Relaxed limits that give a grasp where a search found none; ``found`` has the best of each set so far."""
 
-    def __init__(self, scene: GraspScene, search: Search) -> None:
+    def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
         self.scene, self.search = scene, search
         self.found: dict[Limits, Repair] = {}
         self.totals: dict[Limits, list[float]] = {}  # of all starts, infinite where one gave no grasp
 
-    def attempt(self, limits: Limits, begin: Start | Repair) -> Repair | None:
+    def attempt(self, limits: Limits, begin: GraspStart | Repair) -> Repair | None:
         """Relax limits as little as possible, and retain the least amounts that are confirmed."""
         repair = self.relax(limits, begin)
         self.totals.setdefault(limits, []).append(math.inf if repair is None else repair.total)
@@ -69,7 +68,7 @@ class Elastic:
         return repair
 
     def relax(
-        self, limits: Sequence[Relaxation], begin: Start | Repair, weights: Mapping[str, float] | None = None
+        self, limits: Sequence[RelaxedLimit], begin: GraspStart | Repair, weights: Mapping[str, float] | None = None
     ) -> Repair | None:
         """Relax limits by the least sum of their parts of a usual amount, times ``weights`` by their names, from a
         start or where some are relaxed; None where that gives no grasp.
@@ -99,14 +98,14 @@ class Elastic:
         parts = {limit: amount / usual[limit] for limit, amount in amounts.items()}
         return Repair(parts, solver.arrays(scene, attempt), attempt)
 
-    def relaxed(self, parts: Mapping[Relaxation, float], spare: float = 0.0) -> GraspScene:
+    def relaxed(self, parts: Mapping[RelaxedLimit, float], spare: float = 0.0) -> GraspScene:
         """The scene with limits relaxed by parts of their usual amounts."""
         scene = self.scene
         for limit, part in parts.items():
             scene = limit.relaxed(scene, part * limit.start(self.scene) * (1.0 + spare * limit.spare))
         return scene
 
-    def holds(self, parts: Mapping[Relaxation, float], arrays: Mapping[str, Array]) -> bool:
+    def holds(self, parts: Mapping[RelaxedLimit, float], arrays: Mapping[str, Array]) -> bool:
         """Whether the certificate confirms the grasp, but for what the relaxations excuse."""
         failed = certify_reached(self.relaxed(parts, spare=float(len(parts) > 1)), arrays).failed
         excuses = [limit.excuses for limit in parts if limit.excuses is not None]

@@ -8,13 +8,13 @@ from functools import cached_property
 from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.relaxations import Relaxation
-from continuum_grasp.grasp.search import BENT, HELD, UNLIKELY, Search
+from continuum_grasp.grasp.problem.relaxations import RelaxedLimit
+from continuum_grasp.grasp.search import BENT, HELD, UNLIKELY, GraspSearch
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
-from continuum_grasp.grasp.starts.values import Start, interleaved
+from continuum_grasp.grasp.starts.values import GraspStart, interleaved
 from continuum_grasp.grasp.tried import branch_of
 from continuum_grasp.grasp.values import NEAR
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene import GraspScene
 
 LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
@@ -25,11 +25,11 @@ WIDER = (1.0, 2.9)
 class Starts:
     """Starts with limits relaxed of the scene of a search, those of different branches first."""
 
-    def __init__(self, scene: GraspScene, search: Search) -> None:
+    def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
         self._scene, self._search = scene, search
 
     @cached_property
-    def rough(self) -> list[Start]:
+    def rough(self) -> list[GraspStart]:
         """Starts of sets of contacts that are not scanned, those that came nearest to a grasp first."""
         near = {id(tried.attempt.start): tried.attempt.badness for tried in self._search.tried}
         return interleaved(
@@ -40,18 +40,18 @@ class Starts:
         )
 
     @property
-    def _lost(self) -> list[Start]:
+    def _lost(self) -> list[GraspStart]:
         """Grasps of few elements that are none with all."""
         return [end.attempt.start for end in self._search.lost]
 
-    def alone(self, limit: Relaxation, part: float | None = None) -> list[Start]:
+    def alone(self, limit: RelaxedLimit, part: float | None = None) -> list[GraspStart]:
         """Scanned starts with a limit relaxed by so many usual amounts, or well beyond what is likely; where no key of
         the scene holds a limit of the shape, those of the search, too.
         """
         if not limit.bounds_shape:
             # Postures stay as they are: however much a limit is relaxed, it is no reason where none comes near.
             return interleaved([self._lost, self._balanced(limit, LARGER if part is None else (part,))])
-        relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[Start]()
+        relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[GraspStart]()
         if limit.limit is None:
             closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
             tried = list({id(scanned.attempt.start): scanned.attempt.start for scanned in closest}.values())
@@ -60,7 +60,7 @@ class Starts:
             return known
         return interleaved([*self._of(relaxed, hopeful=True, rough=limit.limit is None), known])
 
-    def together(self, limits: Iterable[Relaxation]) -> list[Start]:
+    def together(self, limits: Iterable[RelaxedLimit]) -> list[GraspStart]:
         """Starts for many limits at once: some of the scene's own postures, and twice as many of those with limits of
         the shape relaxed in several amounts.
         """
@@ -70,7 +70,7 @@ class Starts:
         wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
         return [*near[:HELD], *interleaved(wider)[: 2 * HELD]]
 
-    def _balanced(self, limit: Relaxation, factors: Iterable[float]) -> list[Start]:
+    def _balanced(self, limit: RelaxedLimit, factors: Iterable[float]) -> list[GraspStart]:
         """Starts of scanned postures nearly in balance with the limit relaxed by the first factor for which there are
         any.
         """
@@ -82,11 +82,11 @@ class Starts:
             last = relaxed
         return []
 
-    def _of(self, relaxed: GraspScene, hopeful: bool = False, rough: bool = True) -> list[list[Start]]:
+    def _of(self, relaxed: GraspScene, hopeful: bool = False, rough: bool = True) -> list[list[GraspStart]]:
         """Starts of a scene with limits relaxed, of each set of contacts; of scans the ``hopeful`` ones alone, and
         ``rough`` ones of other sets.
         """
-        search, starts = Search(relaxed, self._search.budget), []
+        search, starts = GraspSearch(relaxed, self._search.budget), []
         for mode in contact_modes(relaxed):
             scanned = search.basins_of(mode)
             if scanned is None:
@@ -97,12 +97,12 @@ class Starts:
         self._search.start_seconds += search.start_seconds
         return starts
 
-    def _hopeful(self, starts: list[Start]) -> list[Start]:
+    def _hopeful(self, starts: list[GraspStart]) -> list[GraspStart]:
         """Starts nearly in balance, and nearer than without the limit relaxed."""
         search, tips = self._search, {setup.tip_name for setup in self._scene.setups}
         threshold = NEARLY_BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
 
-        def enough(start: Start) -> float:
+        def enough(start: GraspStart) -> float:
             # Behind the last contact a finger is as its tendons bend it, and a small imbalance says little.
             if not tips <= start.contacts.keys():
                 return UNLIKELY
@@ -114,7 +114,7 @@ class Starts:
         return [start for start in starts if start.imbalance < enough(start)]
 
 
-def eased(scene: GraspScene, limits: Iterable[Relaxation], factor: float) -> GraspScene:
+def eased(scene: GraspScene, limits: Iterable[RelaxedLimit], factor: float) -> GraspScene:
     """A scene with limits relaxed by a multiple of their usual amounts."""
     relaxed = scene
     for limit in limits:
@@ -122,9 +122,9 @@ def eased(scene: GraspScene, limits: Iterable[Relaxation], factor: float) -> Gra
     return relaxed
 
 
-def spread(starts: list[Start]) -> list[Start]:
+def spread(starts: list[GraspStart]) -> list[GraspStart]:
     """A start of each branch first, then the second of each, and so on."""
-    branches: dict[tuple[Any, ...], list[Start]] = {}
+    branches: dict[tuple[Any, ...], list[GraspStart]] = {}
     for start in starts:
         branches.setdefault(branch_of(start), []).append(start)
     return interleaved(list(branches.values()))

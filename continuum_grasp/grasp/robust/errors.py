@@ -28,8 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.grasp.certificate.friction import extreme_states
 from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.problem.relaxations import with_contacts_changed
@@ -39,11 +38,8 @@ from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle, support_contacts
-from continuum_grasp.grasp.starts.values import ContactStart, Start
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import Robust
-from continuum_grasp.scene.objects.shapes import Freedom, Pose
-from continuum_grasp.scene.shape import Shape
+from continuum_grasp.grasp.starts.values import ContactStart, GraspStart
+from continuum_grasp.scene import Freedom, GraspScene, Pose, Robust, Shape
 
 OBJECT = len(ERRORS)
 """Columns of errors of the object, before the friction states."""
@@ -146,7 +142,7 @@ class InError:
         """Whether the object yields to the fingers; where it touches a support, it stays where it lies."""
         return not self.on
 
-    def plant(self, start: Start, error: Array) -> tuple[GraspScene, Start]:
+    def plant(self, start: GraspStart, error: Array) -> tuple[GraspScene, GraspStart]:
         """The scene with an error (6,), or with friction states (6 + S,), and the start of a grasp in it, whose object
         has another size and lies elsewhere.
         """
@@ -168,7 +164,7 @@ class InError:
         solver: GraspSolverRun = solver_for(spec)
         return solver
 
-    def landings(self, spec: ProblemSpec, start: Start, error: Array) -> dict[str, Array]:
+    def landings(self, spec: ProblemSpec, start: GraspStart, error: Array) -> dict[str, Array]:
         """Places where the tips of the grasp at a start land on an object that yields (2,), in its frame and in units
         of the problem, by the names of the unknowns.
         """

@@ -21,15 +21,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp import nlp
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.equations import expressions
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.solver_run import (
     OPTION_SETS,
-    Attempt,
+    GraspAttempt,
     GraspSolverRun,
     allowed_depth,
     settings_of,
@@ -40,13 +39,13 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
-from continuum_grasp.grasp.starts.values import ContactStart, Start, with_contacts
+from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, with_contacts
 from continuum_grasp.grasp.values import SAME
-from continuum_grasp.model.surfaces.surface import Feature
-from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.model import Feature
+from continuum_grasp.nlp import NLP, Budget, Start, new_solver
+from continuum_grasp.scene import GraspScene
 
-_Side = tuple[GraspScene, Start, dict[str, Feature]]
+_Side = tuple[GraspScene, GraspStart, dict[str, Feature]]
 
 _EFFORT = 1e-6
 """Weight of what makes postures in error unique, beside what is sought [1]: at 1, tensions that locked drives change
@@ -87,7 +86,7 @@ def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[i
 @lru_cache(maxsize=8)
 def robust_problem(
     nominal: GraspSolverRun, others: tuple[GraspSolverRun, ...], left: tuple[int, ...]
-) -> tuple[nlp.NLP, list[int]]:
+) -> tuple[NLP, list[int]]:
     """The problem of a grasp and those of errors, whose postures may have other contacts, and the number of rows that
     link each of them to the grasp; built once in a process.
 
@@ -130,7 +129,7 @@ def robust_problem(
     by_numbers = ca.vertcat(*along, ca.MX.zeros(3 * count)) + pull
     slope = ca.Function("nlp_slope", [x, p, weight, forces], [by_numbers], names[0], ["grad_gamma_p"])
     derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "slope": slope}
-    return nlp.NLP("robust_grasp", x, f, g, p, derivatives=derivatives), rows_linked
+    return NLP("robust_grasp", x, f, g, p, derivatives=derivatives), rows_linked
 
 
 def _starts(sizes: Sequence[int]) -> list[int]:
@@ -149,7 +148,7 @@ class JointSolverRun:
     def __init__(
         self,
         scene: GraspScene,
-        start: Start,
+        start: GraspStart,
         errors: Array,
         touching: Sequence[Mapping[str, ContactStart]] | None = None,
     ) -> None:
@@ -168,12 +167,12 @@ class JointSolverRun:
     def run(
         self,
         scene: GraspScene,
-        start: Start,
+        start: GraspStart,
         budget: Budget,
         *,
         x0: Array | None = None,
         features: dict[str, Feature] | None = None,
-    ) -> Attempt:
+    ) -> GraspAttempt:
         """Solve from unknowns ``x0`` with contacts on ``features``, by default those of the start, moving the guarded
         places.
         """
@@ -197,12 +196,12 @@ class JointSolverRun:
             points = (starting_point(problem, *side) for problem, side in zip(problems, sides, strict=True))
             x0 = np.concatenate(list(points))
         x = np.clip(x0, low, high)
-        begin = nlp.Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
-        solve = partial(nlp.new_solver(settings_of(scene.solver)).solve, self.nlp)
+        begin = Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
+        solve = partial(new_solver(settings_of(scene.solver)).solve, self.nlp)
         last, numbers = solve_clear(solve, self.nlp, begin, look, allowed_depth(scene), budget, OPTION_SETS[-1][1])
-        return Attempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
+        return GraspAttempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
 
-    def bounds(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> tuple[Array, Array]:
+    def bounds(self, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> tuple[Array, Array]:
         # What is linked needs no bounds of its own.
         linked = [f"{setup.name}.base" for setup in scene.setups if setup.finger.base_free is not None]
         linked += ["object pose"] * (scene.object.free is not None)
@@ -233,11 +232,13 @@ class JointSolverRun:
         guarded = [start + solver.guarded for start, solver in zip(starts, self._solvers, strict=True)]
         return np.asarray(np.concatenate(guarded))
 
-    def arrays(self, scene: GraspScene, attempt: Attempt) -> dict[str, Array]:
+    def arrays(self, scene: GraspScene, attempt: GraspAttempt) -> dict[str, Array]:
         """The physical numbers of the nominal grasp."""
         return self.nominal.arrays(scene, self._part(attempt, 0))
 
-    def numbers_near(self, scene: GraspScene, attempt: Attempt, start: Start, features: dict[str, Feature]) -> Array:
+    def numbers_near(
+        self, scene: GraspScene, attempt: GraspAttempt, start: GraspStart, features: dict[str, Feature]
+    ) -> Array:
         """Run-time numbers of a scene of the same structure at the unknowns of an attempt."""
         sides = self._sides(scene, start, features)
         numbers = [
@@ -246,7 +247,7 @@ class JointSolverRun:
         ]
         return np.concatenate([*numbers, self._offsets(scene, start)])
 
-    def acting(self, attempt: Attempt) -> Array:
+    def acting(self, attempt: GraspAttempt) -> Array:
         """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share, as parts of
         the greatest.
         """
@@ -256,7 +257,7 @@ class JointSolverRun:
         acting: Array = self.errors[forces > SAME * forces.max(initial=0.0)]
         return acting
 
-    def _part(self, attempt: Attempt, k: int) -> Attempt:
+    def _part(self, attempt: GraspAttempt, k: int) -> GraspAttempt:
         return replace(attempt, x=self._xs(attempt.x)[k], numbers=self._ps(attempt.numbers)[k])
 
     def _xs(self, x: Array) -> list[Array]:
@@ -266,13 +267,13 @@ class JointSolverRun:
         ends = np.cumsum([solver.problem.numbers.size for solver in self._solvers])
         return np.split(numbers, ends)[:-1]
 
-    def _offsets(self, scene: GraspScene, start: Start) -> Array:
+    def _offsets(self, scene: GraspScene, start: GraspStart) -> Array:
         """By how much the object's pose is off in each error, in units of the problem (3 K,)."""
         in_error, units = _in_error(scene, start), Units.of(scene)
         moved = (np.array(in_error.pose_in_error(error)) - in_error.pose for error in self.errors)
         return np.concatenate([np.zeros(0), *(np.array(units.pose(pose.tolist())) for pose in moved)])
 
-    def _sides(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> list[_Side]:
+    def _sides(self, scene: GraspScene, start: GraspStart, features: dict[str, Feature]) -> list[_Side]:
         """Scene, start and features of the nominal grasp and of each error."""
         in_error, sides = _in_error(scene, start), [(scene, start, features)]
         for error, on in zip(self.errors, self.touching, strict=True):
@@ -286,5 +287,5 @@ class JointSolverRun:
         return sides
 
 
-def _in_error(scene: GraspScene, start: Start) -> InError:
+def _in_error(scene: GraspScene, start: GraspStart) -> InError:
     return InError(scene, {"contact_names": list(start.contacts), "object.pose": start.object_pose})

@@ -20,19 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp import nlp
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.check import GUARDED
-from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, allowed_depth
+from continuum_grasp.grasp.problem.solver_run import GraspAttempt, GraspSolverRun, allowed_depth
 from continuum_grasp.grasp.problem.structure import DriveSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.supports import nearest_contact
-from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
+from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, start_from, with_contacts
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import NEAR
-from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.nlp import Budget, SolverStatus
+from continuum_grasp.scene import GraspScene
 
 HOLDS = -GUARDED
 """Least reserve, per force reference, with which all contacts hold: that of the certificate."""
@@ -54,7 +53,7 @@ class Response(Tried):
     # Least friction margin [1]; minus infinity where a contact parts or no posture balances, NaN without an answer.
     margin: float
     weakest: str  # the contact with that margin; empty where nothing balances
-    begin: Start  # where the posture was sought from, without the error; it has the contacts of the posture
+    begin: GraspStart  # where the posture was sought from, without the error; it has the contacts of the posture
 
     @property
     def holds(self) -> bool:
@@ -93,7 +92,7 @@ class Responder:
                 left[:0] = self._next(other)
         return best
 
-    def _with(self, begin: Start, error: Array) -> Response:
+    def _with(self, begin: GraspStart, error: Array) -> Response:
         solver = self.in_error.solver(begin.contacts)
         scene, start = self.in_error.plant(begin, error)
         solve = partial(solver.run, scene, start, self._budget, pinned=self._pinned(solver, scene, start, error))
@@ -118,14 +117,14 @@ class Responder:
             margin, weakest = _least_margin(solver, scene, attempt)
             if reserve >= HOLDS:  # a cone at its edge, up to rounding
                 margin = max(margin, 0.0)
-        elif attempt.status is nlp.Status.INFEASIBLE:
+        elif attempt.status is SolverStatus.INFEASIBLE:
             margin = -np.inf
         response = Response(attempt, solver, scene, error, reserve, margin, weakest, begin)
         if attempt.converged:
             self._known.append(response)
         return response
 
-    def _next(self, response: Response) -> Iterator[Start]:
+    def _next(self, response: Response) -> Iterator[GraspStart]:
         """Starts with the contacts that a posture which does not hold asks for, those most likely to hold first."""
         attempt, begin, solver = response.attempt, response.begin, response.solver
         if response.holds or not np.isfinite(attempt.x).all():
@@ -147,7 +146,7 @@ class Responder:
         for name in order if not attempt.converged else ():
             yield from self._parted(begin, [name])
 
-    def _parted(self, begin: Start, names: Sequence[str]) -> Iterator[Start]:
+    def _parted(self, begin: GraspStart, names: Sequence[str]) -> Iterator[GraspStart]:
         """The start without some contacts, if each finger still touches somewhere."""
         left = {name: at for name, at in begin.contacts.items() if name not in names}
         if all(any(name.startswith(f"{finger}.") for name in left) for finger in self.scene.named_fingers):
@@ -172,7 +171,7 @@ class Responder:
                     near.append((gap, name, replace(at, point=point)))
         yield from ((name, at) for _, name, at in sorted(near, key=lambda entry: entry[0]))
 
-    def _pinned(self, solver: GraspSolverRun, scene: GraspScene, start: Start, error: Array) -> dict[str, Array]:
+    def _pinned(self, solver: GraspSolverRun, scene: GraspScene, start: GraspStart, error: Array) -> dict[str, Array]:
         """Unknowns that are given, in units of the problem; NaN where one is not."""
         units, pinned = Units.of(scene), self.in_error.landings(solver.problem.spec, self.start, error)
         if not self.in_error.yields and scene.object.free is not None:
@@ -186,7 +185,7 @@ class Responder:
                 pinned[f"{setup.name}.base"] = np.array(units.pose(start.fingers[setup.name].base))
         return pinned
 
-    def _nearest(self, error: Array, begin: Start | None = None) -> Response | None:
+    def _nearest(self, error: Array, begin: GraspStart | None = None) -> Response | None:
         """The solution for the error that is nearest to this one, lengths per size of the object; of those with the
         contacts of a start, where one is given.
         """
@@ -197,7 +196,7 @@ class Responder:
         away[:, :2] /= self.scene.object.size
         return known[int((away**2).sum(axis=1).argmin())]
 
-    def _unlike(self, begin: Start) -> Iterator[Response]:
+    def _unlike(self, begin: GraspStart) -> Iterator[Response]:
         """Postures that hold with the contacts of a start: the one with the greatest reserve, then each time that which
         is least like those before.
         """
@@ -210,11 +209,11 @@ class Responder:
             apart = np.minimum(apart, np.linalg.norm(points - points[chosen], axis=1))
             yield left[chosen]
 
-    def _with_contacts(self, begin: Start) -> list[Response]:
+    def _with_contacts(self, begin: GraspStart) -> list[Response]:
         return [response for response in self._known if response.begin.contacts.keys() == begin.contacts.keys()]
 
 
-def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> float:
+def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: GraspAttempt) -> float:
     """By how much all friction cones could be narrower; minus infinity where nothing balances.
 
     Where a solver was stopped next to no optimum, its last point is a posture all the same if it violates nothing: that
@@ -228,7 +227,7 @@ def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> flo
     return reserve
 
 
-def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> tuple[float, str]:
+def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: GraspAttempt) -> tuple[float, str]:
     """Least friction margin, and the contact that has it."""
     margins = []
     for contact in solver.problem.spec.contacts:

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, Summarized
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.labels import Summarized
 
 ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
 """Errors, in the order of the columns."""
 
 
 @dataclass(frozen=True)
-class Trials:
+class GraspTrials:
     """A grasp, tried with errors of its object.
 
     Attributes
@@ -91,8 +90,8 @@ class Robustness(Summarized):
     """
 
     errors: Array
-    nominal: Trials
-    robust: Trials | None
+    nominal: GraspTrials
+    robust: GraspTrials | None
     active: Array
     nominal_arrays: Mapping[str, Array] = field(repr=False)
     touching: Sequence[Mapping[str, ContactStart]] = field(repr=False)
@@ -156,7 +155,7 @@ class Robustness(Summarized):
     def data(self) -> dict[str, Any]:
         """The results as plain data."""
 
-        def of(trials: Trials) -> dict[str, Any]:
+        def of(trials: GraspTrials) -> dict[str, Any]:
             return {
                 "tension": trials.tension,
                 "draws": int(trials.margins.size),
@@ -173,7 +172,7 @@ class Robustness(Summarized):
         return compared if self.robust is None else {**compared, "robust": of(self.robust)}
 
 
-def _weakest(trials: Trials) -> str:
+def _weakest(trials: GraspTrials) -> str:
     ranked = sorted(trials.weakest.items(), key=lambda pair: -pair[1])
     return ", ".join(f"{name} ({count})" for name, count in ranked[:3]) or "-"
 

@@ -17,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp import nlp
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.friction import state_cells
@@ -29,9 +28,8 @@ from continuum_grasp.grasp.robust.errors import OBJECT, InError, corners, extrem
 from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import Robust
+from continuum_grasp.nlp import Attempt, Budget, SolverStatus
+from continuum_grasp.scene import GraspScene, Robust
 
 MOST = 4
 """Corners that enter the problem at once."""
@@ -114,13 +112,13 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
         exchange.iterations += attempt.iterations
         if new is None:
             break
-        arrays, exchange.optimal = new, attempt.status is nlp.Status.SOLVED
+        arrays, exchange.optimal = new, attempt.status is SolverStatus.SOLVED
     return exchange
 
 
 def _solved(
     responder: Responder, responses: Sequence[Response], budget: Budget
-) -> tuple[nlp.Attempt, Mapping[str, Array] | None]:
+) -> tuple[Attempt, Mapping[str, Array] | None]:
     """Run the solver once, from a grasp and its responses to some errors, and the grasp; None where it found none."""
     scene, start = responder.scene, responder.start
     touching = [response.begin.contacts for response in responses]

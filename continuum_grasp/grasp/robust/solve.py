@@ -9,22 +9,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import BOUNDS, OBJECT, alone, drawn, extremes, with_drawn_states, with_states
 from continuum_grasp.grasp.robust.response import Responder, Response
-from continuum_grasp.grasp.robust.result import Robustness, Trials
+from continuum_grasp.grasp.robust.result import GraspTrials, Robustness
 from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_postures
-from continuum_grasp.grasp.search import HELD, Search
+from continuum_grasp.grasp.search import HELD, GraspSearch
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, Reason, Status, tension_of
+from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, GraspStatus, Reason, tension_of
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger, Robust
+from continuum_grasp.scene import FingerSetup, GraspFinger, GraspScene, Robust
 
 DRAWS = 100
 """Friction states that are drawn, where the scene names no errors. The nominal grasp is tried with twice as many draws
@@ -35,7 +34,7 @@ _FRICTIONS = {"tendons.friction": "of the tendons", "damping.dry_friction.moment
 """Keys of a finger by which its friction states matter less, and where these are."""
 
 
-def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
+def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> GraspResult:
     """The grasp that holds for all errors and friction states, in place of a nominal one; why there is none, where none
     was found.
 
@@ -83,7 +82,9 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     without = f"{nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}"
     changed = replace(
         result,
-        status=Status.OPTIMAL if exchange.optimal and result.status is Status.OPTIMAL else Status.FEASIBLE,
+        status=GraspStatus.OPTIMAL
+        if exchange.optimal and result.status is GraspStatus.OPTIMAL
+        else GraspStatus.FEASIBLE,
         message="; ".join([held, without, *notes]),
         arrays=arrays,
         certificate=certificate,
@@ -94,11 +95,11 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     if not certificate.passed:
         rejected = ", ".join(check.name for check in certificate.failed)
         message = f"found for {_whatever(scene)}, but the independent check rejects: {rejected}"
-        return replace(changed, status=Status.NOT_SOLVED, message=message)
+        return replace(changed, status=GraspStatus.NOT_SOLVED, message=message)
     if not certificate.acceptable:
         balanced = held.replace("held", "in balance", 1)
         message = "; ".join([f"{balanced}, {DRIVEN_AWAY}", without, *notes])
-        return replace(changed, status=Status.UNSTABLE, message=message, advice=STEADIER)
+        return replace(changed, status=GraspStatus.UNSTABLE, message=message, advice=STEADIER)
     if robust.holds:
         return changed
     count, unknown = robust.margins.size, int(np.isnan(robust.margins).sum())
@@ -107,7 +108,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     shown += [f"of {unknown} of {count} draws nothing is known, the solver gave up"] if unknown else []
     corners = "corners of robust" if scene.robust else "friction states sought"
     message = f"held at all {corners}, but NOT robust: {'; '.join(shown)}"
-    return replace(changed, status=Status.FEASIBLE, message=message)
+    return replace(changed, status=GraspStatus.FEASIBLE, message=message)
 
 
 def _whatever(scene: GraspScene) -> str:
@@ -122,7 +123,7 @@ def _where(scene: GraspScene) -> str:
     return " and ".join(_FRICTIONS[key] for key in _frictions(scene))
 
 
-def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
+def _others(search: GraspSearch, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
     """Verified grasps of a search other than the best one, in the order of their tensions, as far as these are known:
     those it found, then those from basins that it left because they take more. Of grasps with stations those with the
     fewest come first: others may touch as states ask, while each that the grasp itself has bounds what holds.
@@ -185,7 +186,7 @@ def _none(
                 "contacts.normal_force_max, which fingers that were let out press with more, or add a contact. "
                 "friction_states: pulled, where nothing moves the fingers after they are pulled."
             )
-        return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
+        return replace(base, status=GraspStatus.NOT_SOLVED, message=text, advice=advice)
     name, key, unit, now, limits = "errors", "robust", "1", 1.0, "all bounds"
     repair = f"multiply all bounds in robust by {low:.4g}"
     if not result.scene.robust:
@@ -197,7 +198,7 @@ def _none(
     text += f"; with {low:.0%} of {limits} there is one"
     reason = Reason(name, key, unit, now, low * now, text, repair)
     advice = f"Any one of these repairs it: {repair}."
-    return replace(base, status=Status.INFEASIBLE, message=text, reasons=(reason,), advice=advice)
+    return replace(base, status=GraspStatus.INFEASIBLE, message=text, reasons=(reason,), advice=advice)
 
 
 def _holds(result: GraspResult, bounds: Robust, share: float, budget: Budget) -> bool:
@@ -260,7 +261,7 @@ def _trials(
     errors: Array,
     budget: Budget,
     corners: Sequence[Response],
-) -> Trials:
+) -> GraspTrials:
     """Try a grasp with draws, at corners, whose responses are known, and with each bound alone."""
     responder = Responder(scene, arrays, budget)
     responses = [responder.to(error) for error in errors]
@@ -273,7 +274,7 @@ def _trials(
         ends[f"friction {_where(scene)}"] = with_states(np.zeros((1, OBJECT)), states)
     single = {name: min(responder.to(error).margin for error in each) for name, each in ends.items()}
     worst = min(corners, key=lambda response: response.reserve).error
-    return Trials(
+    return GraspTrials(
         tension_of(scene, arrays),
         np.array([response.margin for response in responses]),
         np.array([response.margin for response in corners]),

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints, as_candidates
 from continuum_grasp.grasp.starts.force import finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan import touching
@@ -21,8 +21,8 @@ from continuum_grasp.grasp.starts.scan.task import Rows, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import Branch, beside, scanned
 from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
-from continuum_grasp.model.family import family_class
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.model import family_class
+from continuum_grasp.scene import GraspScene
 
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
 """Neighbors that are tried where a basin is refined, in windows."""

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.starts.scan.curves import sample, segment_end, table_of, touch
 from continuum_grasp.grasp.starts.scan.task import (
     ALLOWED,
@@ -30,8 +30,7 @@ from continuum_grasp.grasp.starts.scan.task import (
 )
 from continuum_grasp.grasp.starts.scan.touching import onwards, scanned, started
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.shapes import Pose
+from continuum_grasp.scene import FingerSetup, GraspScene, Pose
 
 
 @dataclass(frozen=True)

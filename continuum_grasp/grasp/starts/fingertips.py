@@ -16,16 +16,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.candidates import Candidates, spread_order
-from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_block
+from continuum_grasp.grasp.starts.force import ForceBlock, Loads, cone_edges, finger_block
 from continuum_grasp.grasp.starts.scan.curves import segment_end, touch
 from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violation
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.values import NEAR
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.shapes import Pose, pose_bounds
+from continuum_grasp.scene import FingerSetup, GraspScene, Pose, pose_bounds
 
 COUNTS = {2: (14, 400, 48), 3: (8, 36, 96), 4: (6, 14, 96)}
 """By number of fingers: postures per finger that are combined, to 200 to 1300 combinations; and, of those that touch
@@ -41,8 +40,8 @@ def matched_sets(
     loads: Loads,
     postures: list[Candidates],
     features: list[Array],
-    blocks: list[Block],
-    supports: tuple[Block, dict[str, ContactStart]],
+    blocks: list[ForceBlock],
+    supports: tuple[ForceBlock, dict[str, ContactStart]],
 ) -> list[Candidates]:
     """Postures of each finger, the k-th of which belong together, the most likely ones that differ first."""
     com = complex(*scene.object.com)
@@ -86,7 +85,7 @@ def matched_sets(
 
 
 def _supported(
-    scene: GraspScene, loads: Loads, off: Array, block: Block, touched: dict[str, ContactStart]
+    scene: GraspScene, loads: Loads, off: Array, block: ForceBlock, touched: dict[str, ContactStart]
 ) -> tuple[Array, Array]:
     """Remainder of imbalances (S, 3) under the best forces of supports, and how much these may lift (S,)."""
     if not touched:
@@ -110,7 +109,7 @@ _IN_THE_WAY, _GAP = 5.0, 20.0
 
 
 def shape_forces(
-    loads: Loads, setup: FingerSetup, candidates: Candidates, block: Block, com: complex
+    loads: Loads, setup: FingerSetup, candidates: Candidates, block: ForceBlock, com: complex
 ) -> tuple[Array, Array]:
     """Contact force and tension that come closest to bending P postures of a finger, which touches with its tip alone,
     as they are: what is known of them (P, 8), and what is missing for the balance of the finger (P, R).
@@ -138,7 +137,7 @@ def polished(
     loads: Loads,
     some: list[Candidates],
     pose: Pose,
-    supports: tuple[Block, dict[str, ContactStart]],
+    supports: tuple[ForceBlock, dict[str, ContactStart]],
 ) -> list[Candidates]:
     """Sets of postures nearer to balance at a world pose of the object [m, rad]: of each finger K postures, the k-th of
     which belong together. All touch with their tips alone.
@@ -196,7 +195,7 @@ class _Look:
 class _Balance:
     """Imbalance, and its cost, from what the tips do, lifts and forces at supports."""
 
-    def __init__(self, scene: GraspScene, loads: Loads, supports: Block, touched: dict[str, ContactStart]) -> None:
+    def __init__(self, scene: GraspScene, loads: Loads, supports: ForceBlock, touched: dict[str, ContactStart]) -> None:
         self.loads = loads
         self._friction = np.array(
             [s.held_friction for s in scene.setups] + [scene.held_friction(name) for name in touched]

@@ -14,16 +14,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, gauss_legendre, sample
 from continuum_grasp.grasp.starts.scan.kernel import within_bounds
 from continuum_grasp.grasp.starts.scan.task import FINE
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.model.family import family_class
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.methods import FAMILIES
-from continuum_grasp.scene.objects.shapes import Pose
+from continuum_grasp.model import family_class
+from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene, Pose
 
 _NODES, _WEIGHTS = gauss_legendre(4)
 _TENSION_WEIGHT, _ENOUGH = 5e-5, 1e-6
@@ -65,7 +63,7 @@ class Loads:
 
 
 @dataclass(frozen=True)
-class Block:
+class ForceBlock:
     """Forces of one finger, or of the supports: P postures, n forces of which the last two are tensions for fingers."""
 
     onto: Array  # (P, rows, n) what they do to the object, scaled
@@ -122,7 +120,7 @@ def _onto(loads: Loads, arms: Array, edges: Array, lifts: Array) -> Array:
     return out.reshape(count, loads.rows, -1)
 
 
-def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactStart], pose: Pose) -> Block:
+def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactStart], pose: Pose) -> ForceBlock:
     """Forces of the supports that the object touches at a world pose [m, rad]."""
     turn = cmath.exp(1j * pose[2])
     com = complex(*scene.object.com)
@@ -135,7 +133,7 @@ def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactSta
         high.extend([_cap(loads, scene.normal_force_max(name))] * len(lifts))
     onto = np.concatenate(parts, axis=2)
     size = onto.shape[2]
-    return Block(onto, np.zeros((1, 0, size)), np.zeros((1, 0)), np.zeros(size), np.array(high), np.zeros(size))
+    return ForceBlock(onto, np.zeros((1, 0, size)), np.zeros((1, 0)), np.zeros(size), np.array(high), np.zeros(size))
 
 
 def _cap(loads: Loads, limit: float) -> float:
@@ -143,7 +141,7 @@ def _cap(loads: Loads, limit: float) -> float:
     return min(limit, 1000.0 * loads.force)
 
 
-def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, candidates: Candidates, pose: Pose) -> Block:
+def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, candidates: Candidates, pose: Pose) -> ForceBlock:
     """Forces of one finger in P postures, the object being at a world pose [m, rad]."""
     finger, length = setup.finger, setup.finger.rod.length
     turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])
@@ -176,7 +174,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, candidates
     onto = _onto(loads, points - com, edges, lifts)
     onto = np.concatenate([onto, np.zeros((len(candidates), loads.rows, 2))], axis=2)
     pushes = onto.shape[2] - 2
-    return Block(
+    return ForceBlock(
         onto,
         mesh.project(moments) / scale[..., None],
         mesh.project(needed[..., None])[..., 0] / scale,
@@ -271,7 +269,7 @@ def contact_forces(
     return out
 
 
-def imbalance(loads: Loads, blocks: list[Block], index: list[Array]) -> tuple[Array, Array, Array]:
+def imbalance(loads: Loads, blocks: list[ForceBlock], index: list[Array]) -> tuple[Array, Array, Array]:
     """Least imbalance of B combinations of postures, ``index`` (B,) per block, and the effort that goes with it.
 
     Returns the imbalances (B,) relative to the loads, the sums of the tensions per their limits (B,), and the forces of

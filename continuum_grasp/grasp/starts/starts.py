@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.basins import Basins, is_scanned
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, spread_order
 from continuum_grasp.grasp.starts.fingertips import COUNTS, matched_sets, polished
 from continuum_grasp.grasp.starts.force import (
-    Block,
+    ForceBlock,
     Loads,
     contact_forces,
     finger_block,
@@ -27,13 +27,12 @@ from continuum_grasp.grasp.starts.force import (
 )
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses, support_contacts
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start, interleaved
-from continuum_grasp.model.family import family_class
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.objects.shapes import Pose
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, interleaved
+from continuum_grasp.model import family_class
+from continuum_grasp.scene import GraspScene, Pose
 
 
-def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start]:
+def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[GraspStart]:
     """Starting points with the contacts wanted, ``on`` by name: those of fingers, and walls and pegs.
 
     There are ``count`` of them at most, the most promising first, then such that differ from those before; where all
@@ -53,7 +52,7 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start
     return interleaved(chosen)
 
 
-def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Basins] | None:
+def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[GraspStart], Basins] | None:
     """Starts with the contacts ``on`` by name that stand for the basins of an exhaustive scan, the most
     promising first; None where postures are not of one parameter (see `is_scanned`).
     """
@@ -75,7 +74,7 @@ def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
     return still if free and is_scanned(still, on) else None
 
 
-def starts_of(basins: Basins, *, refined: bool = False) -> list[Start]:
+def starts_of(basins: Basins, *, refined: bool = False) -> list[GraspStart]:
     """Starts from the basins of a scan, which may be ``refined``."""
     if not basins.postures:
         return []
@@ -88,7 +87,7 @@ def starts_of(basins: Basins, *, refined: bool = False) -> list[Start]:
     ]
 
 
-def _as_start(made: Weighing | Basins, at: Weighed, row: int) -> Start:
+def _as_start(made: Weighing | Basins, at: Weighed, row: int) -> GraspStart:
     scene, on = made.scene, made.on
     fingers: dict[str, FingerStart] = {}
     contacts: dict[str, ContactStart] = {}
@@ -129,7 +128,7 @@ def _as_start(made: Weighing | Basins, at: Weighed, row: int) -> Start:
     contacts |= touched
     estimate = sum(map(sum, tensions.values())) if at.left[row] < NEARLY_BALANCED else math.nan
     label = "near" if at.wrong[row] > 0.0 else "scan"
-    return Start(label, at.pose, fingers, contacts, forces, tensions, estimate, doubt=float(at.score[row]))
+    return GraspStart(label, at.pose, fingers, contacts, forces, tensions, estimate, doubt=float(at.score[row]))
 
 
 NEARLY_BALANCED = 0.02
@@ -191,12 +190,17 @@ class Weighing:
     def _features(self, postures: list[Candidates]) -> list[Array]:
         return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, postures, strict=True)]
 
-    def _blocks(self, pose: Pose, postures: list[Candidates]) -> list[Block]:
+    def _blocks(self, pose: Pose, postures: list[Candidates]) -> list[ForceBlock]:
         pairs = zip(self.setups, postures, strict=True)
         return [finger_block(self.scene, self.loads, setup, candidates, pose) for setup, candidates in pairs]
 
     def _weigh(
-        self, pose: Pose, postures: list[Candidates], features: list[Array], blocks: list[Block], index: list[Array]
+        self,
+        pose: Pose,
+        postures: list[Candidates],
+        features: list[Array],
+        blocks: list[ForceBlock],
+        index: list[Array],
     ) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
         every = [*index, np.zeros(len(index[0]), int)]
@@ -211,7 +215,7 @@ class Weighing:
         return Weighed(pose, postures, index, left, score, wrong, unlike, forces)
 
 
-def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> list[Array]:
+def combinations(loads: Loads, blocks: list[ForceBlock], features: list[Array]) -> list[Array]:
     """Combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ, by indices."""
     if len(blocks) == 1:
         return [np.arange(len(blocks[0].needed))]

@@ -10,11 +10,8 @@ import numpy as np
 
 from continuum_grasp.grasp.starts.scan.curves import EXACT
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.model.surfaces import outline_of
-from continuum_grasp.model.surfaces.surface import Outline
-from continuum_grasp.scene.grasp import TOUCHING, FingerSetup, GraspScene
-from continuum_grasp.scene.objects.shapes import Pose, pose_bounds
-from continuum_grasp.scene.supports import Peg, Wall
+from continuum_grasp.model import GrownOutline, outline_of
+from continuum_grasp.scene import TOUCHING, FingerSetup, GraspScene, Peg, Pose, Wall, pose_bounds
 
 Interval = tuple[float, float]
 
@@ -22,7 +19,7 @@ _MORE_BASES = (4, 1)
 """Further poses of a free base: for the first pose of the object, and for the others."""
 
 
-def object_outlines(scene: GraspScene) -> tuple[Outline, ...]:
+def object_outlines(scene: GraspScene) -> tuple[GrownOutline, ...]:
     """The object's parts in its own frame, not grown."""
     return tuple(outline_of(part) for part in scene.object.parts)
 
@@ -66,7 +63,7 @@ def _along(wall: Wall, pose: Pose, point: complex) -> float:
     return (rel * cmath.exp(-1j * wall.normal_angle)).imag
 
 
-def _lowest(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex]]:
+def _lowest(shapes: tuple[GrownOutline, ...], wall: Wall, pose: Pose, flat: float) -> list[tuple[int, complex]]:
     """Part and point in the object's frame of the lowest point above a wall; the leftmost and the rightmost one where
     several are level to within ``flat``.
     """
@@ -81,7 +78,7 @@ def _lowest(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) ->
     return [(part, point) for _, part, point in (level if len(level) == 1 else (level[0], level[-1]))]
 
 
-def _wall_ends(shapes: tuple[Outline, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
+def _wall_ends(shapes: tuple[GrownOutline, ...], wall: Wall, pose: Pose, flat: float) -> list[ContactStart]:
     level = _lowest(shapes, wall, pose, flat)
     normal = math.remainder(wall.normal_angle + math.pi - pose[2], math.tau)
     if len(level) == 2 and np.isfinite(wall.half_length):
@@ -150,7 +147,7 @@ def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
 
 
 def settle(
-    scene: GraspScene, shapes: tuple[Outline, ...], on: frozenset[str], pose: Pose, within: list[Interval]
+    scene: GraspScene, shapes: tuple[GrownOutline, ...], on: frozenset[str], pose: Pose, within: list[Interval]
 ) -> Pose | None:
     """Move the object, within bounds, so that it touches the supports wanted and enters no other.
 
@@ -183,7 +180,7 @@ def settle(
 
 
 def _gaps(
-    scene: GraspScene, shapes: tuple[Outline, ...], on: frozenset[str], pose: Pose
+    scene: GraspScene, shapes: tuple[GrownOutline, ...], on: frozenset[str], pose: Pose
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gaps of wanted supports, and of others where the object enters them, with slopes along the pose."""
     gaps: list[float] = []
@@ -215,7 +212,7 @@ def pinned_by(scene: GraspScene, on: frozenset[str], pose: Pose, *, flat: bool) 
     return tuple(sorted(coordinates))
 
 
-def _gap(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
+def _gap(shapes: tuple[GrownOutline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
     """Gap between object and support [m], normal along which it grows, and world arm of the object's nearest point."""
     turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])
     if isinstance(body, Wall):
@@ -232,7 +229,7 @@ def _gap(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> tuple[flo
     return gap - body.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
 
 
-def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose, flat: float) -> bool:
+def _beside(shapes: tuple[GrownOutline, ...], body: Wall | Peg, pose: Pose, flat: float) -> bool:
     """Whether the object's lowest points are beyond the ends of a finite wall."""
     if not isinstance(body, Wall) or math.isinf(body.half_length):
         return False
@@ -242,7 +239,7 @@ def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose, flat: flo
 
 
 def _flat_angles(
-    scene: GraspScene, on: frozenset[str], shapes: tuple[Outline, ...], bounds: Interval, current: float
+    scene: GraspScene, on: frozenset[str], shapes: tuple[GrownOutline, ...], bounds: Interval, current: float
 ) -> list[float]:
     """Angles of the object at which a face lies on a wall that is wanted, the nearest to its own first."""
     angles: list[float] = []

@@ -9,10 +9,9 @@ from itertools import zip_longest
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.objects.shapes import Pose
+from continuum_grasp.scene import GraspScene, Pose
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class ContactStart:
 
 
 @dataclass(frozen=True)
-class Start:
+class GraspStart:
     """A start."""
 
     label: str  # "scan" (touches as it should), "near" (the closest there is), "found" (a grasp) ...
@@ -66,7 +65,7 @@ class Start:
     on."""
 
 
-def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
+def start_from(scene: GraspScene, arrays: dict[str, Array]) -> GraspStart:
     """A grasp of a scene, by its numbers as `continuum_grasp.grasp.GraspResult` holds them, as a start for the same
     scene with other elements.
     """
@@ -97,10 +96,10 @@ def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:
         normal = back @ normals[name]
         angle = float(np.arctan2(normal[1], normal[0]))
         contacts[name] = ContactStart(int(arrays["contact_parts"][k]), (float(point[0]), float(point[1])), angle)
-    return Start("found", (x, y, turn), fingers, contacts, forces, tensions)
+    return GraspStart("found", (x, y, turn), fingers, contacts, forces, tensions)
 
 
-def with_contacts(scene: GraspScene, start: Start, contacts: Mapping[str, ContactStart]) -> Start:
+def with_contacts(scene: GraspScene, start: GraspStart, contacts: Mapping[str, ContactStart]) -> GraspStart:
     """The start with these contacts alone; middle contacts and stations that are clear are where the scene has them."""
     fingers = dict(start.fingers)
     for setup in scene.setups:
@@ -119,7 +118,7 @@ def with_contacts(scene: GraspScene, start: Start, contacts: Mapping[str, Contac
     )
 
 
-def interleaved(lists: list[list[Start]]) -> list[Start]:
+def interleaved(lists: list[list[GraspStart]]) -> list[GraspStart]:
     """The first of each list, then the second of each, and so on."""
     return [start for rank in zip_longest(*lists) for start in rank if start is not None]
 

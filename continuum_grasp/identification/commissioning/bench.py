@@ -15,21 +15,14 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import least_squares
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import choose_method
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.wiring import TIP, wiring_of
-from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.errors import NumericalError
-from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.numbers import Measured, MeasuredColumn
+from continuum_grasp.base import Array, NumericalError, name_of, split_unit, unit_of
+from continuum_grasp.closed_loop import TIP, PlantModel, choose_method, wiring_of
+from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
+from continuum_grasp.identification.blocks import MeasuredBlock
+from continuum_grasp.identification.numbers import MeasuredColumn, MeasuredSet
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
-from continuum_grasp.labels import name_of, split_unit, unit_of
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Plant
-from continuum_grasp.scene.estimator import Camera, Connection, Mounting
-from continuum_grasp.simulation.spectrum import TARGET_RADIUS
+from continuum_grasp.scene import Camera, Connection, ControlScene, Mounting, PlantDifferences
+from continuum_grasp.simulation import TARGET_RADIUS
 
 CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
 """Unknowns of the camera, as `Camera` has them."""
@@ -72,9 +65,9 @@ class Bench:
         initial = scene.initial.replaced(reached_by=None, friction_states=None)
         finger = finger.with_tendons(friction=0.0) if finger.has_tendon_friction else finger
         # A tip moment that depends on the shape, as friction makes it, is not for all families.
-        plant = Plant(fidelity=scene.fidelity)
+        plant = PlantDifferences(fidelity=scene.fidelity)
         if friction:
-            plant = Plant(fidelity=scene.fidelity.replaced(family=None), tendon_friction=_FRICTION)
+            plant = PlantDifferences(fidelity=scene.fidelity.replaced(family=None), tendon_friction=_FRICTION)
         plain = scene.replaced(mounting=None, loads=(), plant=plant, finger=finger, initial=initial)
         around = PlantModel(plain).scene
         damped, lag = around.finger.damping.material > 0.0, scene.lag
@@ -142,7 +135,7 @@ class Bench:
         rows = np.vstack([np.repeat(means, 2, axis=0), means[-1:]])  # at half steps
         w = self.model.forces(0.0)
         begin = self._at_rest(rows[0], w[0], p)
-        signals = Signal(np.ascontiguousarray(rows)[None], self.model.nu, 0), Signal(w[None], 0, 0)
+        signals = HalfStepSignal(np.ascontiguousarray(rows)[None], self.model.nu, 0), HalfStepSignal(w[None], 0, 0)
         states, valid = self._run(begin[None], count, stored, step, *signals, p)
         if valid[0] < count:
             time = float(ends[::stored][valid[0]])
@@ -189,7 +182,7 @@ class Bench:
         return self._shown_last[1]
 
 
-class BenchBlock(Block):
+class BenchBlock(MeasuredBlock):
     """The log of a bench that is connected as a mounting says, predicted for the unknowns of bench, camera and cells.
 
     The search for the camera starts at that of the mounting, and zeros of its lines at 0.
@@ -218,7 +211,7 @@ class BenchBlock(Block):
             group, place = ("tip", length) if f"{name} [{unit}]" in TIP else ("tension", None)
             columns.append(MeasuredColumn(name, group, unit, None, name.removeprefix("tip_"), place))
         fitted = np.ones(log.at.size, dtype=bool)
-        self.measured = Measured("bench", tuple(columns), log.at, log.readings, fitted, moves=True, ordered=True)
+        self.measured = MeasuredSet("bench", tuple(columns), log.at, log.readings, fitted, moves=True, ordered=True)
 
     def mounting(self, values: Array) -> Mounting:
         """The mounting by the values of the unknowns."""

@@ -12,12 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.wiring import TIP
-from continuum_grasp.control.log import COMMANDED, ControlLog
-from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.base import Array, InputError, NumericalError, SolverError, check_arguments, name_of
+from continuum_grasp.closed_loop import TIP, Plant
+from continuum_grasp.control import COMMANDED, ControlLog
 from continuum_grasp.identification.commissioning.bench import FRICTION, Bench, BenchBlock, Log, camera_through
 from continuum_grasp.identification.commissioning.plan import checked, design_commissioning, names_of
 from continuum_grasp.identification.commissioning.result import Alternative, Commissioning
@@ -26,13 +23,11 @@ from continuum_grasp.identification.experiments import ExperimentPlan
 from continuum_grasp.identification.fit import estimates
 from continuum_grasp.identification.path_block import MOST_STEPS
 from continuum_grasp.identification.periods import columns_of
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import FitProblem, Solution
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
-from continuum_grasp.labels import name_of
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Connection, Mounting
+from continuum_grasp.scene import Connection, ControlScene, Mounting
 
-Fitted = tuple[float, BenchBlock, Problem, Solution]
+Fitted = tuple[float, BenchBlock, FitProblem, Solution]
 """A fit of one way in which the bench may be connected, and how far it misses the tip (r.m.s.) [m]."""
 
 _FOLLOWS = 0.5
@@ -173,7 +168,7 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     fits = list[Fitted]()
     for k, (_, way) in enumerate(chosen):
         block = BenchBlock(bench, log, way.replaced(tensions=_cells_of(bench, way, cells)))
-        problem = Problem([block], block.unknowns)
+        problem = FitProblem([block], block.unknowns)
         try:
             solution = problem.solve(lambda share: None)
         except (SolverError, NumericalError):

@@ -11,24 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments, positive
-from continuum_grasp.arrays import Array
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.readings import Readings
-from continuum_grasp.closed_loop.wiring import TIP, wiring_of
-from continuum_grasp.control.estimation.noise import measurement_std
-from continuum_grasp.control.log import COMMANDED
-from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.base import Array, InputError, NumericalError, check_arguments, positive
+from continuum_grasp.closed_loop import TIP, Plant, Readings, wiring_of
+from continuum_grasp.control import COMMANDED, Prediction, measurement_std
 from continuum_grasp.identification.commissioning.bench import Bench, BenchBlock, Log
 from continuum_grasp.identification.experiments import ExperimentPlan, plan_of
-from continuum_grasp.identification.segments import Design, patterns_of
-from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Mounting
-from continuum_grasp.scene.identify import Excitation
-from continuum_grasp.scene.load import scene_of
-from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.identification.segments import CommandDesign, patterns_of
+from continuum_grasp.scene import Consumer, ControlScene, Excitation, Mounting, beside, scene_of
+from continuum_grasp.simulation import Trajectory
 
 _TENSIONS = "commissioning takes drives that are commanded tensions, or the tip moment"
 _CONSUMER = Consumer(
@@ -85,7 +75,7 @@ def design_commissioning(
     bench, period = Bench(known), known.controller.step
     options = Excitation(duration=positive("duration", duration), sample=period, reach=reach)
     around = bench.model.scene
-    design = Design(around, patterns_of(around), options)
+    design = CommandDesign(around, patterns_of(around), options)
     names = tuple(name for name in names_of(known) if name in (*TIP, *bench.names))
     sigma = np.array([measurement_std(known, name) for name in names])
     limits, exceeded = _limits(known, bench), ""

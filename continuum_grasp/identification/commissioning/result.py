@@ -7,14 +7,12 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from continuum_grasp.control.log import ControlLog
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
+from continuum_grasp.control import ControlLog
 from continuum_grasp.identification.commissioning.bench import BIAS, CAMERA, FRICTION, ZERO
 from continuum_grasp.identification.fit import Fit, applied, estimate_texts
-from continuum_grasp.results.declared import File, Picture
-from continuum_grasp.results.plain import yaml_text
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.estimator import Mounting
+from continuum_grasp.results import File, Picture, yaml_text
+from continuum_grasp.scene import ControlScene, Mounting
 
 
 class Alternative(NamedTuple):

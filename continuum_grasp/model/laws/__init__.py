@@ -5,7 +5,7 @@ from __future__ import annotations
 from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws import drag, dry_friction, limits, relaxation, shortening
 from continuum_grasp.model.laws.section import Number, Numbers, SectionLaw
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene import Finger
 
 _LAWS = limits, drag, dry_friction, relaxation, shortening
 

@@ -9,7 +9,7 @@ import casadi as ca
 from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, points
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene import Finger
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,11 @@ from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, cells, numbers_of_branches
 from continuum_grasp.model.memory import clipped
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene import Finger
 
 
 @dataclass(frozen=True)
-class DryFriction(SectionLaw):
+class DryFrictionLaw(SectionLaw):
     """Branches of a stiffness [N m2] and a moment [N m], with a state each."""
 
     kind: Kind = "friction"
@@ -67,4 +67,4 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
     if not names:
         return []
     branches = tuple((numbers[f"{name}_stiffness"], numbers[f"{name}_moment"]) for name in names)
-    return [DryFriction(cells(family, finger.damping.friction_cells), branches=branches)]
+    return [DryFrictionLaw(cells(family, finger.damping.friction_cells), branches=branches)]

@@ -14,8 +14,7 @@ import casadi as ca
 from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, points
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene import Curve, Finger
 
 _POINTS = 3
 """Points per element at which the curvature is compared with a limit [1]: as good as dense ones."""

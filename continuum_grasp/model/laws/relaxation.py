@@ -24,11 +24,11 @@ from continuum_grasp.model.laws.section import (
     numbers_of_branches,
 )
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene import Finger
 
 
 @dataclass(frozen=True)
-class Relaxation(SectionLaw):
+class RelaxationLaw(SectionLaw):
     """Branches of a stiffness [N m2] and a time [s], with a state each."""
 
     kind: Kind = "relaxation"
@@ -65,4 +65,4 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
         return []
     stiffness = numbers["bending_stiffness"] * family.mesh.own_stiffness
     branches = tuple((numbers[f"{name}_share"] * stiffness, numbers[f"{name}_time"]) for name in names)
-    return [Relaxation(linear_points(family), branches=branches)]
+    return [RelaxationLaw(linear_points(family), branches=branches)]

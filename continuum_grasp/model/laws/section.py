@@ -20,12 +20,11 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.model.family import Family, Mesh, gathered
 from continuum_grasp.model.memory import Instant, Memory
 from continuum_grasp.model.planar import Scalar, is_zero
-from continuum_grasp.scene.profile import Curve
-from continuum_grasp.scene.value import SAME, Value
+from continuum_grasp.scene import SAME, Curve, Value
 
 Kind = Literal["elastic", "damping", "friction", "relaxation"]
 

@@ -15,13 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws.section import Number, Numbers, SectionLaw
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene import Curve, Finger
 
 
 def numbers_of(finger: Finger) -> dict[str, Number]:

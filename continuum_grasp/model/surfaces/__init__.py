@@ -10,8 +10,8 @@ import casadi as ca
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces.offset_polygon import PolygonSurface
 from continuum_grasp.model.surfaces.superellipse import SuperellipseSurface
-from continuum_grasp.model.surfaces.surface import Nearest, Outline, Surface, chosen, own_outline
-from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
+from continuum_grasp.model.surfaces.surface import GrownOutline, Nearest, Surface, chosen, own_outline
+from continuum_grasp.scene import OffsetPolygon, Part, SuperellipsePart
 
 __all__ = ["nearest", "outline_of", "surface_of"]
 
@@ -26,7 +26,7 @@ def surface_of(part: Part) -> Surface[Any]:
     return _SURFACES[type(part)](part)
 
 
-def outline_of(part: Part) -> Outline:
+def outline_of(part: Part) -> GrownOutline:
     """The outline of a part in the object's frame, not grown."""
     return own_outline(surface_of(part), part)
 

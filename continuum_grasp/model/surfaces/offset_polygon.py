@@ -23,13 +23,13 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.surfaces.surface import (
     Feature,
     Frame,
+    GrownOutline,
     Nearest,
-    Outline,
     Surface,
     SurfacePoint,
     Walk,
@@ -37,7 +37,7 @@ from continuum_grasp.model.surfaces.surface import (
     length,
     picked,
 )
-from continuum_grasp.scene.parts import OffsetPolygon, Point
+from continuum_grasp.scene import OffsetPolygon, PlanePoint
 
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
@@ -161,12 +161,12 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
     # -- search of a grasp
 
-    def outline(self, part: OffsetPolygon, frame: Frame, grown: float) -> Outline:
+    def outline(self, part: OffsetPolygon, frame: Frame, grown: float) -> GrownOutline:
         vertices = frame.point(np.array([complex(*v) for v in part.vertices]))
         return _PolygonOutline(vertices[::-1] if frame.mirrored else vertices, part.radius * frame.scale, grown)
 
 
-def _blunt_end(every: Sequence[Feature], at: int, side: int) -> Point | None:
+def _blunt_end(every: Sequence[Feature], at: int, side: int) -> PlanePoint | None:
     """Place where blunt corners after (+1) or before (-1) a feature turn by `SPAN` in all; None if others end them."""
     turned = 0.5 * every[at].turn
     while every[at].turn < BLUNT and turned < SPAN:
@@ -246,7 +246,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     return Nearest(ca.if_else(on_face, height, sign * size), chosen(on_face, face, away.scaled(sign / size)))
 
 
-class _PolygonOutline(Outline):
+class _PolygonOutline(GrownOutline):
     """Outline of an offset polygon."""
 
     def __init__(self, vertices: Array, radius: float, grown: float) -> None:

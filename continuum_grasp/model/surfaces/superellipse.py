@@ -13,21 +13,21 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.model.planar import Scalar, Vec, rotated
 from continuum_grasp.model.surfaces.surface import (
     TINY,
     Feature,
     Frame,
+    GrownOutline,
     Nearest,
-    Outline,
     Surface,
     SurfacePoint,
     Walk,
     length,
     picked,
 )
-from continuum_grasp.scene.parts import SuperellipsePart
+from continuum_grasp.scene import SuperellipsePart
 
 _STEPS, _FEWER_STEPS = 3, 2  # see below
 _PLAIN_EXPONENT, _PLAIN_ASPECT = 4.0, 1.6
@@ -106,7 +106,7 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
 
     # -- search of a grasp
 
-    def outline(self, part: SuperellipsePart, frame: Frame, grown: float) -> Outline:
+    def outline(self, part: SuperellipsePart, frame: Frame, grown: float) -> GrownOutline:
         axes = (part.semi_axes[0] * frame.scale, part.semi_axes[1] * frame.scale)
         center = complex(frame.point(complex(*part.center)))
         return _SuperellipseOutline(center, frame.angle(part.angle), axes, part.exponent, grown)
@@ -165,7 +165,7 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
     return point, slope, gradient.scaled(1.0 / size), curvature
 
 
-class _SuperellipseOutline(Outline):
+class _SuperellipseOutline(GrownOutline):
     """Outline of a superellipse; w is the polar angle of the scaled superellipse."""
 
     corners: Array = np.zeros(0, complex)

@@ -16,9 +16,9 @@ from typing import Any, Generic, TypeVar
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.model.planar import Scalar, Vec
-from continuum_grasp.scene.parts import Part
+from continuum_grasp.scene import Part
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def picked(values: Array, index: Array) -> Array:
     return np.asarray(flat[np.arange(len(flat)), index.ravel()].reshape(index.shape))
 
 
-class Outline(ABC):
+class GrownOutline(ABC):
     """A part grown by the fingers' half thickness: distances and walks along its outline, many points at once.
 
     Planar vectors are complex numbers x + i y. A walk is a number w that runs once round in [0, period): along faces
@@ -265,12 +265,12 @@ class Surface(ABC, Generic[P]):
     # -- search of a grasp
 
     @abstractmethod
-    def outline(self, part: P, frame: Frame, grown: float) -> Outline:
+    def outline(self, part: P, frame: Frame, grown: float) -> GrownOutline:
         """The outline in other coordinates, grown by a distance of these coordinates."""
 
 
 @lru_cache(maxsize=256)
-def own_outline(surface: Surface[P], part: P) -> Outline:
+def own_outline(surface: Surface[P], part: P) -> GrownOutline:
     """The outline of a part in the object's frame, not grown."""
     return surface.outline(part, Frame(), 0.0)
 

@@ -8,19 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing.style import BLUE, CLAMP, EDGE, FAINT, FORBIDDEN, INK, MATERIAL, OBJECT, Z
-from continuum_grasp.scene.graded import ends
-from continuum_grasp.scene.supports import VGroove
+from continuum_grasp.scene import VGroove, ends
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patches import Polygon
 
-    from continuum_grasp.scene.finger import Finger
-    from continuum_grasp.scene.objects import GraspObject
-    from continuum_grasp.scene.supports import Support
-    from continuum_grasp.scene.tendons import Chamber, Tendon
+    from continuum_grasp.scene import Chamber, Finger, GraspObject, Support, Tendon
 
 
 _POINTS = {False: 60, True: 240}

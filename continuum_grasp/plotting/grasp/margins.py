@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.plotting.drawing.axes import bend_box, head, label, new_axes, new_figure, quiet, show_box
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
 from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
@@ -22,8 +21,7 @@ from continuum_grasp.plotting.grasp.view import GraspView
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.grasp.robust.result import Robustness
+    from continuum_grasp.grasp import GraspResult, Robustness
 
 
 def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:

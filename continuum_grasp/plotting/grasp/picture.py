@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing.axes import label, new_figure, plain, quiet, show_box, wrapped
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
@@ -23,16 +23,14 @@ from continuum_grasp.plotting.grasp.margins import (
     resistance_words,
 )
 from continuum_grasp.plotting.grasp.view import GraspView, lighter, turned
-from continuum_grasp.scene.graded import ends
-from continuum_grasp.scene.grasp_options import GraspFinger
+from continuum_grasp.scene import GraspFinger, ends
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.grasp.values import Contact
-    from continuum_grasp.scene.tendons import Tendon
+    from continuum_grasp.grasp import Contact, GraspResult
+    from continuum_grasp.scene import Tendon
 
 
 _DRAWING = (4.8, 5.4)

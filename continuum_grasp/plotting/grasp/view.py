@@ -9,19 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, SLATE
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.objects.shapes import ObjectBody
+from continuum_grasp.scene import Finger, ObjectBody
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.grasp.result import GraspResult
-    from continuum_grasp.grasp.values import Contact
-    from continuum_grasp.scene.grasp import GraspScene
+    from continuum_grasp.grasp import Contact, GraspResult
+    from continuum_grasp.scene import GraspScene
 
 
 FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.objects.shapes import ObjectBody, OutlineCurve
 from continuum_grasp.scene.objects.simplify import FINER, MOST, SHARE, deviation, simplified
-from continuum_grasp.scene.parts import OffsetPolygon, Part, Point, check_simple
+from continuum_grasp.scene.parts import OffsetPolygon, Part, PlanePoint, check_simple
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import SAME, Extent, Value
 
@@ -74,7 +74,7 @@ class OutlineFile(Value):
         return f"{self.found.curve.text} of {Path(self.file).name}{rest}"
 
     @cached_property
-    def curve(self) -> tuple[Point, ...]:
+    def curve(self) -> tuple[PlanePoint, ...]:
         """Points of the curve as it was read, from its centroid [m]."""
         import shapely
 
@@ -89,7 +89,7 @@ class OutlineFile(Value):
         return tuple((round(x - center.x, digits), round(y - center.y, digits)) for x, y in ring)
 
     @cached_property
-    def vertices(self) -> tuple[Point, ...]:
+    def vertices(self) -> tuple[PlanePoint, ...]:
         """Corners counter-clockwise, from the centroid of the curve [m]."""
         return self.corners()
 
@@ -103,7 +103,7 @@ class OutlineFile(Value):
         """Curve that the corners stand for, where they are not exact."""
         return self.drawing(self.vertices)
 
-    def corners(self, retained: Collection[int] = (), share: float = 1.0) -> tuple[Point, ...]:
+    def corners(self, retained: Collection[int] = (), share: float = 1.0) -> tuple[PlanePoint, ...]:
         """Corners of the polygon that is within a share of the tolerance of the curve, with points of it that are
         ``retained``.
         """
@@ -113,7 +113,7 @@ class OutlineFile(Value):
             raise ValueError(f"tolerance: {tolerance:g} m leaves nothing of an outline {size:.4g} m long")
         return corners
 
-    def drawing(self, corners: tuple[Point, ...], retained: Collection[int] = ()) -> OutlineCurve | None:
+    def drawing(self, corners: tuple[PlanePoint, ...], retained: Collection[int] = ()) -> OutlineCurve | None:
         """Curve that some corners stand for, with the ``retained`` points too; None where they are exact."""
         off = deviation(self.curve, corners)
         if off <= SAME * _extent(self.curve):
@@ -156,6 +156,6 @@ class Outline(OutlineFile, ObjectBody):
     """Any closed curve that a file has: a drawing, or a silhouette."""
 
 
-def _extent(curve: Sequence[Point]) -> float:
+def _extent(curve: Sequence[PlanePoint]) -> float:
     """Longer side of the box around a curve [m]."""
     return max(max(side) - min(side) for side in (tuple(p[k] for p in curve) for k in (0, 1)))

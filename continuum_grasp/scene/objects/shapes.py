@@ -11,7 +11,7 @@ from pydantic import Field
 from continuum_grasp.scene.parts import (
     OffsetPolygon,
     Part,
-    Point,
+    PlanePoint,
     SuperellipsePart,
     check_simple,
     corners_of,
@@ -85,12 +85,12 @@ class ObjectBody(Value):
         return tuple(piece for part in self.parts for piece in part.pieces)
 
     @property
-    def centroid(self) -> Point:
+    def centroid(self) -> PlanePoint:
         """Centroid of the shape in the object's frame [m]."""
         return 0.0, 0.0
 
     @property
-    def com(self) -> Point:
+    def com(self) -> PlanePoint:
         """Center of mass in the object's frame [m]."""
         return self.centroid if self.center_of_mass is None else self.center_of_mass
 
@@ -109,7 +109,7 @@ class ObjectBody(Value):
         """A copy that stands at a pose, whatever it lay ``against``, with other values of some ``fields``."""
         return self.replaced(position=(pose[0], pose[1]), angle=pose[2], against=None, **fields)
 
-    def distance(self, point: Point) -> float:
+    def distance(self, point: PlanePoint) -> float:
         """Distance of a world point from the object where it starts [m], negative inside."""
         c, s = math.cos(self.angle), math.sin(self.angle)
         x, y = point[0] - self.position[0], point[1] - self.position[1]
@@ -232,7 +232,7 @@ class _PolygonShape(Value):
         return (rounded(corners_of(self.vertices), self.corner_radius),)
 
     @cached_property
-    def centroid(self) -> Point:
+    def centroid(self) -> PlanePoint:
         return polygon_centroid(tuple(self.parts[0].outline(720)))
 
     def _check(self) -> None:

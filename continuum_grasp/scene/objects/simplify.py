@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from itertools import pairwise
 
-from continuum_grasp.scene.parts import Point, corners_of
+from continuum_grasp.scene.parts import PlanePoint, corners_of
 
 SHARE = 1e-3
 """Distance of a polygon from its drawing by default, per longer side of the object [1]: a circle has 64 corners, and
@@ -17,7 +17,7 @@ MOST = 512
 """Corners of that polygon at most: it is solved next to a grasp that is known, without a search."""
 
 
-def simplified(ring: Sequence[Point], tolerance: float, retained: Collection[int] = ()) -> tuple[Point, ...]:
+def simplified(ring: Sequence[PlanePoint], tolerance: float, retained: Collection[int] = ()) -> tuple[PlanePoint, ...]:
     """Corners, counter-clockwise, of a polygon no farther from a closed curve than a tolerance [m].
 
     They are points of the curve, which has each once; those ``retained``, by index, are among them.
@@ -35,7 +35,7 @@ def simplified(ring: Sequence[Point], tolerance: float, retained: Collection[int
     return corners_of([point for line in lines for point in line.coords[:-1]])
 
 
-def deviation(curve: Sequence[Point], corners: Sequence[Point]) -> float:
+def deviation(curve: Sequence[PlanePoint], corners: Sequence[PlanePoint]) -> float:
     """Greatest distance of points of a curve from a polygon's outline [m]."""
     import shapely
 

@@ -11,9 +11,9 @@ from functools import cache
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
-from continuum_grasp.model.surfaces.surface import Outline
+from continuum_grasp.model import GrownOutline
 
 
 def gauss_legendre(count: int) -> tuple[Array, Array]:
@@ -131,7 +131,7 @@ def table_of(firsts: Array, lasts: Array, joint: float | None) -> tuple[Array, A
 
 
 def touch(
-    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, ways: Array, walk: Array
+    shape: GrownOutline, start: tuple[Array, Array], lengths: Array, curvatures: Array, ways: Array, walk: Array
 ) -> tuple[Array, Array, Array]:
     """Curves whose end lies on the grown outline; with two ways also with the section's X axis along its normal.
 

@@ -13,11 +13,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.base import Numbers as Array
+from continuum_grasp.core import CompileError, find_compiler, library_for
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.nlp.sqp import qp_solver
+from continuum_grasp.nlp import qp_solver
 
 
 def library() -> ctypes.CDLL | None:

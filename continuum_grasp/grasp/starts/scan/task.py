@@ -14,15 +14,12 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.shape import skin
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import EXACT, bends, sample
-from continuum_grasp.model.family import family_class
-from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import Frame, Outline
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.objects.shapes import Pose
+from continuum_grasp.model import Frame, GrownOutline, family_class, surface_of
+from continuum_grasp.scene import FingerSetup, GraspScene, Pose
 
 ALLOWED = 2e-3
 """Penetration that a start may have, per length of the finger: thin feasible pieces of a branch survive the scan, and
@@ -50,7 +47,7 @@ class FingerTask:
     side: int  # +1: the object should lie on the finger's left; -1: on its right, and all is mirrored
     middles: tuple[bool, ...]  # which middle contacts are on, from the base
     tip: bool  # whether the tip touches
-    shapes: tuple[Outline, ...]
+    shapes: tuple[GrownOutline, ...]
     half: float  # half the finger's thickness, where it is likely to touch
     halves: Array  # the same at the places whose clearance is looked at
     limits: Array  # greatest curvature there, `LOOSER` where the scan's curves are coarser than the finger's
@@ -152,7 +149,7 @@ class Postures(Rows):
 P = TypeVar("P", bound=Postures)
 
 
-def rough_distance(shapes: tuple[Outline, ...], points: Array) -> Array:
+def rough_distance(shapes: tuple[GrownOutline, ...], points: Array) -> Array:
     """Signed distance from the nearest of some outlines, to within 1e-5 of its size."""
     if kernel.library():
         return kernel.called("distances", np.empty(points.shape), points.size, object_numbers(shapes), points)
@@ -160,7 +157,7 @@ def rough_distance(shapes: tuple[Outline, ...], points: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def object_numbers(shapes: tuple[Outline, ...]) -> Array:
+def object_numbers(shapes: tuple[GrownOutline, ...]) -> Array:
     """Outlines of an object as the kernel of the scan has them."""
     return np.array([len(shapes), *(each for shape in shapes for each in shape.rough_numbers)])
 

@@ -18,11 +18,11 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
 from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_REACH, TIPS, FingerTask, Postures, Rows, object_numbers
-from continuum_grasp.model.surfaces.surface import Outline
+from continuum_grasp.model import GrownOutline
 
 _ROOT = 8
 """Steps of a bracketed root: after the first ones each gains digits as the secant method does."""
@@ -70,7 +70,7 @@ class Ring:
         return point, angle
 
 
-def _farthest(shape: Outline, low: float, high: float) -> float:
+def _farthest(shape: GrownOutline, low: float, high: float) -> float:
     """The walk between two at which an outline is farthest from the base."""
     # To the last digit, which decides where curves of short pieces end.
     while low < 0.5 * (low + high) < high:

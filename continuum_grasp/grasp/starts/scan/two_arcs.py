@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.starts.scan.curves import table_of
 from continuum_grasp.grasp.starts.scan.task import FRONT, FingerTask
 from continuum_grasp.grasp.starts.scan.touching import ABOVE, Branch, bracketed_root

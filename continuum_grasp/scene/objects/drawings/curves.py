@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.parts import Point, check_simple
+from continuum_grasp.base import Array
+from continuum_grasp.scene.parts import PlanePoint, check_simple
 
 _GAP = 1e-4
 """Gap between ends that meet, as a part of what all open curves measure: files round to 0.01 px or 1e-4 inch, which is
@@ -20,7 +20,7 @@ _SAME = 1e-6
 
 
 @dataclass(frozen=True)
-class Curve:
+class DrawnCurve:
     """A curve of a drawing, as a chain of chords.
 
     Attributes
@@ -47,7 +47,7 @@ class Curve:
 
     label: str
     names: tuple[str, ...]
-    points: tuple[Point, ...]
+    points: tuple[PlanePoint, ...]
     closed: bool = True
     group: Hashable = None
     source: Hashable = None
@@ -56,7 +56,7 @@ class Curve:
     flaw: str = ""
 
     @cached_property
-    def size(self) -> Point:
+    def size(self) -> PlanePoint:
         """Width and height [unit of the points]."""
         x, y = zip(*self.points, strict=True)
         return max(x) - min(x), max(y) - min(y)
@@ -73,7 +73,7 @@ class Curve:
         """Label and size of the curve, where its points are in m."""
         return f"{self.label} ({sizes(self.size)})"
 
-    def scaled(self, factor: float) -> Curve:
+    def scaled(self, factor: float) -> DrawnCurve:
         """The curve with a unit of another length."""
         return replace(self, points=tuple((factor * x, factor * y) for x, y in self.points))
 
@@ -94,7 +94,7 @@ class Drawing:
     """
 
     unit: float | None
-    curves: list[Curve] = field(default_factory=list)
+    curves: list[DrawnCurve] = field(default_factory=list)
     ignored: Counter[str] = field(default_factory=Counter)
     advice: str = "choose one by path"
 
@@ -103,20 +103,20 @@ class Drawing:
 class DrawnOutline:
     """The outline in a drawing, and in words what of the drawing is not part of it."""
 
-    curve: Curve
+    curve: DrawnCurve
     left_out: tuple[str, ...]
 
 
-def sizes(size: Point) -> str:
+def sizes(size: PlanePoint) -> str:
     """Width and height [m] in words."""
     return f"{1e3 * size[0]:.4g} x {1e3 * size[1]:.4g} mm"
 
 
-def distinct(points: Iterable[Point]) -> tuple[Point, ...]:
+def distinct(points: Iterable[PlanePoint]) -> tuple[PlanePoint, ...]:
     """Points without those that repeat the one before, and without the last where it is the first."""
     chain = list(points)
     least = _SAME * max((math.dist(chain[0], point) for point in chain), default=0.0)
-    once: list[Point] = []
+    once: list[PlanePoint] = []
     for point in chain:
         if not once or math.dist(point, once[-1]) > least:
             once.append(point)
@@ -145,7 +145,7 @@ def outline_in(drawing: Drawing, file: str, path: str | None) -> DrawnOutline:
     return DrawnOutline(outer[0], (*inside, *_paper(outer[0], ground, file), *others))
 
 
-def _paper(outer: Curve, ground: list[Curve], file: str) -> list[str]:
+def _paper(outer: DrawnCurve, ground: list[DrawnCurve], file: str) -> list[str]:
     """Describe areas in the color of the paper beside an outline; `ValueError` where one covers a part."""
     texts = []
     for curve in ground:
@@ -158,7 +158,7 @@ def _paper(outer: Curve, ground: list[Curve], file: str) -> list[str]:
     return texts
 
 
-def joined(curves: Sequence[Curve]) -> tuple[list[Curve], list[Curve]]:
+def joined(curves: Sequence[DrawnCurve]) -> tuple[list[DrawnCurve], list[DrawnCurve]]:
     """Closed curves and the outermost loops of open ones that meet; and open ones that are not part of a loop."""
     rings = [curve for curve in curves if curve.closed and curve.solid.area > 0.0]
     strokes = [curve for curve in curves if not curve.closed]
@@ -166,7 +166,7 @@ def joined(curves: Sequence[Curve]) -> tuple[list[Curve], list[Curve]]:
     return rings + loops, rest
 
 
-def _loops(strokes: list[Curve]) -> tuple[list[Curve], list[Curve]]:
+def _loops(strokes: list[DrawnCurve]) -> tuple[list[DrawnCurve], list[DrawnCurve]]:
     """Outermost loops of strokes, and strokes that are on none.
 
     Loops are the outer boundaries of faces between strokes that meet, so that lines between corners of an outline do
@@ -188,8 +188,8 @@ def _loops(strokes: list[Curve]) -> tuple[list[Curve], list[Curve]]:
     ]
     links = coo_array((np.ones(len(strokes)), (node[::2], node[1::2])), shape=(len(ends), len(ends)))
     network = connected_components(links, directed=False)[1][node[::2]]
-    loops: list[Curve] = []
-    rest: list[Curve] = []
+    loops: list[DrawnCurve] = []
+    rest: list[DrawnCurve] = []
     networks: dict[int, list[int]] = {}
     for k, number in enumerate(network):
         networks.setdefault(int(number), []).append(k)
@@ -214,18 +214,18 @@ def _near(ends: Array, gap: float) -> Any:
     return shapely.STRtree(points).query(points, predicate="dwithin", distance=gap)
 
 
-def _loop(pieces: list[Curve], points: Any) -> Curve:
+def _loop(pieces: list[DrawnCurve], points: Any) -> DrawnCurve:
     first = pieces[0]
     label = first.label if len(pieces) == 1 else f"loop of {first.label} and {len(pieces) - 1} more"
     names = tuple(dict.fromkeys(name for piece in pieces for name in piece.names))
     groups = {piece.group for piece in pieces}
     group = first.group if len(groups) == 1 else frozenset(groups)
-    return Curve(label, names, distinct((float(x), float(y)) for x, y in points), group=group)
+    return DrawnCurve(label, names, distinct((float(x), float(y)) for x, y in points), group=group)
 
 
-def _once_each(rings: list[Curve]) -> list[Curve]:
+def _once_each(rings: list[DrawnCurve]) -> list[DrawnCurve]:
     """Rings without those that are drawn twice."""
-    unique: list[Curve] = []
+    unique: list[DrawnCurve] = []
     for ring in rings:
         least = _SAME * ring.solid.area
         alike = [other for other in unique if abs(other.solid.area - ring.solid.area) <= least]
@@ -234,17 +234,17 @@ def _once_each(rings: list[Curve]) -> list[Curve]:
     return unique
 
 
-def _nested(rings: list[Curve]) -> tuple[list[Curve], list[Curve]]:
+def _nested(rings: list[DrawnCurve]) -> tuple[list[DrawnCurve], list[DrawnCurve]]:
     """Rings that are in no other, and those that are, the largest first."""
     ordered = sorted(rings, key=lambda ring: -ring.solid.area)
-    outer: list[Curve] = []
-    inner: list[Curve] = []
+    outer: list[DrawnCurve] = []
+    inner: list[DrawnCurve] = []
     for ring in ordered:
         (inner if any(other.solid.covers(ring.solid) for other in outer) else outer).append(ring)
     return outer, inner
 
 
-def _check_holes(outer: Curve, inner: list[Curve], drawing: Drawing, file: str) -> None:
+def _check_holes(outer: DrawnCurve, inner: list[DrawnCurve], drawing: Drawing, file: str) -> None:
     """Refuse an outer curve that may be a frame around the object: what is in a hole is another body."""
     own = [curve for curve in inner if curve.source is not None and curve.source == outer.source]
     holes = own if outer.filled else inner
@@ -258,7 +258,7 @@ def _check_holes(outer: Curve, inner: list[Curve], drawing: Drawing, file: str) 
         )
 
 
-def _choice(curves: list[Curve], drawing: Drawing) -> str:
+def _choice(curves: list[DrawnCurve], drawing: Drawing) -> str:
     """Curves with their sizes, and the name that chooses each."""
     counts = Counter(name for curve in curves for name in set(curve.names))
     texts = []

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
+from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
 
 _UNITS = {
     1: 0.0254, 2: 0.3048, 3: 1609.344, 4: 1e-3, 5: 1e-2, 6: 1.0, 7: 1e3, 8: 2.54e-8, 9: 2.54e-5, 10: 0.9144, 11: 1e-10,
@@ -92,7 +92,7 @@ def _hidden(document: Any, name: str) -> str:
     return "frozen" if layer.is_frozen() else "off" if layer.is_off() else ""
 
 
-def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[str]) -> Curve | None:
+def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[str]) -> DrawnCurve | None:
     from ezdxf.path import make_path
 
     kind, handle = entity.dxftype(), _handle(entity)
@@ -118,7 +118,7 @@ def _curve(entity: Any, layer: str, blocks: tuple[str, ...], ignored: Counter[st
         return None
     flaw = "is not in a plane of constant z: draw it in the plane of x and y" if spans[2] > _FLAT * size else ""
     points = distinct((p.x, p.y) for p in curve.flattening(_CHORD * size))
-    return Curve(label, names, points, curve.is_closed, (layer, blocks), flaw=flaw) if len(points) > 1 else None
+    return DrawnCurve(label, names, points, curve.is_closed, (layer, blocks), flaw=flaw) if len(points) > 1 else None
 
 
 def _handle(entity: Any) -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
+from continuum_grasp.base import Array
+from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
 
 _ADVICE = "erase what is not the object, change the threshold, or choose one by path"
 
@@ -23,10 +23,10 @@ def read_png(file: str, threshold: float) -> Drawing:
         )
     lines: Any = contourpy.contour_generator(z=dark[::-1]).lines(threshold)
     rings = sorted((distinct((float(x), float(y)) for x, y in line) for line in lines), key=len, reverse=True)
-    curves = [Curve("", (), ring, filled=True) for ring in rings if len(ring) > 2]
+    curves = [DrawnCurve("", (), ring, filled=True) for ring in rings if len(ring) > 2]
     curves.sort(key=lambda curve: -curve.solid.area)
     names = [f"silhouette {k}" for k in range(1, len(curves) + 1)]
-    named = [Curve(name, (name,), one.points, filled=True) for name, one in zip(names, curves, strict=True)]
+    named = [DrawnCurve(name, (name,), one.points, filled=True) for name, one in zip(names, curves, strict=True)]
     return Drawing(None, named, advice=_ADVICE)
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
+from continuum_grasp.base import Array
+from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
 from continuum_grasp.scene.units import units_of
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.table import Table
+    from continuum_grasp.scene.table import DataTable
 
 
 class _Column(NamedTuple):
@@ -38,11 +38,11 @@ def read_csv(file: str, scale: float | None) -> Drawing:
             raise table.error(message, column.at)
     ratio = factors[1] / factors[0] if factors else 1.0
     points = distinct(zip(x.values.tolist(), (ratio * y.values).tolist(), strict=True))
-    curves = [Curve("curve", (), points)] if len(points) > 2 else []
+    curves = [DrawnCurve("curve", (), points)] if len(points) > 2 else []
     return Drawing(factors[0] if factors else 1.0, curves)
 
 
-def _column(table: Table, name: str) -> _Column:
+def _column(table: DataTable, name: str) -> _Column:
     """A column by its heading, in capitals too and with the unit in brackets or behind a low line: X, x [mm], x_mm."""
     lengths = "|".join(map(re.escape, units_of("m")))
     for at, heading in enumerate(table.headings):

@@ -12,9 +12,9 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from continuum_grasp.arrays import Array
-from continuum_grasp.scene.objects.drawings.curves import Curve, Drawing, distinct
-from continuum_grasp.scene.parts import Point
+from continuum_grasp.base import Array
+from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+from continuum_grasp.scene.parts import PlanePoint
 
 _PIXEL = 0.0254 / 96.0
 """Length of a user unit of SVG [m]: 96 per inch, by CSS."""
@@ -57,7 +57,7 @@ def read_svg(file: str) -> Drawing:
         elements = list(svgelements.SVG.parse(text, reify=False, on_error="raise").elements())
     except (ArithmeticError, LookupError, TypeError, ValueError):
         raise ValueError(plain.culprit()) from None
-    regions: list[list[Curve]] = [[] for _ in range(plain.clips)]
+    regions: list[list[DrawnCurve]] = [[] for _ in range(plain.clips)]
     for element in elements:
         if isinstance(element, svgelements.Text | svgelements.Image):
             drawing.ignored[type(element).__name__.lower()] += 1
@@ -134,12 +134,12 @@ class _Plain:
                 return f"{shape.label}: d = {shape.data[:60]!r} is not read"
         return "svgelements cannot place what is in it"
 
-    def _fill(self, into: Element, source: Element, within: tuple[Element, ...], viewport: Point) -> None:
+    def _fill(self, into: Element, source: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
         """Append what the children of an element draw to a group of the plain document."""
         for child in source:
             self._add(into, child, within, viewport)
 
-    def _add(self, into: Element, element: Element, within: tuple[Element, ...], viewport: Point) -> None:
+    def _add(self, into: Element, element: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
         tag = _tag(element)
         if tag in (*_SHAPES, *_GROUPS, "use"):
             self._cut(into, element, within, viewport)
@@ -152,7 +152,7 @@ class _Plain:
         elif tag in _GROUPS:
             self._group(into, element, element, within, viewport)
 
-    def _cut(self, into: Element, element: Element, within: tuple[Element, ...], viewport: Point) -> None:
+    def _cut(self, into: Element, element: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
         """Append the clip path of an element, where the element stands."""
         if element.get("mask", "none") != "none" or "mask:" in element.get("style", ""):
             self.ignored[f"mask of {_named(element)}, which is not applied"] += 1
@@ -171,7 +171,7 @@ class _Plain:
         self._clip = None
 
     def _group(
-        self, into: Element, element: Element, sized: Element, within: tuple[Element, ...], viewport: Point
+        self, into: Element, element: Element, sized: Element, within: tuple[Element, ...], viewport: PlanePoint
     ) -> None:
         """Append a group; ``sized`` has the size of a viewport, which a use may state for its target."""
         _check(element, _named(element))
@@ -181,7 +181,7 @@ class _Plain:
             viewport = _viewport(element, viewport)
         self._fill(group, element, (*within, element), viewport)
 
-    def _use(self, into: Element, element: Element, within: tuple[Element, ...], viewport: Point) -> None:
+    def _use(self, into: Element, element: Element, within: tuple[Element, ...], viewport: PlanePoint) -> None:
         reference = next((element.attrib[key] for key in _REFERENCES if key in element.attrib), "")
         target = self.targets.get(reference.removeprefix("#"))
         if target is None or target in within:
@@ -196,7 +196,7 @@ class _Plain:
         else:
             self._add(group, target, (*within, element), viewport)
 
-    def _shape(self, element: Element, tag: str, within: tuple[Element, ...], viewport: Point) -> Element:
+    def _shape(self, element: Element, tag: str, within: tuple[Element, ...], viewport: PlanePoint) -> Element:
         if len(self.shapes) >= _MOST:
             raise ValueError(f"more than {_MOST} shapes")
         self._kinds[tag] += self._clip is None
@@ -212,7 +212,7 @@ class _Plain:
         return Element(element.tag, {**element.attrib, **_without_percent(element, viewport), **number})
 
 
-def _without_percent(element: Element, viewport: Point) -> dict[str, str]:
+def _without_percent(element: Element, viewport: PlanePoint) -> dict[str, str]:
     """Lengths of an element that are shares of the viewport around it, in user units."""
     wholes = {**dict.fromkeys(_ACROSS, viewport[0]), **dict.fromkeys(_DOWN, viewport[1])}
     wholes["r"] = math.hypot(*viewport) / math.sqrt(2.0)
@@ -238,7 +238,7 @@ def _check(element: Element, label: str) -> None:
             raise ValueError(f"{label}: {key} = {text[:60]!r} is not read")
 
 
-def _curves(element: Any, shape: _Shape) -> Iterator[Curve]:
+def _curves(element: Any, shape: _Shape) -> Iterator[DrawnCurve]:
     """Each subpath of a visible shape."""
     import svgelements
 
@@ -254,7 +254,7 @@ def _curves(element: Any, shape: _Shape) -> Iterator[Curve]:
     for k, (points, closed) in enumerate(pieces, 1):
         part = f"[{k}]" if len(pieces) > 1 else ""
         names = (shape.names[0] + part, *shape.names) if part else shape.names
-        yield Curve(
+        yield DrawnCurve(
             f"{shape.label} {part}".strip(),
             names,
             points,
@@ -266,7 +266,7 @@ def _curves(element: Any, shape: _Shape) -> Iterator[Curve]:
         )
 
 
-def _clipped(curve: Curve, clips: list[list[Curve]]) -> list[Curve]:
+def _clipped(curve: DrawnCurve, clips: list[list[DrawnCurve]]) -> list[DrawnCurve]:
     """The curve as clip paths leave it: whole, none, or with a flaw."""
     import shapely
 
@@ -280,7 +280,7 @@ def _clipped(curve: Curve, clips: list[list[Curve]]) -> list[Curve]:
     return [curve]
 
 
-def _on_page(curve: Curve, width: float, height: float) -> Curve:
+def _on_page(curve: DrawnCurve, width: float, height: float) -> DrawnCurve:
     """The curve; where it is a rectangle as large as the page, what is drawn inside it may be the object."""
     import shapely
 
@@ -353,7 +353,7 @@ def _length(text: str, whole: float) -> float:
     return float(svgelements.Length(text).value(ppi=96.0, relative_length=whole))
 
 
-def _viewport(element: Element, outer: Point) -> Point:
+def _viewport(element: Element, outer: PlanePoint) -> PlanePoint:
     """Width and height of the user units inside a drawing or symbol."""
     box = element.get("viewBox", "").replace(",", " ").split()
     if len(box) == 4:
@@ -364,7 +364,7 @@ def _viewport(element: Element, outer: Point) -> Point:
     return width, height
 
 
-def _placed(element: Element, sized: Element, outer: Point) -> str:
+def _placed(element: Element, sized: Element, outer: PlanePoint) -> str:
     """The transform of an inner viewport; ``sized`` may have another size for it."""
     import svgelements
 

@@ -17,17 +17,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arguments import check_arguments, whole
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, check_arguments, whole
 from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.laws.section import STATEFUL
-from continuum_grasp.model.memory import state_of
-from continuum_grasp.model.winches import compliance
-from continuum_grasp.results.declared import XY, Dimension, Picture, Stored, maker_of
-from continuum_grasp.results.result import Result
-from continuum_grasp.scene.profile import nodes_of
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.model import STATEFUL, FingerModel, compliance, state_of
+from continuum_grasp.results import XY, Dimension, Picture, Result, Stored, maker_of
+from continuum_grasp.scene import Scene, nodes_of
 from continuum_grasp.simulation.slack import least_pull
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
 from continuum_grasp.simulation.static_shape import Equilibrium

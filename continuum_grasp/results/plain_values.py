@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base import InputError
 
 
 def _json_number(value: float) -> float | str:

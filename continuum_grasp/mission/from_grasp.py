@@ -17,32 +17,34 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError, Interrupted, SolverError
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, Interrupted, SolverError
-from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.quality.resistance import Resistance
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.values import Contact
+from continuum_grasp.grasp import Contact, GraspResult, Resistance, optimize_grasp
 from continuum_grasp.mission.assignment import LARGEST, Assignment, object_of
 from continuum_grasp.mission.budget import lowered_by_pulls, promised
 from continuum_grasp.mission.causes import CLEAR
 from continuum_grasp.mission.on_pads import standing
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.winches import Winch, winches_of
-from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import Controller
-from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
-from continuum_grasp.scene.drives import MotorDrive
-from continuum_grasp.scene.finger import BasePose, Finger
-from continuum_grasp.scene.grasp import FingerSetup
-from continuum_grasp.scene.methods import default_family
-from continuum_grasp.scene.mission import MissionScene
-from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.simulate import Fidelity, Initial
-from continuum_grasp.scene.surroundings import Table
-from continuum_grasp.simulation.statics import equilibrium_under
+from continuum_grasp.mission.plant import PlantVariation
+from continuum_grasp.model import FingerModel, Winch, winches_of
+from continuum_grasp.scene import (
+    BasePose,
+    ControllerSettings,
+    ControlScene,
+    Cost,
+    Fidelity,
+    Finger,
+    FingerSetup,
+    ForceWeight,
+    GraspObject,
+    Initial,
+    MissionScene,
+    MotorDrive,
+    Reference,
+    Table,
+    Weight,
+    default_family,
+)
+from continuum_grasp.simulation import equilibrium_under
 
 
 class Commands:
@@ -136,7 +138,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
     assigned = tuple(_assigned(mission, result, resistance, setup) for setup in mission.grasp.setups)
     if mission.slip is None:
         return assigned
-    more, gives = standing(assigned), [lowered.distance for lowered in lowered_by_pulls(assigned, Variation())]
+    more, gives = standing(assigned), [lowered.distance for lowered in lowered_by_pulls(assigned, PlantVariation())]
     return tuple(replace(each, standing=more, gives=max([0.0, *gives])) for each in assigned)
 
 
@@ -271,7 +273,7 @@ def _control_scene(
             family=default_family(free_tip=bool(finger.free_tip_reasons)), elements=lengths, bending_range=reach
         ),
         parameters=tuple(sorted(({"bending_stiffness", "tendon_friction"} & estimated) | adapted)),
-        controller=Controller(
+        controller=ControllerSettings(
             period=asked.period,
             horizon=asked.horizon,
             cost=cost,

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.errors import InputError
+from continuum_grasp.base.errors import InputError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 GONE = {

@@ -12,7 +12,7 @@ import math
 
 import casadi as ca
 
-from continuum_grasp.arguments import check_arguments, positive, whole, within
+from continuum_grasp.base import check_arguments, positive, whole, within
 from continuum_grasp.model.planar import Rotation, Scalar
 
 ROUNDING = 1.5e-16

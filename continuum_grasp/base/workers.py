@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from continuum_grasp.errors import SolverError
-from continuum_grasp.interrupt import ignored_by_children, one_thread
+from continuum_grasp.base.errors import SolverError
+from continuum_grasp.base.interrupt import interrupts_ignored_by_children, one_thread
 
 
 @dataclass
@@ -51,7 +51,7 @@ class ProcessPool:
             with suppress(BrokenExecutor):  # its process died
                 worker.busy = worker.pool.submit(work, *arguments)
                 return worker.busy
-        with one_thread(), ignored_by_children():
+        with one_thread(), interrupts_ignored_by_children():
             pool = ProcessPoolExecutor(1, self._context, _prepare, self._prepared)
             started = pool.submit(_confirm_start)
         self._started[k] = worker = _Worker(pool, started, pool.submit(work, *arguments))

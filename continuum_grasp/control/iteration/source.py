@@ -12,14 +12,19 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.calls import straight_function, straight_functions
-from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
-from continuum_grasp.core.lanes import lane_function
-from continuum_grasp.core.source import in_lanes, plain_source
-from continuum_grasp.errors import InputError
+from continuum_grasp.core import (
+    CompileError,
+    find_compiler,
+    in_lanes,
+    lane_function,
+    library_for,
+    plain_source,
+    straight_function,
+    straight_functions,
+    why_no_compiler,
+)
 
 TOLERANCE = {"double": 1e-8, "float": 1e-4}
 """Relative tolerance of the QP's solution [1]: about the square root of the machine epsilon in double; in single

@@ -3,7 +3,8 @@
 Python raises `KeyboardInterrupt` in whatever runs. Where C++ of CasADi asks a Python object for its type, the exception
 is dropped and the work goes on; in an import it leaves half a module; at the end of a ``with`` block, a temporary file.
 The handler here notes Ctrl-C and raises it in the innermost frame that no such code lies above, as soon as that frame
-goes on; computations that look at `pressed` now and then end early for it. Within them linear algebra takes one thread.
+goes on; computations that look at `interrupt_pressed` now and then end early for it. Within them linear algebra takes
+one thread.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-STATUS = 130
+INTERRUPTED = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
 _PATIENCE = 1.5
 """After which it says that it waits [s]."""
@@ -53,27 +54,27 @@ _handled = -math.inf
 """Time at which the main thread last handled the signal [s of the monotonic clock]."""
 
 
-def pressed() -> bool:
+def interrupt_pressed() -> bool:
     """Whether Ctrl-C was pressed and has not been raised yet."""
     return _noted is not None
 
 
-def was_pressed() -> bool:
-    """Whether Ctrl-C was pressed since the outermost `listening` began."""
+def interrupt_was_pressed() -> bool:
+    """Whether Ctrl-C was pressed since the outermost `listening_for_interrupts` began."""
     return _seen
 
 
 @contextmanager
-def computing(command: bool = False) -> Iterator[None]:
+def interruptible(command: bool = False) -> Iterator[None]:
     """Block, or decorator, of every long computation in Python and of each command: Ctrl-C is taken, and linear algebra
     takes one thread, so that results of both are equal to the last digit.
     """
-    with one_thread(), listening(command):
+    with one_thread(), listening_for_interrupts(command):
         yield
 
 
 @contextmanager
-def listening(command: bool = False) -> Iterator[None]:
+def listening_for_interrupts(command: bool = False) -> Iterator[None]:
     """Take Ctrl-C within the block; without effect outside the main thread, and where another handler is installed.
 
     ``command``: the block is the whole process, which ends with status 130 at a second press before the first could be
@@ -93,12 +94,12 @@ def listening(command: bool = False) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN if command else usual)
-        if not command and pressed():  # nothing that could raise it came after
+        if not command and interrupt_pressed():  # nothing that could raise it came after
             _raise()
 
 
 @contextmanager
-def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
+def interrupts_held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
     """Keep Ctrl-C until the end of the block, for solvers that would lose an exception; raise it then.
 
     Yields what states whether Ctrl-C was pressed, also after the block. ``quietly``: raise nothing; the caller asks.
@@ -113,10 +114,10 @@ def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, _press)
     _blocks += 1
     try:
-        yield lambda: interrupted or pressed()
+        yield lambda: interrupted or interrupt_pressed()
     finally:
         _blocks -= 1
-        interrupted = pressed()
+        interrupted = interrupt_pressed()
         if usual is not _press:
             signal.signal(signal.SIGINT, usual)
         # An outer block that holds it back raises it at its own end.
@@ -127,7 +128,7 @@ def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
 
 
 @contextmanager
-def ignored_by_children() -> Iterator[None]:
+def interrupts_ignored_by_children() -> Iterator[None]:
     """Processes that are started within the block never see Ctrl-C, which a terminal sends to all of them."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -191,17 +192,17 @@ def _raise() -> None:
     raise KeyboardInterrupt
 
 
-def leave() -> None:
+def leave_interrupted() -> None:
     """End the process with status 130; after an exception in an ``eval`` Python would have the signal kill it."""
     atexit._run_exitfuncs()  # os._exit skips them
-    os._exit(STATUS)
+    os._exit(INTERRUPTED)
 
 
 def _end() -> None:
     """End the process at once; files are whole, since they get their names when they are complete."""
     _ending.acquire()  # whoever comes second waits for the end
     os.write(2, b"interrupted\n")
-    os._exit(STATUS)
+    os._exit(INTERRUPTED)
 
 
 def _start_watch() -> None:

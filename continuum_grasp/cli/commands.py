@@ -16,13 +16,21 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from continuum_grasp import __version__, interrupt, shell
+from continuum_grasp import __version__
+from continuum_grasp.base import (
+    COMMAND,
+    INTERRUPTED,
+    ContinuumGraspError,
+    InputError,
+    SolverError,
+    command_line,
+    interrupt_was_pressed,
+    listening_for_interrupts,
+)
 from continuum_grasp.cli.output import FAILED, UNSTABLE
-from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 
 BAD_INPUT = 2
 """Exit status, as argparse and click have it."""
-INTERRUPTED = interrupt.STATUS
 _UsageError: Any = typer.BadParameter.__bases__[0]
 """Class of click, of which typer has a copy."""
 
@@ -65,7 +73,7 @@ class _Root(typer.Context):
 
     @property
     def command_path(self) -> str:
-        return shell.called()
+        return command_line()
 
 
 class _Verbs(TyperGroup):
@@ -105,7 +113,7 @@ class _Verb(TyperCommand):
             config = ctx.params.get("config")
             if config is None or error.file is not None or error.key is None:
                 raise
-            from continuum_grasp.scene.load import load_placed
+            from continuum_grasp.scene import load_placed
 
             scene, document = load_placed(config, ctx.params.get("changes") or ())
             if error.key.partition(".")[0].partition("[")[0] not in type(scene).model_fields:
@@ -114,7 +122,7 @@ class _Verb(TyperCommand):
 
 
 app = typer.Typer(
-    name=shell.NAME,
+    name=COMMAND,
     cls=_Verbs,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -160,12 +168,12 @@ def main() -> None:
     # Libraries make many objects as they load, none of them garbage: to search them takes 0.3 s, most of it at the end.
     gc.set_threshold(20_000)
     atexit.register(gc.freeze)
-    with interrupt.listening(command=True):
+    with listening_for_interrupts(command=True):
         try:
-            app(prog_name=shell.NAME)
+            app(prog_name=COMMAND)
         except SystemExit as end:
             _end_output()
-            if interrupt.was_pressed() and end.code != INTERRUPTED:
+            if interrupt_was_pressed() and end.code != INTERRUPTED:
                 typer.echo("interrupted", err=True)
                 raise SystemExit(INTERRUPTED) from None
             raise

@@ -9,14 +9,18 @@ from time import perf_counter
 
 import numpy as np
 
-from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments
-from continuum_grasp.arrays import Array
+from continuum_grasp.base import (
+    Array,
+    InputError,
+    Interrupted,
+    NumericalError,
+    check_arguments,
+    interruptible,
+    interrupts_held,
+)
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.methods import INTEGRATORS
-from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.scene import INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.contacts import overlap_text
 from continuum_grasp.simulation.initial import initial_state, start_warnings
 from continuum_grasp.simulation.slack import tension_warnings
@@ -31,7 +35,7 @@ from continuum_grasp.simulation.spectrum import (
     spectral_radius,
     stiff_method,
 )
-from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
+from continuum_grasp.simulation.stepping import Motion, Stepper, SteppingPlan, Stop
 from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings
 
 Progress = Callable[[float], None]
@@ -52,7 +56,7 @@ _MOST_WORK = {_FAST: 4_000_000, "rodas": 400_000, "extrapolated_euler": 400_000}
 """Sub-steps of a motion up to which the tolerance is pursued: some 10 s of compiled code for fingers with contacts."""
 
 
-@interrupt.computing()
+@interruptible()
 @check_arguments
 def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
     """Simulate a scene without ``fidelity.tolerance``; see `continuum_grasp.simulate`."""
@@ -75,7 +79,7 @@ class _Run:
         """Integrate and check."""
         started, took = perf_counter(), 0.0
         x0 = initial_state(self._scene, self._stepper.moving)
-        plan: Plan | None = self._choose(x0)
+        plan: SteppingPlan | None = self._choose(x0)
         while plan is not None:
             used = plan
             self._stepper.prepare(plan)
@@ -83,7 +87,7 @@ class _Run:
             motion = self._stepper.run(x0, plan)
             took += perf_counter() - began
             plan, error = self._judged(plan, motion)
-        with interrupt.held(quietly=True) as pressed:  # the motion is there
+        with interrupts_held(quietly=True) as pressed:  # the motion is there
             result, error = self._finished(motion, error, used, took, started)
         if pressed() and error is None:
             error = Interrupted("interrupted after the end of the motion")
@@ -93,7 +97,7 @@ class _Run:
         return result
 
     def _finished(
-        self, motion: Motion, error: Stop | None, used: Plan, took: float, started: float
+        self, motion: Motion, error: Stop | None, used: SteppingPlan, took: float, started: float
     ) -> tuple[Trajectory, Stop | None]:
         """The motion as far as it means something, with warnings and statistics, and what stopped it."""
         states = motion.states
@@ -139,7 +143,7 @@ class _Run:
         result = replace(result, status=status, warnings=warnings, statistics=statistics, time_error=motion.time_error)
         return result, error
 
-    def _choose(self, x0: Array) -> Plan:
+    def _choose(self, x0: Array) -> SteppingPlan:
         """Method and sub-steps from the spectral radius about the start, over the instants at which inputs turn."""
         shapes = sample_shapes(self._model, x0[: self._model.n])
         bent = np.tile(x0, (4, 1))
@@ -157,7 +161,7 @@ class _Run:
             longest = 32.0 * partial_step(self._scene.finger)
             self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / longest))
         if asked == "reference":
-            return Plan(asked, 1, radius)
+            return SteppingPlan(asked, 1, radius)
         wanted = self._wanted(radius)
         if asked == "auto":
             asked = self._stiff if wanted > _IMPLICIT_FROM else _FAST
@@ -168,7 +172,7 @@ class _Run:
         """The method for stiff motions."""
         return stiff_method(self._model.structure, sweeps=self._core.model.sweeps)
 
-    def _judged(self, plan: Plan, motion: Motion) -> tuple[Plan | None, Stop | None]:
+    def _judged(self, plan: SteppingPlan, motion: Motion) -> tuple[SteppingPlan | None, Stop | None]:
         """A finer plan where the steps turned out to be too long, and what is wrong if there is none."""
         states, error = motion.states, motion.error
         if isinstance(error, Interrupted):
@@ -212,7 +216,7 @@ class _Run:
             return None, NumericalError(message, time=end, state=states[-1])
         return None, error
 
-    def _planned(self, method: str, radius: float) -> Plan:
+    def _planned(self, method: str, radius: float) -> SteppingPlan:
         """The method in sub-steps that are stable."""
         explicit = INTEGRATORS[method].stable is not None
         wanted, limit = (
@@ -227,9 +231,9 @@ class _Run:
             core, straight = Core(linear, compiled=False), np.zeros(self._model.n)
             while wanted < limit and grows(core, method, straight, u, w, self._p, 2.0 * self._time.step / wanted):
                 wanted *= 2
-        return self._controlled(Plan(method, min(wanted, limit), radius))
+        return self._controlled(SteppingPlan(method, min(wanted, limit), radius))
 
-    def _controlled(self, plan: Plan, final: bool = False) -> Plan:
+    def _controlled(self, plan: SteppingPlan, final: bool = False) -> SteppingPlan:
         """The plan with longer steps to compare with and, where the tolerance is pursued, the error to give up at."""
         auto, steps = self._time.method == "auto", self._stepper.steps
         # Steps of twice the length must fit into the motion, or nothing is compared.
@@ -248,11 +252,11 @@ class _Run:
             return plan
         return replace(plan, tolerance=math.inf if final else self._time.tolerance, corrected=smooth)
 
-    def _smooth(self, plan: Plan) -> bool:
+    def _smooth(self, plan: SteppingPlan) -> bool:
         """Whether the method has its order: no contacts, no kinks of inputs or loads."""
         return self._system is None and self._signals.smooth(self._time.step / plan.substeps, self._time.duration)
 
-    def _finer(self, plan: Plan, motion: Motion) -> Plan:
+    def _finer(self, plan: SteppingPlan, motion: Motion) -> SteppingPlan:
         """Sub-steps that should keep the tolerance, or as many as are taken at the most."""
         done, steps = len(motion.states) - 1, self._stepper.steps
         # What is given up at its first look begins faster than it may go on.
@@ -267,7 +271,7 @@ class _Run:
         finer = replace(plan, start_substeps=substeps) if begun else replace(plan, substeps=substeps)
         return self._controlled(finer, final=substeps < wanted)
 
-    def _error_warnings(self, plan: Plan, motion: Motion) -> tuple[str, ...]:
+    def _error_warnings(self, plan: SteppingPlan, motion: Motion) -> tuple[str, ...]:
         """Warnings about a time error beyond the tolerance."""
         error, tolerance = motion.time_error, self._time.tolerance
         if error <= tolerance or plan.method == "reference" or motion.error is not None:

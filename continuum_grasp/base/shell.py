@@ -13,40 +13,42 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-NAME = "continuum-grasp"
+COMMAND = "continuum-grasp"
 """The command that an installation puts beside its Python."""
 STARTED_BY = "CONTINUUM_GRASP_STARTED_BY"
 """Variable of the environment in which ``start.py`` leaves the Python that runs it and its own path, as JSON."""
 
 
-def command(*arguments: str, folder: str | os.PathLike[str] = ".") -> list[str]:
+def command_words(*arguments: str, folder: str | os.PathLike[str] = ".") -> list[str]:
     """Return the words that run the command line with these arguments, typed in ``folder``."""
     return [*_start(folder), *arguments]
 
 
-def called(*arguments: str) -> str:
+def command_line(*arguments: str) -> str:
     """Return the line that runs the command line with these arguments, typed in the working directory."""
-    return line(command(*arguments))
+    return quoted_line(command_words(*arguments))
 
 
-def tool(module: str, *arguments: str, folder: str | os.PathLike[str] = ".") -> list[str]:
+def tool_words(module: str, *arguments: str, folder: str | os.PathLike[str] = ".") -> list[str]:
     """Return the words that run a module of an extra, which ``start.py`` installs by itself, typed in ``folder``."""
     start = _start(folder) if _started_by() else [_python(), "-m"]
     return [*start, module, *arguments]
 
 
-def installs(module: str) -> bool:
-    """Whether the command of `tool` needs no installation before it."""
+def has_tool(module: str) -> bool:
+    """Whether the command of `tool_words` needs no installation before it."""
     return bool(_started_by()) or find_spec(module) is not None
 
 
-def installing(extra: str) -> str:
+def install_line(extra: str) -> str:
     """Return the line that installs what an extra of the package asks for."""
-    words = command("install", extra) if _started_by() else [_python(), "-m", "pip", "install", f"{NAME}[{extra}]"]
-    return line(words)
+    words = (
+        command_words("install", extra) if _started_by() else [_python(), "-m", "pip", "install", f"{COMMAND}[{extra}]"]
+    )
+    return quoted_line(words)
 
 
-def line(words: Sequence[str]) -> str:
+def quoted_line(words: Sequence[str]) -> str:
     """Return words as one line, quoted as the system's shell reads them."""
     return subprocess.list2cmdline(words) if os.name == "nt" else shlex.join(words)
 
@@ -58,9 +60,9 @@ def _start(folder: str | os.PathLike[str]) -> list[str]:
         return [_typed(python), _seen_from(folder, script)]
     if program.parts[-2:] == ("continuum_grasp", "__main__.py"):
         return [_python(), "-m", "continuum_grasp"]
-    if program.stem == NAME and program.exists() and not _is_found(program):
+    if program.stem == COMMAND and program.exists() and not _is_found(program):
         return [str(program.absolute())]
-    return [NAME]
+    return [COMMAND]
 
 
 def _started_by() -> list[str]:
@@ -85,7 +87,7 @@ def _typed(python: str) -> str:
 
 def _is_found(program: Path) -> bool:
     """Whether a shell finds this program by its name."""
-    found = shutil.which(NAME)
+    found = shutil.which(COMMAND)
     return found is not None and os.path.samefile(found, program)
 
 

@@ -12,12 +12,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import real_array
-from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError
-from continuum_grasp.model.finger_model import FingerModel
-from continuum_grasp.model.functions import MATRICES
-from continuum_grasp.scene.value import SAME
+from continuum_grasp.base import Array, InputError, real_array
+from continuum_grasp.model import MATRICES, FingerModel
+from continuum_grasp.scene import SAME
 
 DOUBLES = ctypes.POINTER(ctypes.c_double)
 

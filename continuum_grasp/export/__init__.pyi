@@ -1,0 +1,10 @@
+from .fmu.write import FunctionalMockupUnit as FunctionalMockupUnit
+from .fmu.write import export_fmu as export_fmu
+from .fmu.write import identifier_of as identifier_of
+from .functions import export_casadi as export_casadi
+from .manifest import Package as Package
+from .mjcf.write import HingeChain as HingeChain
+from .mjcf.write import export_mjcf as export_mjcf
+from .package import export_c as export_c
+from .web.page import Page as Page
+from .web.page import export_web as export_web
