@@ -20,10 +20,10 @@ os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
 from benchmarks.harness import CONFIGS, ROOT
 from benchmarks.report import begun
+from continuum_grasp.addons.identification import Commissioning, commission
 from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.closed_loop import Plant, PlantModel, run_closed_loop
 from continuum_grasp.control import Controller
-from continuum_grasp.identification import Commissioning, commission
 from continuum_grasp.scene import Camera, Connection, ControlScene, Mounting, load
 
 SCENES = {"sagging": ROOT / "benchmarks/commission_sagging.yaml", "flat": CONFIGS / "mpc/steady_tip.yaml"}

@@ -1,7 +1,7 @@
 """Steps per second of the environments for reinforcement learning, on one core.
 
 Run ``python -m benchmarks.bench_environments`` in the root of the repository (1 min, with the extra gym). Each
-environment of ``continuum_grasp.environments.TASKS`` takes random commands, drawn beforehand, which hold for some
+environment of ``continuum_grasp.addons.learning.TASKS`` takes random commands, drawn beforehand, which hold for some
 periods; ``state`` observes the state, other names what the estimator measures, with noise and delay. CPU time of the
 thread, medians of rounds, of a step of all plants by ``FingerVectorEnv.step`` with observations, rewards and resets.
 """
@@ -14,7 +14,8 @@ import numpy as np
 
 from benchmarks.harness import one_core
 from benchmarks.report import begun
-from continuum_grasp.environments import TASKS, FingerVectorEnv
+from continuum_grasp.addons.learning.environments.tasks import TASKS
+from continuum_grasp.addons.learning.environments.vector import FingerVectorEnv
 
 ROUNDS, STEPS, HELD = 9, 40, 10
 """Rounds, steps of all plants in each, and periods for which a random command holds."""

@@ -14,8 +14,8 @@ import numpy as np
 
 import continuum_grasp as cg
 from benchmarks.report import begun
-from continuum_grasp.identification import Poses, Reading, design_experiments
-from continuum_grasp.scene import IdentifyScene
+from continuum_grasp.addons.identification import Poses, Reading, design_experiments
+from continuum_grasp.addons.identification.scene import IdentifyScene
 
 _SIGMA = 5e-4
 """Noise of a camera [m]."""

@@ -36,10 +36,12 @@ from fmpy.validation import validate_fmu
 import continuum_grasp as cg
 from benchmarks.harness import CONFIGS
 from benchmarks.report import Report, begun
+from continuum_grasp.addons.fmu import FunctionalMockupUnit
+from continuum_grasp.addons.fmu.write import export_fmu
 from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Outputs, Prediction, setpoints
-from continuum_grasp.export import FunctionalMockupUnit, export_c, export_fmu
+from continuum_grasp.export import export_c
 from continuum_grasp.scene import ControlScene, Scene, load
 from tests.export_cases import shared_library
 from tests.fmu_cases import Instance

@@ -21,13 +21,14 @@ import numpy as np
 
 from benchmarks.harness import CONFIGS
 from benchmarks.report import Report, begun, plain
+from continuum_grasp.addons.mission import Assignment, Outcome, PlantVariation, run_mission, run_trials
+from continuum_grasp.addons.mission.assignment import LARGEST
+from continuum_grasp.addons.mission.budget import held_resistance, plant_friction, plant_mass
+from continuum_grasp.addons.mission.causes import FALLEN
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.plant import reserve
 from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import Assignment, Outcome, PlantVariation, assign, run_mission, run_trials
-from continuum_grasp.mission.assignment import LARGEST
-from continuum_grasp.mission.budget import held_resistance, plant_friction, plant_mass
-from continuum_grasp.mission.causes import FALLEN
-from continuum_grasp.mission.plant import reserve
 from continuum_grasp.scene import load
 
 SCENE = CONFIGS / "mission/pinch.yaml"

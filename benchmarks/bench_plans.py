@@ -18,10 +18,11 @@ from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from benchmarks.report import begun
+from continuum_grasp.addons.planning import PlanScene
+from continuum_grasp.addons.planning.guess import first_state_of_plan
 from continuum_grasp.base import Array
 from continuum_grasp.control import Prediction
-from continuum_grasp.planning.guess import first_state_of_plan
-from continuum_grasp.scene import PlanScene, Tendons
+from continuum_grasp.scene import Tendons
 from tests.control_cases import CABLE, DRIVES, HAND
 
 LEAST_PULL = 6e-4

@@ -11,9 +11,9 @@ from typing import Any
 
 from benchmarks.harness import CONFIGS
 from benchmarks.report import begun
+from continuum_grasp.addons.planning import plan
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import NLP, Attempt, Budget, Solver, Start
-from continuum_grasp.planning import plan
 from continuum_grasp.scene import load
 
 PLANS = ("tip_to_point", "past_a_post")

@@ -21,18 +21,19 @@ import numpy as np
 from benchmarks.baselines import Peer
 from benchmarks.report import Table as ReportTable
 from benchmarks.report import arguments
+from continuum_grasp.addons.chains.text import numbers
+from continuum_grasp.addons.chains.write import export_mjcf
+from continuum_grasp.addons.mission import Assignment, MissionScene, PlantVariation, Timetable
+from continuum_grasp.addons.mission.budget import plant_mass
+from continuum_grasp.addons.mission.causes import FALLEN
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.lift import LiftCheck
+from continuum_grasp.addons.mission.run import variations
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import plant_scene
 from continuum_grasp.control import Controller, measurement_std
 from continuum_grasp.control.estimation.model import OBJECT_POSE
-from continuum_grasp.export import export_mjcf
-from continuum_grasp.export.mjcf.text import numbers
-from continuum_grasp.mission import Assignment, PlantVariation, Timetable, assign
-from continuum_grasp.mission.budget import plant_mass
-from continuum_grasp.mission.causes import FALLEN
-from continuum_grasp.mission.lift import LiftCheck
-from continuum_grasp.mission.run import variations
-from continuum_grasp.scene import Box, MissionScene, Scene, Table, load
+from continuum_grasp.scene import Box, Scene, Table, load
 
 HINGES = 24
 STEP = 5e-5

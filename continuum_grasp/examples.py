@@ -37,9 +37,9 @@ class Example:
     @property
     def verb(self) -> str:
         """The command that runs it; a finger alone can only be checked."""
-        from continuum_grasp.scene import KINDS
+        from continuum_grasp.scene import kinds
 
-        return KINDS[self.kind].command or "validate"
+        return kinds()[self.kind].command or "validate"
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
@@ -75,10 +75,10 @@ def shipped_folder() -> Path:
 @cache
 def examples() -> dict[str, Example]:
     """All shipped examples by name, in the order of their kinds."""
-    from continuum_grasp.scene import KINDS
+    from continuum_grasp.scene import kinds
 
     shipped = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
-    return {entry.name: entry for entry in sorted(shipped, key=lambda entry: list(KINDS).index(entry.kind))}
+    return {entry.name: entry for entry in sorted(shipped, key=lambda entry: list(kinds()).index(entry.kind))}
 
 
 def example(name: str) -> Example:

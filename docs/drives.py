@@ -10,7 +10,7 @@ from PIL import Image
 
 import continuum_grasp as cg
 from benchmarks.bench_tendons import FORCES, TENSIONS, Chain, Reduced
-from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet
+from continuum_grasp.plotting import label, new_figure, quiet
 from continuum_grasp.plotting.motion import plot_tension_loop, plot_tensions_along
 from continuum_grasp.results import save_picture
 from continuum_grasp.simulation import equilibrium_under

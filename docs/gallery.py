@@ -28,8 +28,8 @@ import numpy as np
 from PIL import Image, ImageSequence
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import data_folder
 from continuum_grasp.examples import Example, examples
-from continuum_grasp.identification import data_folder
 from continuum_grasp.results import digest, write_text
 
 ROOT = Path(__file__).absolute().parents[1]

@@ -10,8 +10,8 @@ import numpy as np
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop import ControlRun, run_closed_loop
+from continuum_grasp.plotting import new_figure, quiet
 from continuum_grasp.plotting.control import plot_control_path, plot_inputs
-from continuum_grasp.plotting.drawing.axes import new_figure, quiet
 from continuum_grasp.results import save_picture
 
 FOLDER = Path("configs/mpc")

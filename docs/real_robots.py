@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Fit, Poses, Reading, data_folder
+from continuum_grasp.addons.identification import Fit, Poses, Reading, data_folder
 from continuum_grasp.scene import read_table
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "identify"

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Fit, Reading, TipPath, data_folder
-from continuum_grasp.scene import Estimate, Fidelity, Timing
+from continuum_grasp.addons.identification import Fit, Reading, TipPath, data_folder
+from continuum_grasp.addons.identification.scene import Estimate
+from continuum_grasp.scene import Fidelity, Timing
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 FAMILIES = (("arc", 2), ("arc", 8), ("clothoid", 1), ("matched_clothoid", 2), ("matched_clothoid", 4), ("clothoid", 6))

@@ -11,8 +11,7 @@ import numpy as np
 from scipy import optimize, special
 
 import continuum_grasp as cg
-from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE
+from continuum_grasp.plotting import BLUE, GRAY, GREEN, INK, ORANGE, label, new_figure, quiet
 from continuum_grasp.results import save_picture
 from continuum_grasp.rod import solve_elastica
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from continuum_grasp.identification.unknowns import _OWN, ADDED
+from continuum_grasp.addons.identification.unknowns import _OWN, ADDED
 from continuum_grasp.model import numbers_of
 from continuum_grasp.model.laws import _LAWS
 from continuum_grasp.model.parameters import _VECTORS

@@ -14,14 +14,17 @@ import numpy as np
 
 import continuum_grasp as cg
 from continuum_grasp.accuracy import resolve_fidelity
+from continuum_grasp.addons.identification import Poses, Reading
+from continuum_grasp.addons.identification.path_block import block_of
+from continuum_grasp.addons.identification.scene import IdentifyScene
+from continuum_grasp.addons.identification.unknowns import read_unknowns
+from continuum_grasp.addons.mission import MissionScene
+from continuum_grasp.addons.planning import PlanScene
+from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp import ProblemSpec
 from continuum_grasp.grasp.problem.problem import GraspProblem
-from continuum_grasp.identification import Poses, Reading
-from continuum_grasp.identification.path_block import block_of
-from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.planning.search import PlanSearch
-from continuum_grasp.scene import ControlScene, GraspScene, IdentifyScene, MissionScene, PlanScene, Scene, Value
+from continuum_grasp.scene import ControlScene, GraspScene, Scene, Value
 from continuum_grasp.scene.consumer import CONSUMERS
 from tests import scene_products as products
 

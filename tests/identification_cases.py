@@ -7,12 +7,12 @@ import math
 import numpy as np
 from scipy.integrate import solve_bvp
 
-from continuum_grasp.identification import Poses, Reading, TipPath
-from continuum_grasp.identification.blocks import MeasuredBlock
-from continuum_grasp.identification.inference import infer
-from continuum_grasp.identification.numbers import MeasuredColumn, MeasuredSet
-from continuum_grasp.identification.problem import FitProblem
-from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.addons.identification import Poses, Reading, TipPath
+from continuum_grasp.addons.identification.blocks import MeasuredBlock
+from continuum_grasp.addons.identification.inference import infer
+from continuum_grasp.addons.identification.numbers import MeasuredColumn, MeasuredSet
+from continuum_grasp.addons.identification.problem import FitProblem
+from continuum_grasp.addons.identification.unknowns import Unknown
 from continuum_grasp.scene import Scene
 from tests.rods import HORIZONTAL, WEIGHT, rod_scene
 

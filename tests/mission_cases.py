@@ -8,13 +8,15 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from continuum_grasp.addons.mission import PlantVariation
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.lift import LiftCheck
+from continuum_grasp.addons.mission.plan import PhasePlan
+from continuum_grasp.addons.mission.run import MissionRunner
+from continuum_grasp.addons.mission.scene import Phases
 from continuum_grasp.control import Anomaly, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import PlantVariation, assign
-from continuum_grasp.mission.lift import LiftCheck
-from continuum_grasp.mission.plan import PhasePlan
-from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.scene import Phases, load
+from continuum_grasp.scene import load
 from continuum_grasp.simulation import ContactHistory
 from tests.rods import ROOT
 

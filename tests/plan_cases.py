@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import expm
 
 import continuum_grasp as cg
-from continuum_grasp.planning.motion import PlannedMotion
-from continuum_grasp.scene import PlanScene
+from continuum_grasp.addons.planning import PlanScene
+from continuum_grasp.addons.planning.motion import PlannedMotion
 from tests.truth.differences import differences
 
 ROD = {"length": 0.3, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}

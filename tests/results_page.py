@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from continuum_grasp.accuracy import AccuracyReport
+from continuum_grasp.addons.design import DesignResult
+from continuum_grasp.addons.identification import Commissioning, Comparison, ExperimentPlan, Fit, Replay
+from continuum_grasp.addons.mission import MissionRun, TrialsResult
+from continuum_grasp.addons.planning import MotionPlan
+from continuum_grasp.addons.sweeps import SweepTable
 from continuum_grasp.closed_loop import ControlRun
-from continuum_grasp.design import DesignResult
 from continuum_grasp.grasp import GraspResult
-from continuum_grasp.identification import Commissioning, Comparison, ExperimentPlan, Fit, Replay
-from continuum_grasp.mission import MissionRun, TrialsResult
-from continuum_grasp.planning import MotionPlan
 from continuum_grasp.results import Dimension, Result, Stored
 from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
-from continuum_grasp.sweeps import SweepTable
 
 PAGE = Path(__file__).parents[1] / "docs" / "results.md"
 BEGIN = "<!-- What follows is written by `python -m tests.results_page`. -->\n"
@@ -31,7 +31,7 @@ MADE_BY = {
     Replay: "`cg.replay`, `continuum-grasp replay`",
     Commissioning: "`cg.commission`, `continuum-grasp commission`",
     Fit: "`cg.identify`, `continuum-grasp identify`",
-    ExperimentPlan: "`continuum_grasp.identification.design_experiments`, `continuum-grasp identify --design`",
+    ExperimentPlan: "`continuum_grasp.addons.identification.design_experiments`, `continuum-grasp identify --design`",
     AccuracyReport: "`cg.accuracy_report`, `continuum-grasp accuracy`",
     SweepTable: "`cg.sweep`, `cg.sweep_table`, `continuum-grasp sweep`",
 }

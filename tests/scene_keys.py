@@ -16,18 +16,13 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 import continuum_grasp as cg
-from continuum_grasp.scene import (
-    ControlScene,
-    Design,
-    GraspScene,
-    IdentifyScene,
-    KeyPath,
-    MissionScene,
-    PlanScene,
-    Scene,
-    Sweep,
-)
-from continuum_grasp.scene.assembly import apply_override, placed
+from continuum_grasp.addons.design import Design
+from continuum_grasp.addons.identification.scene import IdentifyScene
+from continuum_grasp.addons.mission import MissionScene
+from continuum_grasp.addons.planning import PlanScene
+from continuum_grasp.addons.sweeps import Sweep
+from continuum_grasp.scene import ControlScene, GraspScene, KeyPath, Scene, placed
+from continuum_grasp.scene.assembly import apply_override
 from continuum_grasp.scene.document import Place as Origin
 from continuum_grasp.scene.document import dotted
 

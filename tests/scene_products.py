@@ -17,55 +17,48 @@ from pydantic import BaseModel
 from continuum_grasp.accuracy import resolve_fidelity
 from continuum_grasp.accuracy.motion import timing_of_comparison
 from continuum_grasp.accuracy.truth import load_cases
+from continuum_grasp.addons.chains.write import export_mjcf
+from continuum_grasp.addons.design import Design
+from continuum_grasp.addons.design.space import design_space_of
+from continuum_grasp.addons.fmu import plant as plants
+from continuum_grasp.addons.fmu.variable import Variable
+from continuum_grasp.addons.identification import Poses, Reading, TipPath, read_data
+from continuum_grasp.addons.identification.blocks import PosesBlock
+from continuum_grasp.addons.identification.fitting import under_laws
+from continuum_grasp.addons.identification.path_block import PathBlock
+from continuum_grasp.addons.identification.read import choices_of, plain_scene
+from continuum_grasp.addons.identification.scene import Excitation, IdentifyScene, StaticPoses
+from continuum_grasp.addons.identification.segments import CommandDesign as Excited
+from continuum_grasp.addons.identification.segments import patterns_of
+from continuum_grasp.addons.identification.unknowns import read_unknowns
+from continuum_grasp.addons.learning.environments import sensing
+from continuum_grasp.addons.learning.environments.plants import plants_of
+from continuum_grasp.addons.learning.environments.sensing import observed_of, state_bounds
+from continuum_grasp.addons.mission import MissionScene
+from continuum_grasp.addons.mission import plant as mission_plant
+from continuum_grasp.addons.mission.from_grasp import _control_scene
+from continuum_grasp.addons.planning import PlanScene
+from continuum_grasp.addons.planning.search import PlanSearch
+from continuum_grasp.addons.sweeps import Sweep, plan_of
+from continuum_grasp.addons.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.control import Prediction, Setpoints
-from continuum_grasp.environments import sensing
-from continuum_grasp.environments.plants import plants_of
-from continuum_grasp.environments.sensing import observed_of, state_bounds
-from continuum_grasp.export import export_mjcf
-from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.fmu import plant as plants
-from continuum_grasp.export.fmu.variable import Variable
-from continuum_grasp.export.ranges import input_fields
-from continuum_grasp.export.source import names_of, source_of
-from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
-from continuum_grasp.identification import Poses, Reading, TipPath, read_data
-from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.fitting import under_laws
-from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.read import choices_of, plain_scene
-from continuum_grasp.identification.segments import CommandDesign as Excited
-from continuum_grasp.identification.segments import patterns_of
-from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.mission import plant as mission_plant
-from continuum_grasp.mission.from_grasp import _control_scene
+from continuum_grasp.export import REALS, Loop, Subject, input_fields, names_of, source_of
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.planning.search import PlanSearch
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene import (
     EXACT_ROD,
     Actuation,
     ControlScene,
-    Design,
-    Excitation,
     Fidelity,
-    IdentifyScene,
     Initial,
-    MissionScene,
-    PlanScene,
     Samples,
     Scene,
-    StaticPoses,
     Surroundings,
-    Sweep,
-    design_space_of,
     placed_scene_of,
 )
 from continuum_grasp.simulation import Signals, initial_state, modes
-from continuum_grasp.sweeps import plan_of
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 _AROUND = tuple(Surroundings.model_fields)

@@ -82,7 +82,7 @@ def masses(count: int, **more: Any) -> Mapping[str, Any]:
 
 
 if __name__ == "__main__":
-    from continuum_grasp.sweeps import sweep
+    from continuum_grasp.addons.sweeps import sweep
 
     sweep(masses(400), folder=sys.argv[1], workers=2, evaluate=slow)
     print("done")

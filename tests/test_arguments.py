@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp import grasp, identification, model, rod, simulation, sweeps
+from continuum_grasp import grasp, model, rod, simulation
+from continuum_grasp.addons import identification, sweeps
 from continuum_grasp.base import ContinuumGraspError, InputError, arguments
 from tests.test_docstrings import PUBLIC
 

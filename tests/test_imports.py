@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ast
+import tomllib
 from collections.abc import Callable, Iterable
+from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "continuum_grasp"
 FILES = sorted(PACKAGE.rglob("*.py"))
-TASKS = ("continuum_grasp.environments.tasks",)
+TASKS = ("continuum_grasp.addons.learning.environments.tasks",)
 """What registers environments with gymnasium, where that is installed."""
 COMMON = {"base", "lazy_loader", ""}
 """What all may import; the empty name is the package itself."""
@@ -29,20 +32,18 @@ ALLOWED = {
         "verbs": "accuracy simulation model scene",
         "grasp": "grasp nlp rod core model scene results plotting",
         "control": "control nlp simulation core model scene",
-        "planning": "planning nlp grasp control simulation core model scene results",
-        "closed_loop": "closed_loop nlp planning control simulation core model scene results",
-        "mission": "mission closed_loop control grasp simulation core model scene results",
-        "identification": "identification accuracy closed_loop control rod simulation core model scene results",
-        "export": "export mission closed_loop control accuracy simulation core model scene results",
-        "sweeps": "sweeps grasp scene results",
-        "operators": "operators core model scene",
-        "design": "design grasp nlp model scene results plotting",
-        "environments": "environments sweeps closed_loop control simulation core model scene results examples",
+        "closed_loop": "closed_loop nlp control simulation core model scene results",
+        "export": "export closed_loop control accuracy simulation core model scene results",
         "examples": "scene results",
         "results": "results",
         "plotting": "plotting scene",
     }.items()
 }
+ADDONS = [
+    f"addons.{folder.name}" for folder in sorted((PACKAGE / "addons").iterdir()) if (folder / "__init__.py").exists()
+]
+"""These may import all of the core, and each other."""
+ALLOWED |= {addon: {*ALLOWED, *ADDONS, "cli"} for addon in ADDONS}
 """Modules by who imports them; ``cli`` and the package itself may import everything."""
 DRAWING = {"matplotlib", "typer", "rich"}
 _OF_MODELS = frozenset({"yaml", *DRAWING})
@@ -50,10 +51,10 @@ OUTSIDE = {
     "scene": {"casadi", *DRAWING},
     "rod": {"casadi", "yaml", *DRAWING},
     **dict.fromkeys(("model", "core", "nlp", "simulation", "accuracy", "grasp", "control"), _OF_MODELS),
-    **dict.fromkeys(("planning", "closed_loop", "mission", "operators", "environments"), _OF_MODELS),
+    **dict.fromkeys(("closed_loop", "addons.planning", "addons.mission", "addons.learning"), _OF_MODELS),
     "export": DRAWING,
-    "sweeps": {"casadi", "yaml", *DRAWING},
-    "design": {"yaml", *DRAWING},
+    "addons.sweeps": {"casadi", "yaml"},
+    "addons.design": {"yaml"},
     "results": {"casadi", *DRAWING},
     "examples": {"casadi", "numpy", "scipy", "yaml", *DRAWING},
     "plotting": {"casadi", "typer", "rich", "yaml"},
@@ -61,10 +62,25 @@ OUTSIDE = {
 """Packages that a module does without."""
 
 
+@cache
+def tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+class Announced(NamedTuple):
+    module: str
+    name: str
+
+
+ENTRIES = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"]
+ANNOUNCED = [Announced(*entry.split(":")) for entry in ENTRIES["continuum_grasp.addons"].values()]
+"""Add-ons of the package, as its metadata name them."""
+
+
 def door(package: str) -> dict[str, str]:
     """Names that a package lets through, each with the module that defines it: its ``__init__.pyi``."""
-    stub = PACKAGE / package / "__init__.pyi"
-    lines = ast.parse(stub.read_text(encoding="utf-8")).body if stub.exists() else []
+    stub = PACKAGE / package.replace(".", "/") / "__init__.pyi"
+    lines = tree(stub).body if stub.exists() else []
     return {
         alias.name: f"continuum_grasp.{package}.{line.module}"
         for line in lines
@@ -73,14 +89,17 @@ def door(package: str) -> dict[str, str]:
     }
 
 
-DOORS = {stub.parent.name: door(stub.parent.name) for stub in PACKAGE.glob("*/__init__.pyi")}
-
-
 def module_of(file: Path) -> str:
-    """The first folder or file below the package."""
-    return file.relative_to(PACKAGE).parts[0].removesuffix(".py").removeprefix("__init__")
+    """The first folder or file below the package, or below its add-ons."""
+    first, *rest = (part.removesuffix(".py").removeprefix("__init__") for part in file.relative_to(PACKAGE).parts)
+    return f"{first}.{rest[0]}".removesuffix(".") if first == "addons" else first
 
 
+STUBS = [*PACKAGE.glob("*/__init__.pyi"), *PACKAGE.glob("addons/*/__init__.pyi")]
+DOORS = {package: door(package) for package in map(module_of, STUBS)}
+
+
+@cache
 def imports(file: Path) -> list[tuple[str, int, bool]]:
     """Modules that a file imports, with the line and whether that happens when the file is loaded.
 
@@ -97,19 +116,19 @@ def imports(file: Path) -> list[tuple[str, int, bool]]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{file}:{node.lineno}: relative import"
             package = inside(node.module or "")
-            behind = DOORS.get(package or "", {}) if (node.module or "").count(".") == 1 else {}
+            behind = DOORS.get(package or "", {}) if node.module == f"continuum_grasp.{package}" else {}
             found.extend((behind.get(alias.name, node.module or ""), node.lineno, at_load) for alias in node.names)
         for child in ast.iter_child_nodes(node):
             walk(child, at_load and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda))
 
-    walk(ast.parse(file.read_text(encoding="utf-8")), True)
+    walk(tree(file), True)
     return found
 
 
 def inside(module: str) -> str | None:
     """The module of the package, of a dotted name."""
-    parts = module.split(".")
-    return (parts[1] if len(parts) > 1 else "") if parts[0] == "continuum_grasp" else None
+    first, *parts = module.split(".")
+    return ".".join(parts[: 2 if parts[:1] == ["addons"] else 1]) if first == "continuum_grasp" else None
 
 
 def broken(of: Iterable[str], rule: Callable[[Path, str, bool], bool]) -> list[str]:
@@ -124,7 +143,7 @@ def broken(of: Iterable[str], rule: Callable[[Path, str, bool], bool]) -> list[s
 
 
 def test_every_module_is_known():
-    assert {module_of(file) for file in FILES} <= {*ALLOWED, "cli", "__main__", ""}
+    assert {module_of(file) for file in FILES} <= {*ALLOWED, "addons", "cli", "__main__", ""}
 
 
 @pytest.mark.parametrize("importer", ALLOWED)
@@ -135,12 +154,19 @@ def test_a_module_imports_earlier_ones_only(importer):
 
 @pytest.mark.parametrize("importer", OUTSIDE)
 def test_a_module_does_without(importer):
-    assert not broken([importer], lambda file, module, at_load: module.split(".")[0] in OUTSIDE[importer])
+    def needless(file: Path, module: str, at_load: bool) -> bool:
+        return module.split(".")[0] in OUTSIDE[importer] and file.stem != "pictures"
+
+    assert not broken([importer], needless)
 
 
 def test_drawing_is_imported_when_needed():
     others = {*ALLOWED} - {"plotting"}
-    assert not broken(others, lambda file, module, at_load: at_load and inside(module) == "plotting")
+
+    def early(file: Path, module: str, at_load: bool) -> bool:
+        return at_load and inside(module) == "plotting" and file.stem != "pictures"
+
+    assert not broken(others, early)
 
 
 def test_what_few_grasps_ask_for_is_imported_when_needed():
@@ -164,9 +190,9 @@ def test_scenes_are_read_without_numpy():
 
 
 def test_a_door_loads_nothing():
-    for file in [PACKAGE / "__init__.py", *(stub.with_suffix(".py") for stub in PACKAGE.glob("*/__init__.pyi"))]:
+    for file in [PACKAGE / "__init__.py", *(stub.with_suffix(".py") for stub in STUBS)]:
         loaded = {module for module, _, at_load in imports(file) if at_load}
-        allowed = {"lazy_loader"} if file.parent.name != "environments" else {"lazy_loader", "importlib.util", *TASKS}
+        allowed = {"lazy_loader"} if file.parent.name != "learning" else {"lazy_loader", "importlib.util", *TASKS}
         assert loaded <= allowed, file
 
 
@@ -175,16 +201,17 @@ def test_packages_are_entered_through_their_doors():
     wrong = []
     for file in FILES:
         here = module_of(file)
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(file)):
             if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
                 given = node.args[0]
                 text = given.values[0] if isinstance(given, ast.JoinedStr) else given
                 there = inside(str(text.value).rstrip(".")) if isinstance(text, ast.Constant) else None
                 fine = there in (None, here)
             elif isinstance(node, ast.ImportFrom) and (there := inside(node.module or "")) not in (None, "", here):
-                single = not (PACKAGE / str(there)).is_dir()
+                single = (PACKAGE / f"{there}.py").exists()
                 names = {alias.name for alias in node.names}
-                fine = single or ((node.module or "").count(".") == 1 and names <= DOORS.get(str(there), {}).keys())
+                at_door = node.module == f"continuum_grasp.{there}"
+                fine = single or (at_door and names <= DOORS.get(str(there), {}).keys())
             elif isinstance(node, ast.ImportFrom) and node.module == "continuum_grasp":
                 fine = all(not (PACKAGE / alias.name).exists() for alias in node.names)
             elif isinstance(node, ast.Import):
@@ -196,31 +223,43 @@ def test_packages_are_entered_through_their_doors():
     assert not wrong
 
 
+@cache
+def named_in(file: Path) -> dict[str, set[str]]:
+    """Names that a file takes from each package: by imports, and in texts ``module:name``."""
+    found: dict[str, set[str]] = {}
+    for node in ast.walk(tree(file)):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            package = inside(node.module) if node.level == 0 else node.module
+            found.setdefault(package or "", set()).update(alias.name for alias in node.names)
+        elif isinstance(node, ast.Constant) and str(node.value).startswith("continuum_grasp."):
+            module, _, name = str(node.value).partition(":")
+            found.setdefault(inside(module) or "", set()).add(name)
+    return found
+
+
 @pytest.mark.parametrize("package", DOORS)
 def test_every_name_of_a_door_is_taken(package):
     """By another package, or by users, whose names are in ``__all__``."""
     taken = set(getattr(import_module(f"continuum_grasp.{package}"), "__all__", ()))
+    taken |= {entry.name for entry in ANNOUNCED if entry.module == f"continuum_grasp.{package}"}
     assert taken <= DOORS[package].keys()
     for file in [PACKAGE / "__init__.pyi", *FILES]:
-        if module_of(file) == package:
-            continue
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module in (package, f"continuum_grasp.{package}"):
-                taken |= {alias.name for alias in node.names}
+        taken |= named_in(file).get(package, set()) if module_of(file) != package or file.stem == "addon" else set()
     assert not DOORS[package].keys() - taken
 
 
 def test_no_name_of_a_door_is_that_of_a_module():
     """Importing the module would replace the name."""
     for package, names in DOORS.items():
-        modules = {file.stem if file.is_file() else file.name for file in (PACKAGE / package).iterdir()}
+        folder = PACKAGE / package.replace(".", "/")
+        modules = {file.stem if file.is_file() else file.name for file in folder.iterdir()}
         assert not modules & names.keys(), package
 
 
 def test_a_class_name_exists_once():
     homes: dict[str, set[str]] = {}
     for file in FILES:
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(file)):
             if isinstance(node, ast.ClassDef):
                 homes.setdefault(node.name, set()).add(str(file.relative_to(PACKAGE)))
     assert not {name: files for name, files in homes.items() if len(files) > 1}
@@ -231,7 +270,7 @@ def test_nothing_but_the_command_line_prints():
     for file in FILES:
         if module_of(file) == "cli":
             continue
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(file)):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("print", "input"):
                 wrong.append(f"{file.relative_to(PACKAGE)}:{node.lineno}")
             if isinstance(node, ast.Attribute) and ast.unparse(node) in ("sys.stdout", "sys.stderr"):
@@ -243,7 +282,7 @@ def test_input_is_not_checked_by_assert():
     wrong = [
         f"{file.relative_to(PACKAGE)}:{node.lineno}"
         for file in FILES
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        for node in ast.walk(tree(file))
         if isinstance(node, ast.Assert)
     ]
     assert not wrong
@@ -264,9 +303,10 @@ def test_there_are_no_circles():
 
     def targets(file: Path) -> set[str]:
         found = set()
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(file)):
             if isinstance(node, ast.ImportFrom) and node.module:
-                behind = DOORS.get(inside(node.module) or "", {}) if node.module.count(".") == 1 else {}
+                package = inside(node.module)
+                behind = DOORS.get(package or "", {}) if node.module == f"continuum_grasp.{package}" else {}
                 for alias in node.names:
                     inner = f"{node.module}.{alias.name}"
                     found.add(behind.get(alias.name) or (inner if inner in by_name else node.module))

@@ -20,7 +20,7 @@ from benchmarks.baselines.release_ours import rms_error
 from benchmarks.report import Table
 from continuum_grasp.accuracy.motion import TipMotion
 from continuum_grasp.accuracy.truth import Truth
-from continuum_grasp.export import export_mjcf
+from continuum_grasp.addons.chains.write import export_mjcf
 from continuum_grasp.scene import Scene
 
 _SHEAR_RATIO = 1.0 / 2.6

@@ -1,3 +1,7 @@
+from .addon_registry import Addon as Addon
+from .addon_registry import ConfigurationKind as ConfigurationKind
+from .addon_registry import addons as addons
+from .addon_registry import named_value as named_value
 from .arguments import check_arguments as check_arguments
 from .arguments import choice as choice
 from .arguments import instance as instance

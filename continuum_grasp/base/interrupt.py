@@ -37,7 +37,7 @@ _PARTS = {
     "_weakrefset": None,
     "continuum_grasp.results.atomic": None,
     "continuum_grasp.results.record": None,
-    "continuum_grasp.sweeps.folder": ("append", "write_run_file"),
+    "continuum_grasp.addons.sweeps.folder": ("append", "write_run_file"),
 }
 """Modules, and functions of them, in and under which an exception would be lost or leave half of something; beside
 imports."""

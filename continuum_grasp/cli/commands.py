@@ -10,7 +10,6 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
@@ -23,9 +22,11 @@ from continuum_grasp.base import (
     ContinuumGraspError,
     InputError,
     SolverError,
+    addons,
     command_line,
     interrupt_was_pressed,
     listening_for_interrupts,
+    named_value,
 )
 from continuum_grasp.cli.output import FAILED, UNSTABLE
 
@@ -148,13 +149,24 @@ def _root(
 
 
 _VERBS = """
-configurations:new motions:simulate measurements:compare grasps:grasp motions:plan mpc:mpc measurements:replay
-measurements:commission grasps:sweep grasps:design motions:modes motions:accuracy measurements:identify export:export
+configurations:new motions:simulate grasps:grasp mpc:mpc motions:modes motions:accuracy export:export
 configurations:schema configurations:validate configurations:doctor
 """
-"""Verbs, each behind the module that has its function."""
-for _place in _VERBS.split():
-    app.command(cls=_Verb)(resolve_name(f"continuum_grasp.cli.{_place}"))
+"""Verbs of the core, each behind the module that has its function."""
+
+
+def _add_verbs() -> None:
+    """Give the command line the verbs of the core, then those of add-ons."""
+    core = {place.partition(":")[2]: f"continuum_grasp.cli.{place}" for place in _VERBS.split()}
+    for name, addon in addons().items():
+        if again := core.keys() & addon.verbs.keys():
+            raise InputError(f"add-on {name!r}: there is a verb {min(again)!r} already")
+        core |= addon.verbs
+    for place in core.values():
+        app.command(cls=_Verb)(named_value(place))
+
+
+_add_verbs()
 
 
 def _say_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:

@@ -109,11 +109,11 @@ def schema(
 ) -> None:
     """JSON Schema of the configurations, for editors."""
     from continuum_grasp.results import write_text
-    from continuum_grasp.scene import KINDS, json_schema, schema_files, schema_text
+    from continuum_grasp.scene import json_schema, kinds, schema_files, schema_text
 
     output = Output()
     if (kind is None) == (out is None):
-        raise InputError(f"expected either one of {', '.join(KINDS)}, or --out DIR")
+        raise InputError(f"expected either one of {', '.join(kinds())}, or --out DIR")
     if kind is not None:
         output.say(schema_text(json_schema(kind)).rstrip("\n"))
     elif out is not None:
@@ -170,9 +170,9 @@ def validate(
 
 def _draw(loaded: Any, document: Document, file: Path, picture: Path) -> None:
     """Draw the scene of a configuration, of a sweep or design its base; of several files, the last one's stays."""
+    from continuum_grasp.addons.sweeps import base_scene
     from continuum_grasp.plotting import plot_scene
     from continuum_grasp.results import save_picture
-    from continuum_grasp.scene import base_scene
 
     save_picture(plot_scene(base_scene(loaded, document, file)), picture)
 

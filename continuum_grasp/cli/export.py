@@ -15,7 +15,10 @@ from continuum_grasp.cli.options import option, resolved_scene, verb
 from continuum_grasp.cli.output import Output, one_of, out_option
 
 if TYPE_CHECKING:
-    from continuum_grasp.export import FunctionalMockupUnit, HingeChain, Package, Page
+    from continuum_grasp.addons.chains import HingeChain
+    from continuum_grasp.addons.fmu import FunctionalMockupUnit
+    from continuum_grasp.addons.web import Page
+    from continuum_grasp.export import Package
 
 SUFFIXES = {"c": "", "fmu": "", "web": ".html", "mjcf": ".xml", "casadi": ""}
 """End of the name of what is written, by the word of ``--to``: folders, and files."""
@@ -77,8 +80,9 @@ def export(
 def _export(output: Output, to: str, options: dict[str, Any], clock: str | None) -> None:
     """Export by the function of ``to`` with the options that were given, and print what it wrote."""
     import continuum_grasp
+    from continuum_grasp.addons.mission import MissionScene
     from continuum_grasp.results import hold_folder
-    from continuum_grasp.scene import ControlScene, MissionScene
+    from continuum_grasp.scene import ControlScene
 
     write = getattr(continuum_grasp, f"export_{to}")
     for key in options.keys() - inspect.signature(write).parameters.keys():
@@ -91,7 +95,7 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
     if rates and not isinstance(scene, more):
         raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
     if to == "fmu":
-        from continuum_grasp.export import identifier_of
+        from continuum_grasp.addons.fmu import identifier_of
 
         options.setdefault("name", identifier_of(output.config, scene))
     hold_folder(output.folder)

@@ -1,15 +1,14 @@
-"""Verbs of one finger in motion: ``simulate``, ``plan``, ``modes``, ``accuracy``."""
+"""Verbs of one finger in motion: ``simulate``, ``modes``, ``accuracy``."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 from itertools import zip_longest
-from pathlib import Path
 
-from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.base import InputError
 from continuum_grasp.cli.options import OF_RUNS, option, resolved_scene, verb
-from continuum_grasp.cli.output import Output, named_path, out_option
+from continuum_grasp.cli.output import Output, out_option
 
 
 @verb(*OF_RUNS, "animation")
@@ -33,36 +32,6 @@ def simulate(output: Output) -> None:
     }
     values |= {name: getattr(trajectory, name) for name in ("time_error", "space_error", "static_error")}
     output.report(trajectory, files, **values)
-
-
-@verb(*OF_RUNS, "animation")
-def plan(
-    output: Output,
-    warm: Path | None = option("Run folder of a plan from which to begin.", metavar="DIR", parser=named_path),
-    grasp: Path | None = option("Run folder of the grasp that is to be carried out.", metavar="DIR", parser=named_path),
-    speed: float = option("Seconds of motion per second of animation.", default=0.1, metavar="S"),
-) -> None:
-    """Plan a whole motion to a goal. Costs: time, effort, smoothness, tracking."""
-    from continuum_grasp.scene import PlanScene
-
-    scene = output.scene(PlanScene)
-
-    from continuum_grasp.planning import plan as run
-
-    motion, files = output.run("planning", lambda _: run(scene, warm=warm, grasp=grasp, raise_on_failure=False), speed)
-    output.report(
-        motion,
-        files,
-        {f"{name} [s]": f"{value:.3f}" for name, value in motion.times.items()},
-        duration=motion.duration,
-        tip=tuple(motion.tip[-1]),
-        active=motion.active_constraints,
-        **motion.details(),
-    )
-    if motion.status not in ("optimal", "feasible"):
-        raise SolverError(
-            motion.message, status=motion.status.value, violated=motion.violated, advice=motion.advice, result=motion
-        )
 
 
 _OUT = out_option("Save modes and their picture in this folder; an earlier run of modes is replaced.")

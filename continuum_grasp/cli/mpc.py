@@ -12,8 +12,9 @@ from continuum_grasp.cli.options import OF_RUNS, option, verb
 from continuum_grasp.cli.output import FAILED, Output
 
 if TYPE_CHECKING:
+    from continuum_grasp.addons.mission import MissionScene
     from continuum_grasp.grasp import GraspResult
-    from continuum_grasp.scene import ControlScene, MissionScene
+    from continuum_grasp.scene import ControlScene
 
 _SHOWN = 10
 """Failed plants that are listed."""
@@ -33,7 +34,8 @@ def mpc(
     Exit status 1 if the supervisor tripped, or a setpoint that stood was missed. A mission (its configuration has a
     grasp) takes an object from approach to release; exit status 1 if it is dropped, or not let go in the end.
     """
-    from continuum_grasp.scene import ControlScene, MissionScene
+    from continuum_grasp.addons.mission import MissionScene
+    from continuum_grasp.scene import ControlScene
 
     seeding = [] if seed is None else [f"plant.seed={seed}"]
     output = replace(output, changes=[*(output.changes or ()), *seeding])
@@ -67,7 +69,7 @@ def _control(scene: ControlScene, output: Output) -> None:
 
 def _with_trials(trials: str, seed: int | None, output: Output) -> Any:
     """The mission with as many trials as asked, and their seed."""
-    from continuum_grasp.scene import MissionScene
+    from continuum_grasp.addons.mission import MissionScene
 
     if trials != "all" and not trials.isdecimal():
         raise InputError(f"expected a number or all, got {trials!r}", key="--trials")
@@ -78,7 +80,7 @@ def _with_trials(trials: str, seed: int | None, output: Output) -> Any:
 
 def _carry_out(scene: MissionScene, output: Output) -> None:
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if it failed."""
-    from continuum_grasp.mission import run_mission
+    from continuum_grasp.addons.mission import run_mission
 
     grasp = _grasp(scene, output)
     run, files = output.run("carrying it out", lambda report: run_mission(scene, grasp=grasp, progress=report))
@@ -103,7 +105,7 @@ def _carry_out(scene: MissionScene, output: Output) -> None:
 
 def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
     """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
-    from continuum_grasp.mission import run_trials
+    from continuum_grasp.addons.mission import run_trials
 
     grasp = _grasp(scene, output)
     stopped: Interrupted | None = None

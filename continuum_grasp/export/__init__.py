@@ -2,15 +2,5 @@
 
 from lazy_loader import attach_stub
 
-__all__ = [
-    "FunctionalMockupUnit",
-    "HingeChain",
-    "Package",
-    "Page",
-    "export_c",
-    "export_casadi",
-    "export_fmu",
-    "export_mjcf",
-    "export_web",
-]
+__all__ = ["Package", "export_c", "export_casadi"]
 __getattr__, __dir__, _ = attach_stub(__name__, __file__)

@@ -7,28 +7,28 @@ import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 from continuum_grasp.accuracy import resolve_fidelity
-from continuum_grasp.base import InputError
+from continuum_grasp.base import InputError, named_value
 from continuum_grasp.control import Controller, Estimator, Prediction, RtiSolver, Stages
 from continuum_grasp.export.control.loop import ExportedPhases
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.mission import (
-    Assignment,
-    MissionRun,
-    PlantVariation,
-    Timetable,
-    admit,
-    assign,
-    certified_forces,
-    exceeded,
-    mission_settings,
-)
 from continuum_grasp.model import ROUNDING, FingerModel, ModelOptions
-from continuum_grasp.scene import Consumer, ControlScene, MissionScene, Scene, Surroundings, beside, doubt, load
+from continuum_grasp.results import Result
+from continuum_grasp.scene import (
+    Consumer,
+    ControlScene,
+    Scene,
+    Surroundings,
+    Value,
+    beside,
+    doubt,
+    kind_of_scene,
+    kinds,
+    load,
+)
 
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """Characters that may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
@@ -36,18 +36,7 @@ _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 _CUT = 0.25
 """Share of the rounding below which the terms of an arc's series are left out in single precision."""
 
-Given = (
-    FingerModel
-    | Scene
-    | ControlScene
-    | MissionScene
-    | MissionRun
-    | Controller
-    | Estimator
-    | RtiSolver
-    | str
-    | os.PathLike[str]
-)
+Given = FingerModel | Value | Result | Controller | Estimator | RtiSolver | str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
@@ -77,6 +66,17 @@ class ModelSource:
         return self.model
 
 
+@dataclass(frozen=True)
+class ExportedLoop:
+    """What an add-on makes of a scene of its own, so that it is exported as a closed loop: the scene of its controller,
+    the configuration as plain values, and phases by the problem of the controller.
+    """
+
+    control: ControlScene
+    configuration: Mapping[str, Any]
+    phases: Callable[[Stages], ExportedPhases] | None = None
+
+
 def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSource:
     """The model to export; ``finger`` names one of a mission of several.
 
@@ -84,9 +84,12 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     otherwise. SolverError if no model keeps the scene's tolerance.
     """
     if isinstance(given, (str, os.PathLike)):
-        given = load(given)  # type: ignore[assignment, arg-type]
-    if isinstance(given, (MissionScene, MissionRun)):
-        return _of_mission(given, real, finger)
+        given = load(given)  # type: ignore[arg-type]
+    scene_given = getattr(given, "scene", given)
+    if isinstance(scene_given, Value) and (loop := kinds()[kind_of_scene(scene_given)].loop):
+        exported: ExportedLoop = named_value(loop)(given, finger)
+        of_loop = _of_loop(exported.control, real)
+        return replace(of_loop, configuration=exported.configuration, phases=exported.phases)
     _ONE_FINGER.check(None, of={"finger": finger is not None})
     if isinstance(given, FingerModel):
         return ModelSource(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
@@ -140,48 +143,11 @@ def _of_loop(scene: ControlScene, real: Real) -> ModelSource:
     return ModelSource(model, *names_of(scene), None, scene.model_dump(mode="json"), scene, scene)
 
 
-_REPORTED = {
-    True: (("others_bear", "BEARS"), ("others_lack", "LACKS"), ("others_doubt", "DOUBTS"), ("others_blind", "BLIND")),
-    False: (("lift", "LIFTS"), ("let_go", "LETS_GO")),
-}
-"""Reports that the finger that decides takes from others, and they from it, with the words in ``c/mission.h``."""
 _ONE_FINGER = Consumer("export to c of one finger", {"finger": "is for a mission of several fingers"})
 
 
-def assigned(given: MissionScene | MissionRun) -> tuple[Assignment, ...]:
-    """Tasks of the fingers of a mission, whose grasp is optimized where that has not run."""
-    if isinstance(given, MissionRun):
-        return given.assignments
-    assignments = assign(given)
-    admit(assignments, [limit.text for limit in exceeded(assignments, PlantVariation())])
-    return assignments
-
-
-def _of_mission(mission: MissionScene | MissionRun, real: Real, finger: str | None) -> ModelSource:
-    """The controller of a finger with the phases of its mission."""
-    assignments = assigned(mission)
-    by_name = {assignment.name: assignment for assignment in assignments}
-    if finger not in by_name and (finger is not None or len(by_name) > 1):
-        expected = f"one of {', '.join(by_name)}, which have a package each"
-        raise InputError(f"expected {expected}, got {finger!r:.60}", key="finger")
-    of = assignments[0] if finger is None else by_name[finger]
-    known = of.mission.model_dump(mode="json")
-    return replace(_of_loop(of.control, real), configuration=known, phases=partial(phases_of, assignments, of))
-
-
-def phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> ExportedPhases:
-    """Phases of the finger ``of``, one of those that are assigned, by the problem of its controller."""
-    table, leads = Timetable(of), of is assignments[0]
-    certified, holds_on = certified_forces(assignments, of), of.mission.phases.hold_until_release
-    sizes, settings = mission_settings(table, stages, certified, leads=leads, holds_on=holds_on)
-    reported = () if len(assignments) == 1 else _REPORTED[leads]
-    spans = table.phases()
-    return ExportedPhases(sizes, settings, tuple(span.name for span in spans), spans[-1].start, reported)
-
-
-def names_of(given: Scene | ControlScene | MissionScene | MissionRun) -> tuple[str, str]:
-    """Title, and what the README says that it was made from."""
-    scene = given.assignments[0].mission if isinstance(given, MissionRun) else given
+def names_of(scene: Any) -> tuple[str, str]:
+    """Title of a scene, and what the README says that it was made from."""
     title = " ".join(_MEANT.sub(" ", scene.name or "").split())
     return title or "a continuum finger", f"the scene '{title}'" if title else "a scene without a name"
 

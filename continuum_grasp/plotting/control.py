@@ -14,14 +14,12 @@ from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
 from continuum_grasp.plotting.motion import motion_frames
-from continuum_grasp.scene import PlanScene
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
     from continuum_grasp.closed_loop import ControlRun
-    from continuum_grasp.planning import MotionPlan
 
 _SHAPES = 9
 """Shapes drawn of a run [1]: about two per second of a few seconds, which stay apart."""
@@ -52,9 +50,9 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
 
 
 @axes.over_time()
-def plot_inputs(ax: Axes, run: ControlRun | MotionPlan) -> str:
+def plot_inputs(ax: Axes, run: Any) -> str:
     """Draw the commands over time, with their limits."""
-    linear = isinstance(run.scene, PlanScene) and run.scene.input.form == "linear"
+    linear = getattr(run, "linear_inputs", False)
     for column, name, color in zip(np.asarray(run.u).T, run.u_names, axes.colors(len(run.u_names)), strict=True):
         look: dict[str, Any] = {"color": color, "linewidth": 1.4, "label": axes.words(name)}
         if linear:

@@ -1,11 +1,11 @@
-"""Motions, plans, tendons and natural modes: the finger at instants and frame by frame, curves over time."""
+"""Motions, tendons and natural modes: the finger at instants and frame by frame, curves over time."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-    from continuum_grasp.closed_loop import ControlRun
-    from continuum_grasp.planning import MotionPlan
     from continuum_grasp.scene import Finger
     from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
 
+Moved: TypeAlias = Any
+"""A result of a finger in motion: a `Trajectory`, a `ControlRun`, or what an add-on has with the same attributes."""
 _FORCE = 0.25
 """Length of the greatest force per that of the finger: the direction is seen, the finger not dwarfed."""
 _QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
@@ -35,9 +35,7 @@ _LOOKED, _PLACES, _STILL = 1000, 9, 1e-3
 _STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 
 
-def plot_snapshots(
-    motion: Trajectory | MotionPlan, *, times: Sequence[float] | int = _INSTANTS, ax: Axes | None = None
-) -> Axes:
+def plot_snapshots(motion: Moved, *, times: Sequence[float] | int = _INSTANTS, ax: Axes | None = None) -> Axes:
     """Draw the finger at several instants, colored by time, with clamp, point masses and the last forces to scale.
 
     ``times`` are instants [s], of which the nearest computed ones are drawn, or how many: between two of these, finger
@@ -45,13 +43,13 @@ def plot_snapshots(
     its supports. The backbones are the first collection of the axes, arrows of each kind of force at the last instant a
     quiver.
     """
-    return _snapshots(motion, times, ax)
+    return draw_snapshots(motion, times, ax)
 
 
-def _snapshots(
-    motion: Trajectory | MotionPlan,
-    times: Sequence[float] | int,
-    ax: Axes | None,
+def draw_snapshots(
+    motion: Moved,
+    times: Sequence[float] | int = _INSTANTS,
+    ax: Axes | None = None,
     beside: Callable[[Axes], None] = lambda ax: None,
     seen: Sequence[NDArray[Any]] = (),
 ) -> Axes:
@@ -81,20 +79,7 @@ def _snapshots(
     return ax
 
 
-def plot_plan_path(plan: MotionPlan, *, ax: Axes | None = None) -> Axes:
-    """Draw snapshots of a plan, the path of its tip, and the goal."""
-    tip, goal = np.asarray(plan.tip_path), plan.scene.goal
-    goals = [*([] if goal.tip is None else [goal.tip.value]), *([] if goal.shape is None else goal.shape.value)]
-
-    def path(ax: Axes) -> None:
-        ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
-        if goals:
-            ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
-
-    return _snapshots(plan, _INSTANTS, ax, path, [tip])
-
-
-def _along_the_way(motion: Trajectory | MotionPlan, count: int) -> np.ndarray:
+def _along_the_way(motion: Moved, count: int) -> np.ndarray:
     """Indices of the first and the last instant, and of others between which finger or object go equally far.
 
     The way from instant to instant is that of the point that goes farthest.
@@ -125,7 +110,7 @@ def _nearest(t: np.ndarray, times: Sequence[float]) -> np.ndarray:
 
 
 def motion_frames(
-    motion: Trajectory | MotionPlan | ControlRun,
+    motion: Moved,
     indices: NDArray[Any],
     width: int,
     ahead: Callable[[Film, NDArray[Any]], Callable[[int], list[Artist]]] | None = None,
@@ -167,7 +152,7 @@ def _thickness(finger: Finger, shapes: NDArray[Any]) -> list[NDArray[Any]]:
     return [bodies.finger_outline(shape, finger) for shape in shapes] if bodies.shows_thickness(finger) else []
 
 
-def _forces_at(motion: Trajectory | MotionPlan | ControlRun, indices: NDArray[Any]) -> list[list[Force]]:
+def _forces_at(motion: Moved, indices: NDArray[Any]) -> list[list[Force]]:
     """Forces at each of some instants, without those that are zero but for rounding."""
     every = [motion.loads_at(int(k)) for k in indices]
     # 1e-9: force per the greatest that is rounding, as of a load that has faded
@@ -214,7 +199,7 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
 
 
 @axes.over_time(columns=8)
-def plot_coordinates(ax: Axes, trajectory: Trajectory | MotionPlan) -> str:
+def plot_coordinates(ax: Axes, trajectory: Moved) -> str:
     """Draw every bending coordinate over time, in order."""
     names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
     symbols, units = [axes.symbol(name) for name, _ in names], ", ".join(dict.fromkeys(unit for _, unit in names))
@@ -234,7 +219,7 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> str:
 
 
 @axes.over_time()
-def plot_contact_forces(ax: Axes, trajectory: Trajectory | MotionPlan) -> str:
+def plot_contact_forces(ax: Axes, trajectory: Moved) -> str:
     """Draw the normal force of every contact that ever touches over time, and dashed the size of its friction force."""
     contacts: Any = trajectory.contacts
     touching = np.flatnonzero(np.any(contacts.normal_force > 0.0, axis=0))

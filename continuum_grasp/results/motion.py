@@ -64,7 +64,7 @@ class MotionResult(Result):
 
         Returns
         -------
-        continuum_grasp.export.web.Page
+        continuum_grasp.addons.web.Page
             A notebook shows it; ``save`` writes it to a file.
 
         Raises

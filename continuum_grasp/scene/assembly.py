@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from continuum_grasp.base import InputError
+from continuum_grasp.scene.config_kinds import kind_of
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place, child, dotted, plain, undotted
-from continuum_grasp.scene.kinds import kind_of
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
 
 if TYPE_CHECKING:

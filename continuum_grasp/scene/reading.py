@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
+from typing import Any, TypeAlias, TypeVar, overload
 
-from continuum_grasp.base import InputError
+from continuum_grasp.base import InputError, named_value
 from continuum_grasp.scene.assembly import (
     Overrides,
     apply_override,
@@ -17,22 +17,12 @@ from continuum_grasp.scene.assembly import (
     take_version,
     validated,
 )
+from continuum_grasp.scene.config_kinds import each_of, kind_of, kinds, model_of, other_kind
 from continuum_grasp.scene.document import Document, Place
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.kinds import each_of, kind_of, model_of, other_kind
 from continuum_grasp.scene.simulate import Scene
 
-if TYPE_CHECKING:
-    from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.design import Design
-    from continuum_grasp.scene.grasp import GraspScene
-    from continuum_grasp.scene.mission import MissionScene
-    from continuum_grasp.scene.plan import PlanScene
-    from continuum_grasp.scene.sweep import Sweep
-
-    Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep | Design
-
-
+Loaded: TypeAlias = Any
+"""A scene of any kind: which one, the content of its file decides."""
 Kind = TypeVar("Kind")
 
 
@@ -79,16 +69,8 @@ def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Do
     if kind == "finger":
         take_version(document)
     loaded: Any = validated(document, model_of(kind))
-    if kind == "sweep":
-        from continuum_grasp.scene.variation import variation_of
-
-        variation_of(loaded, document, path)
-        loaded = loaded.in_folder(Path(path).parent)
-    elif kind == "design":
-        from continuum_grasp.scene.design_space import design_space_of
-
-        design_space_of(loaded, document, path)
-        loaded = loaded.in_folder(Path(path).parent)
+    if finish := kinds()[kind].finish:
+        loaded = named_value(finish)(loaded, document, Path(path))
     return loaded, document
 
 

@@ -6,7 +6,7 @@ import copy
 import json
 from typing import Any
 
-from continuum_grasp.scene.kinds import DEFINITIONS, KINDS, model_of
+from continuum_grasp.scene.config_kinds import DEFINITIONS, kinds, model_of
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, to_si
 
@@ -36,7 +36,7 @@ def json_schema(kind: str) -> _Node:
         schema["required"] = []
         # A finger that changes another one needs no rod of its own.
         schema["anyOf"] = [{"required": ["rod"]}, {"required": ["extends"]}]
-    elif kind != "sweep":
+    elif kinds()[kind].names_files:
         if "GraspScene" in definitions:  # in a mission or plan
             _take_files(definitions["GraspScene"], "GraspFinger", definitions)
             grasp = schema["properties"]["grasp"]
@@ -60,7 +60,7 @@ def schema_text(schema: _Node) -> str:
 def schema_files() -> dict[str, str]:
     """Texts of a folder of schemas by name: one file per kind, and one of the definitions that they share."""
     shared, files = dict[str, _Node](), dict[str, str]()
-    for kind in KINDS:
+    for kind in kinds():
         schema = json_schema(kind)
         shared |= schema.pop("$defs")
         files[f"{kind}.json"] = schema_text(schema).replace('"#/$defs/', f'"{DEFINITIONS}#/$defs/')

@@ -6,8 +6,7 @@ import json
 import logging
 from types import SimpleNamespace
 
-from continuum_grasp.cli import progress
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli import Output, progress
 from tests.commands import ROOT, run
 
 LOG = "continuum_grasp.core.compiler"

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.control import Anomaly, stages_of
-from continuum_grasp.mission import assign
 from tests.rods import after
 from tests.rti_problems import cart_pole, cart_pole_rates
 

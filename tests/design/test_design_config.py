@@ -7,8 +7,8 @@ import json
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.design import DesignResult
 from continuum_grasp.base import InputError
-from continuum_grasp.design import DesignResult
 from tests.commands import run
 
 WHOLE = """\

@@ -10,11 +10,12 @@ import pytest
 from scipy.optimize import root
 
 import continuum_grasp as cg
-from continuum_grasp.design.evaluation import DesignProblem, Expression
-from continuum_grasp.design.held import HeldGrasp, Stencil
+from continuum_grasp.addons.design import Design
+from continuum_grasp.addons.design.evaluation import DesignProblem, Expression
+from continuum_grasp.addons.design.held import HeldGrasp, Stencil
+from continuum_grasp.addons.design.space import design_space_of
 from continuum_grasp.nlp import NLP, Multipliers
-from continuum_grasp.scene import Design, design_space_of
-from continuum_grasp.scene.assembly import placed
+from continuum_grasp.scene import placed
 from continuum_grasp.scene.document import Place
 from tests.marks import few
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.design import DesignNumber, DesignStatus, Evaluation
 from continuum_grasp.base import SolverError
-from continuum_grasp.design import DesignNumber, DesignStatus, Evaluation
 
 ARCS = "configs/grasp/mug_arcs.yaml"
 OFFSET = "finger.tendons.offset"

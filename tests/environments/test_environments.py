@@ -24,7 +24,8 @@ gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
-from continuum_grasp.environments import TASKS, Ended, FingerEnv, FingerVectorEnv, substeps  # noqa: E402
+from continuum_grasp.addons.learning import TASKS, Ended, FingerEnv, FingerVectorEnv  # noqa: E402
+from continuum_grasp.addons.learning.environments import substeps  # noqa: E402
 
 FAST = {"plant.fidelity": {"family": "matched_clothoid", "elements": 2}}
 SWEEP = {
@@ -477,7 +478,7 @@ def test_without_gymnasium():
     """The sweeps of the environments are there; an environment says what to install."""
     code = (
         "import sys; sys.modules['gymnasium'] = None\n"
-        "import continuum_grasp as cg, continuum_grasp.environments as own; print(len(own.TASKS))\n"
+        "import continuum_grasp as cg, continuum_grasp.addons.learning.environments as own; print(len(own.TASKS))\n"
         "for name in ('FingerEnv', 'FingerVectorEnv'):\n"
         "    try: getattr(own, name)\n"
         "    except cg.InputError as error: print(error)"

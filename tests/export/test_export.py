@@ -17,13 +17,10 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.core import Core
-from continuum_grasp.export import export_c
-from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.part import Code
+from continuum_grasp.export import REALS, Code, Subject, export_c, input_fields, parameter_fields, source_of
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.export.ranges import force_fields, input_fields, parameter_fields, state_fields
-from continuum_grasp.export.source import source_of
-from continuum_grasp.export.subject import STABLE, Subject
+from continuum_grasp.export.ranges import force_fields, state_fields
+from continuum_grasp.export.subject import STABLE
 from continuum_grasp.export.vectors import reach_of, split
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import Scene, load

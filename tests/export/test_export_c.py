@@ -10,7 +10,7 @@ import shutil
 import numpy as np
 import pytest
 
-from continuum_grasp.export.part import Code
+from continuum_grasp.export import Code
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
 from tests.marks import few
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control import Controller, Estimator, ResidualContact
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.export import REALS
 from tests.contact_cases import NOISE, RADIUS, STEP, plant, short_scene
 from tests.export_cases import needs, shared_library
 

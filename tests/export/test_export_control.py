@@ -13,12 +13,8 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.control import CommandStatus, Controller, Estimator
-from continuum_grasp.export import export_c, package
+from continuum_grasp.export import REALS, Code, Loop, export_c, identifiers, package, source_of, unit_of
 from continuum_grasp.export.control import replay
-from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import REALS, identifiers, unit_of
-from continuum_grasp.export.part import Code
-from continuum_grasp.export.source import source_of
 from tests.control_cases import Reality, hand_scene
 from tests.export_cases import (
     DRIVES,

@@ -16,13 +16,14 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.fmu.description import base_unit
+from continuum_grasp.addons.fmu.plant import loop_plant_unit
+from continuum_grasp.addons.fmu.write import export_fmu
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.control import Outputs, Prediction, setpoints
-from continuum_grasp.export import export_c, export_fmu
-from continuum_grasp.export.fmu.description import base_unit
-from continuum_grasp.export.fmu.plant import loop_plant_unit
+from continuum_grasp.export import export_c
 from continuum_grasp.scene import load
 from tests.export.test_export_touching import scene as touching_scene
 from tests.export_cases import TENDONS, loop_scene, needs, run, shared_library, values

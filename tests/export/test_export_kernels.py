@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.export.build import FLAGS
-from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export import FLAGS, REALS, Kernel
 from continuum_grasp.export.strict_math import reference
 from tests.export_cases import STRICT, needs, run
 
@@ -58,7 +56,7 @@ _OTHER = {"pow": "power"}
 
 def in_c(kernel: Kernel, real, rows, folder):
     """What the C of a kernel with one input and one output gives."""
-    from continuum_grasp.export.strict_math import c_source
+    from continuum_grasp.export import c_source
 
     strict = c_source(kernel.calls, real, "k").replace("K_API ", "")
     source = HEADER.format(real=real.name) + strict + kernel.c_source("k", real)

@@ -11,13 +11,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.fmu.write import export_fmu
+from continuum_grasp.addons.mission import PlantVariation, Timetable
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.plan import PhasePlan
+from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Controller, Sight
-from continuum_grasp.export import export_c, export_fmu
+from continuum_grasp.export import export_c
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import PlantVariation, Timetable, assign
-from continuum_grasp.mission.plan import PhasePlan
-from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene import load
 from tests.export.test_export_targets import ELSEWHERE, MACHINES
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library

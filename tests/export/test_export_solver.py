@@ -10,7 +10,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
-from continuum_grasp.export.part import Code
+from continuum_grasp.export import Code
 from tests.export_cases import needs, shared_library
 from tests.rti_problems import cart_pole
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.export import REALS
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.model import Builder, FingerModel
 from continuum_grasp.scene import ForceLoad

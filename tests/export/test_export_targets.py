@@ -9,9 +9,7 @@ import subprocess
 import pytest
 
 from continuum_grasp.base import SolverError
-from continuum_grasp.export import export_c, targets
-from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.part import Code
+from continuum_grasp.export import REALS, Code, export_c, targets
 from tests.export_cases import STRICT, compile_programs, needs, run, scene, two_arcs
 from tests.rods import ROOT
 

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from continuum_grasp.cli import app
 from continuum_grasp.control import Controller
 from continuum_grasp.core import Core
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.export import REALS
 from continuum_grasp.model import FingerModel
 from tests.export_cases import ROOT, STRICT, TENDONS, WARNINGS, needs, run, scene
 

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.web.page import plant_exports
+from continuum_grasp.addons.web.plant import PUSHED, plant_of_loop, plant_of_scene
+from continuum_grasp.addons.web.record import loop_record, trajectory_record
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import Plant
-from continuum_grasp.export.build import wasm_module
-from continuum_grasp.export.web.page import plant_exports
-from continuum_grasp.export.web.plant import PUSHED, plant_of_loop, plant_of_scene
-from continuum_grasp.export.web.record import loop_record, trajectory_record
+from continuum_grasp.export import wasm_module
 from continuum_grasp.results import MotionResult
 from tests.export_cases import loop_scene, needs
 

@@ -10,13 +10,13 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import commission, design_commissioning
+from continuum_grasp.addons.identification.commissioning.bench import Bench, Log, camera_through
+from continuum_grasp.addons.identification.commissioning.log import _log_of
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import TIP, Plant, wiring_of
 from continuum_grasp.control import ControlLog
-from continuum_grasp.identification import commission, design_commissioning
-from continuum_grasp.identification.commissioning.bench import Bench, Log, camera_through
-from continuum_grasp.identification.commissioning.log import _log_of
 from continuum_grasp.scene import Camera, Connection, ControlScene, Mounting
 from tests.identification.test_replay import SCENE
 

@@ -11,12 +11,13 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import Poses, Reading, TipPath, read_data
+from continuum_grasp.addons.identification.periods import columns_of
+from continuum_grasp.addons.identification.pictures import plot_shapes
+from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
-from continuum_grasp.identification import Poses, Reading, TipPath, read_data
-from continuum_grasp.identification.periods import columns_of
-from continuum_grasp.plotting.identification import plot_shapes
-from continuum_grasp.scene import IdentifyScene, read_table
+from continuum_grasp.scene import read_table
 
 LENGTH, STIFFNESS = 0.2, 0.005
 ROD = {
@@ -380,8 +381,8 @@ def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
 
 
 def test_a_comparison_is_drawn_with_points_on_the_finger():
-    from continuum_grasp.plotting.drawing.axes import new_figure
-    from continuum_grasp.plotting.identification import plot_series, plot_shapes
+    from continuum_grasp.addons.identification.pictures import plot_series, plot_shapes
+    from continuum_grasp.plotting import new_figure
 
     tip = np.array([on_arc(m, LENGTH) for m in MOMENTS]).T
     poses = Poses([Reading("x", tip[0]), Reading("y", tip[1] + 0.01)], {"tip_moment": MOMENTS}, [True, True, False])

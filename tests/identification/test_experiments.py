@@ -9,12 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import Poses, Reading, design_experiments
+from continuum_grasp.addons.identification.inference import allotted, information
+from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
-from continuum_grasp.identification import Poses, Reading, design_experiments
-from continuum_grasp.identification.inference import allotted, information
 from continuum_grasp.results import yaml_text
-from continuum_grasp.scene import IdentifyScene
 
 LENGTH, STIFFNESS, SIGMA = 0.2, 0.005, 0.01
 MOMENT = {"name": "tip_moment", "column": "moment [N m]", "choices": [0.0, 0.005, 0.01, 0.02]}

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import Poses, Reading
+from continuum_grasp.addons.identification.blocks import PosesBlock
+from continuum_grasp.addons.identification.scene import Estimate
+from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.identification import Poses, Reading
-from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Estimate, Fidelity
+from continuum_grasp.scene import Fidelity
 from tests.declared import assert_declared
 from tests.identification_cases import (
     DENSITY,

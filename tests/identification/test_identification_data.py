@@ -11,13 +11,14 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import read_data
+from continuum_grasp.addons.identification.pictures import plot_residuals, plot_series
+from continuum_grasp.addons.identification.read import VARIABLE
+from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
-from continuum_grasp.identification import read_data
-from continuum_grasp.identification.read import VARIABLE
-from continuum_grasp.plotting.identification import plot_residuals, plot_series
 from continuum_grasp.results import read_run
-from continuum_grasp.scene import IdentifyScene, read_table
+from continuum_grasp.scene import read_table
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, frequency
 
 LOADS = (0.0, 0.1, 0.25, 0.4)

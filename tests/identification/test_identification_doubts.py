@@ -14,15 +14,22 @@ import scipy.stats
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import brentq
 
+from continuum_grasp.addons.identification import doubts as evidence
+from continuum_grasp.addons.identification import problem as module
+from continuum_grasp.addons.identification.blocks import MeasuredBlock
+from continuum_grasp.addons.identification.doubts import (
+    _correlated,
+    _missed,
+    _outliers,
+    _sets,
+    _stated,
+    doubts_of_elements,
+)
+from continuum_grasp.addons.identification.inference import FALSE_ALARMS, infer
+from continuum_grasp.addons.identification.least_squares import Minimum, least_squares
+from continuum_grasp.addons.identification.problem import FitProblem, Inferred, Solution
+from continuum_grasp.addons.identification.unknowns import Unknown
 from continuum_grasp.base import SolverError
-from continuum_grasp.identification import doubts as evidence
-from continuum_grasp.identification import problem as module
-from continuum_grasp.identification.blocks import MeasuredBlock
-from continuum_grasp.identification.doubts import _correlated, _missed, _outliers, _sets, _stated, doubts_of_elements
-from continuum_grasp.identification.inference import FALSE_ALARMS, infer
-from continuum_grasp.identification.least_squares import Minimum, least_squares
-from continuum_grasp.identification.problem import FitProblem, Inferred, Solution
-from continuum_grasp.identification.unknowns import Unknown
 from tests.identification_cases import level_set
 
 ONE = Unknown("level", "m", "level", 1.0, False, 0.0, -np.inf, np.inf, 1.0)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import Poses, Reading, TipPath, design_experiments
+from continuum_grasp.addons.identification.blocks import PosesBlock
+from continuum_grasp.addons.identification.experiments import commands_text, scene_text
+from continuum_grasp.addons.identification.path_block import PathBlock
+from continuum_grasp.addons.identification.scene import Estimate, IdentifyScene
+from continuum_grasp.addons.identification.segments import base_of, patterns_of
+from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError
-from continuum_grasp.identification import Poses, Reading, TipPath, design_experiments
-from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.experiments import commands_text, scene_text
-from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.segments import base_of, patterns_of
-from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.scene import Estimate, IdentifyScene
 from continuum_grasp.simulation import initial_state
 from tests.control_cases import DRIVES
 from tests.identification_cases import at_tip, coverage, slope_error

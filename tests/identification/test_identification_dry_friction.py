@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Reading, TipPath
-from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.scene import Estimate, Scene
+from continuum_grasp.addons.identification import Reading, TipPath
+from continuum_grasp.addons.identification.path_block import PathBlock
+from continuum_grasp.addons.identification.scene import Estimate
+from continuum_grasp.addons.identification.unknowns import read_unknowns
+from continuum_grasp.scene import Scene
 from tests.identification_cases import slope_error
 
 LENGTH, FIRST = 0.3, 12

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Poses, Reading, TipPath
-from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.doubts import _of_law, _widths, doubts_of_laws
-from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import FitProblem, Solution
-from continuum_grasp.identification.unknowns import read_unknowns
+from continuum_grasp.addons.identification import Poses, Reading, TipPath
+from continuum_grasp.addons.identification.blocks import PosesBlock
+from continuum_grasp.addons.identification.doubts import _of_law, _widths, doubts_of_laws
+from continuum_grasp.addons.identification.path_block import PathBlock
+from continuum_grasp.addons.identification.problem import FitProblem, Solution
+from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
 from tests.identification_cases import (
     LENGTH,

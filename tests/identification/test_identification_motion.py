@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import Reading, TipPath
+from continuum_grasp.addons.identification.path_block import PathBlock, of_one_code
+from continuum_grasp.addons.identification.scene import Estimate
+from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError, NumericalError
 from continuum_grasp.core.source import rollout_source
-from continuum_grasp.identification import Reading, TipPath
-from continuum_grasp.identification.path_block import PathBlock, of_one_code
-from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.scene import Estimate, Fidelity, Scene, Timing
+from continuum_grasp.scene import Fidelity, Scene, Timing
 from tests.identification_cases import ROD, at_tip, coverage, path_of, release, slope_error
 from tests.rods import rod_scene
 

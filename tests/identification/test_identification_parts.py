@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import scipy.stats
 
+from continuum_grasp.addons.identification import Poses, Reading, fit_damped_sine
+from continuum_grasp.addons.identification.blocks import PosesBlock
+from continuum_grasp.addons.identification.inference import infer
+from continuum_grasp.addons.identification.least_squares import least_squares
+from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import NumericalError, SolverError
-from continuum_grasp.identification import Poses, Reading, fit_damped_sine
-from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.inference import infer
-from continuum_grasp.identification.least_squares import least_squares
-from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
 from tests.identification_cases import DENSITY, STIFFNESS, bare_scene, loaded_scene, rung, slope_error
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import Poses, Reading, plausibility
+from continuum_grasp.addons.identification.blocks import MeasuredBlock, PosesBlock
+from continuum_grasp.addons.identification.numbers import MeasuredColumn, MeasuredSet
+from continuum_grasp.addons.identification.plausibility import Misfit, _refitted, judge, misfits
+from continuum_grasp.addons.identification.problem import FitProblem, Solution
+from continuum_grasp.addons.identification.slips import slips_of, undone
+from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.identification import Poses, Reading, plausibility
-from continuum_grasp.identification.blocks import MeasuredBlock, PosesBlock
-from continuum_grasp.identification.numbers import MeasuredColumn, MeasuredSet
-from continuum_grasp.identification.plausibility import Misfit, _refitted, judge, misfits
-from continuum_grasp.identification.problem import FitProblem, Solution
-from continuum_grasp.identification.slips import slips_of, undone
-from continuum_grasp.identification.unknowns import read_unknowns
 from tests.identification.test_identification_doubts import ONE
 from tests.identification_cases import LENGTH, ROD, bare_scene, bent, elastica, loaded_scene, weighed
 from tests.marks import few

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import Poses, Reading, TipPath
+from continuum_grasp.addons.identification.blocks import PosesBlock
+from continuum_grasp.addons.identification.path_block import PathBlock
+from continuum_grasp.addons.identification.problem import FitProblem, Solution
+from continuum_grasp.addons.identification.scene import Estimate
+from continuum_grasp.addons.identification.searches import may_be_local, restarted
+from continuum_grasp.addons.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.base import InputError
-from continuum_grasp.identification import Poses, Reading, TipPath
-from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import FitProblem, Solution
-from continuum_grasp.identification.searches import may_be_local, restarted
-from continuum_grasp.identification.unknowns import Unknown, read_unknowns
-from continuum_grasp.scene import Estimate, Scene
+from continuum_grasp.scene import Scene
 from tests.identification_cases import (
     LENGTH,
     ROD,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from continuum_grasp.identification.calls import calls_of
+from continuum_grasp.addons.identification.calls import calls_of
 
 PERIOD = 0.01  # s
 COUNT = 1000

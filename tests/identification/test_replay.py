@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification.periods import Periods, _lagged
+from continuum_grasp.addons.identification.replayed import replay
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import run_closed_loop
-from continuum_grasp.identification import replay
-from continuum_grasp.identification.periods import Periods, _lagged
 from continuum_grasp.scene import ControlScene
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
 from tests.declared import assert_declared

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.mission.from_grasp import Commands
+from continuum_grasp.addons.mission.from_grasp import Commands
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE
 
 CABLE = {"axial_stiffness": 1e4, "series_stiffness": 2e4}

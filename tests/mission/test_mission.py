@@ -11,33 +11,33 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from continuum_grasp.base import InputError, Interrupted, NumericalError, SolverError
-from continuum_grasp.cli import app
-from continuum_grasp.control import Prediction, stages_of
-from continuum_grasp.export.web.plant import plant_of_loop
-from continuum_grasp.export.web.record import loop_record
-from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import (
+from continuum_grasp.addons.mission import (
     NotLifted,
     Outcome,
     PlantVariation,
     Timetable,
     TrialsResult,
-    assign,
     mission_plant_model,
 )
-from continuum_grasp.mission import run as runs
-from continuum_grasp.mission.causes import Drop
-from continuum_grasp.mission.from_grasp import _control_scene
-from continuum_grasp.mission.lift import Doubted, Slipped
-from continuum_grasp.mission.plant import MissionPlant
-from continuum_grasp.mission.record import MissionRecord
-from continuum_grasp.mission.result import verdict_data
-from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.mission.verdict import judge
-from continuum_grasp.plotting.mission import _draw_moved
+from continuum_grasp.addons.mission import run as runs
+from continuum_grasp.addons.mission.causes import Drop
+from continuum_grasp.addons.mission.from_grasp import _control_scene, assign
+from continuum_grasp.addons.mission.lift import Doubted, Slipped
+from continuum_grasp.addons.mission.pictures import _draw_moved
+from continuum_grasp.addons.mission.plant import MissionPlant
+from continuum_grasp.addons.mission.record import MissionRecord
+from continuum_grasp.addons.mission.result import verdict_data
+from continuum_grasp.addons.mission.run import MissionRunner
+from continuum_grasp.addons.mission.scene import Trials
+from continuum_grasp.addons.mission.verdict import judge
+from continuum_grasp.addons.web.plant import plant_of_loop
+from continuum_grasp.addons.web.record import loop_record
+from continuum_grasp.base import InputError, Interrupted, NumericalError, SolverError
+from continuum_grasp.cli import app
+from continuum_grasp.control import Prediction, stages_of
+from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.results import read_run
-from continuum_grasp.scene import Trials, load
+from continuum_grasp.scene import load
 from tests.declared import assert_declared
 from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned
 
@@ -574,7 +574,7 @@ def command(monkeypatch, found, *arguments, error=None):
 
     grasp = SimpleNamespace(statistics={"interrupted": False})
     monkeypatch.setattr("continuum_grasp.grasp.optimize_grasp", lambda scene: grasp)
-    monkeypatch.setattr("continuum_grasp.mission.run.run_mission", instead)
+    monkeypatch.setattr("continuum_grasp.addons.mission.run.run_mission", instead)
     monkeypatch.setattr(runs, "run_trials", instead)
     return CliRunner().invoke(app, ["mpc", str(MUG), *map(str, arguments)])
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.mission.plant import MissionPlant
 from continuum_grasp.control import Controller
-from continuum_grasp.mission.plant import MissionPlant
 from tests.mission_cases import carried, runner
 
 pytestmark = pytest.mark.deep

@@ -12,16 +12,18 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.mission import PlantVariation, Timetable
+from continuum_grasp.addons.mission.budget import certified_contact
+from continuum_grasp.addons.mission.causes import find_drop
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.precheck import exceeded, exceeded_by_trials
+from continuum_grasp.addons.mission.record import MissionRecord
+from continuum_grasp.addons.mission.run import variations
+from continuum_grasp.addons.mission.scene import Trials
 from continuum_grasp.base import BeyondCertificate, SolverError
 from continuum_grasp.cli import app
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import PlantVariation, Timetable, assign, exceeded
-from continuum_grasp.mission.budget import certified_contact
-from continuum_grasp.mission.causes import find_drop
-from continuum_grasp.mission.precheck import exceeded_by_trials
-from continuum_grasp.mission.record import MissionRecord
-from continuum_grasp.mission.run import variations
-from continuum_grasp.scene import Trials, load
+from continuum_grasp.scene import load
 from tests.mission_cases import MUG, planned
 
 GRAVITY = 9.81  # m/s2

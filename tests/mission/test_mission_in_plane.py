@@ -8,14 +8,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.mission import PlantVariation, Timetable
+from continuum_grasp.addons.mission.budget import keep_position, lowered_by_pulls
+from continuum_grasp.addons.mission.causes import find_drop
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.precheck import exceeded
+from continuum_grasp.addons.mission.record import MissionRecord
+from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.base import InputError
 from continuum_grasp.core import Core
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import PlantVariation, Timetable, assign, exceeded
-from continuum_grasp.mission.budget import keep_position, lowered_by_pulls
-from continuum_grasp.mission.causes import find_drop
-from continuum_grasp.mission.record import MissionRecord
-from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import Circle, ContactLaw, Surroundings, Table, load
 from continuum_grasp.simulation import equilibrium_under

@@ -8,13 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.mission import Timetable, check_mission, on_pads, run_mission, run_trials
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.lift import LiftCheck
+from continuum_grasp.addons.mission.plan import BLIND, LETS_GO, PhasePlan
+from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.base import SolverError
 from continuum_grasp.control import Anomaly, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import Timetable, assign, check_mission, on_pads, run_mission, run_trials
-from continuum_grasp.mission.lift import LiftCheck
-from continuum_grasp.mission.plan import BLIND, LETS_GO, PhasePlan
-from continuum_grasp.scene import Slip, load
+from continuum_grasp.scene import load
 from tests.mission_cases import CERTIFIED, MUG, STAGES, STEP, carried_out, commanded, fingers
 
 

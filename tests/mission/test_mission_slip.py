@@ -7,13 +7,15 @@ import math
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.mission import PlantVariation, Timetable
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.plant import reserve
+from continuum_grasp.addons.mission.run import MissionRunner
+from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Sight
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import PlantVariation, Timetable, assign
-from continuum_grasp.mission.plant import reserve
-from continuum_grasp.mission.run import MissionRunner
-from continuum_grasp.scene import Slip, load
+from continuum_grasp.scene import load
 from tests.mission_cases import CERTIFIED, MUG, QUICK, STEP, carried_out, fingers
 from tests.rods import ROOT
 

@@ -9,22 +9,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.base import InputError
-from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import (
+from continuum_grasp.addons.mission import (
     Outcome,
     PlantVariation,
     Timetable,
     TrialsResult,
-    assign,
-    exceeded,
     mission_plant_model,
     run_trials,
 )
-from continuum_grasp.mission.causes import Turned, find_turned
-from continuum_grasp.mission.precheck import exceeded_by_trials
-from continuum_grasp.mission.record import MissionRecord
-from continuum_grasp.mission.run import MissionRunner
+from continuum_grasp.addons.mission.causes import Turned, find_turned
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.precheck import exceeded, exceeded_by_trials
+from continuum_grasp.addons.mission.record import MissionRecord
+from continuum_grasp.addons.mission.run import MissionRunner
+from continuum_grasp.base import InputError
+from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.results import read_run
 from continuum_grasp.scene import load
 from tests.declared import assert_declared

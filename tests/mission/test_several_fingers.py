@@ -7,17 +7,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.mission import PlantVariation, Timetable, mission_plant_model, run_mission
+from continuum_grasp.addons.mission.budget import certified_contact
+from continuum_grasp.addons.mission.causes import find_drop
+from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.on_pads import pushed_out
+from continuum_grasp.addons.mission.precheck import exceeded
+from continuum_grasp.addons.mission.record import MissionRecord
+from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import SharedModel
 from continuum_grasp.closed_loop.integration import ChainIntegration
 from continuum_grasp.control import Prediction
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission import PlantVariation, Timetable, assign, exceeded, mission_plant_model, run_mission
-from continuum_grasp.mission.budget import certified_contact
-from continuum_grasp.mission.causes import find_drop
-from continuum_grasp.mission.on_pads import pushed_out
-from continuum_grasp.mission.record import MissionRecord
-from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.results import read_run
 from continuum_grasp.scene import load
 from continuum_grasp.simulation import ContactHistory

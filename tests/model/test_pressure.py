@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp import FingerModel
+from continuum_grasp.addons.identification import TipPath
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Prediction
 from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.identification import TipPath
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import FAMILIES, Scene
 from continuum_grasp.simulation import Signals

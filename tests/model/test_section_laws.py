@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import continuum_grasp as cg
-from continuum_grasp.identification import TipPath
+from continuum_grasp.addons.identification import TipPath
 from continuum_grasp.scene import Stops
 from continuum_grasp.scene.finger import Softening
 from tests.finger_cases import energy_rate

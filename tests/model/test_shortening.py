@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Poses, Reading
+from continuum_grasp.addons.identification import Poses, Reading
 from tests.finger_cases import energy_rate
 
 LENGTH, STIFFNESS, RADIUS, OFFSET = 0.2, 8e-3, 4e-3, 6e-3

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import Poses, Reading
 from continuum_grasp.base import InputError
-from continuum_grasp.identification import Poses, Reading
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.simulation import equilibrium_under
 from tests.truth.differences import differences

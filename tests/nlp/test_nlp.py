@@ -18,6 +18,8 @@ from grasp_scenes import UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from plan_cases import two_arcs
 
+from continuum_grasp.addons.planning import plan
+from continuum_grasp.addons.planning.scene import PlanSolver
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import (
     NLP,
@@ -35,8 +37,7 @@ from continuum_grasp.nlp import (
     outcome_words,
 )
 from continuum_grasp.nlp.solver import _Stop
-from continuum_grasp.planning import plan
-from continuum_grasp.scene import GraspSolver, Method, PlanSolver
+from continuum_grasp.scene import GraspSolver, Method
 
 METHODS = get_args(Method)
 INF = np.inf

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.learning.operators.derivatives import METHODS, Recursion, RowFunction, held_step
 from continuum_grasp.core import Core
-from continuum_grasp.operators.derivatives import METHODS, Recursion, RowFunction, held_step
 from continuum_grasp.scene import Circle, ContactLaw, Surroundings
 from tests.marks import few
 

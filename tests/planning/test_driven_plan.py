@@ -9,14 +9,14 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import continuum_grasp as cg
+from continuum_grasp.addons.planning import MotionPlan, PlanScene, PlanStatus
+from continuum_grasp.addons.planning.condensed import Condensed, _Model
+from continuum_grasp.addons.planning.guess import first_state_of_plan, smooth_path
+from continuum_grasp.addons.planning.motion import PlannedMotion
+from continuum_grasp.addons.planning.search import PlanSearch
+from continuum_grasp.addons.planning.shooting import amplification, derived, fewest_evaluations, shooting_interval
 from continuum_grasp.base import InputError
-from continuum_grasp.planning import MotionPlan, PlanStatus
-from continuum_grasp.planning.condensed import Condensed, _Model
-from continuum_grasp.planning.guess import first_state_of_plan, smooth_path
-from continuum_grasp.planning.motion import PlannedMotion
-from continuum_grasp.planning.search import PlanSearch
-from continuum_grasp.planning.shooting import amplification, derived, fewest_evaluations, shooting_interval
-from continuum_grasp.scene import PlanScene, Tendons
+from continuum_grasp.scene import Tendons
 from tests.control_cases import CABLE, DRIVES, HAND
 from tests.marks import few
 from tests.plan_cases import small, two_arcs

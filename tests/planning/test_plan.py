@@ -17,13 +17,12 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.planning import MotionPlan, PlanScene, PlanStatus, plan, search
+from continuum_grasp.addons.planning.fine import excess_over_intervals, simulated
+from continuum_grasp.addons.planning.guess import Path
+from continuum_grasp.addons.planning.motion import PlannedMotion
+from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.base import InputError, Interrupted, SolverError
-from continuum_grasp.planning import MotionPlan, PlanStatus, plan, search
-from continuum_grasp.planning.fine import excess_over_intervals, simulated
-from continuum_grasp.planning.guess import Path
-from continuum_grasp.planning.motion import PlannedMotion
-from continuum_grasp.planning.search import PlanSearch
-from continuum_grasp.scene import PlanScene
 from tests.declared import assert_declared
 from tests.marks import few
 from tests.rods import after

@@ -10,15 +10,14 @@ import numpy as np
 import pytest
 from plan_cases import small
 
+from continuum_grasp.addons.planning import PlanScene, PlanStatus, diagnosis, fine
+from continuum_grasp.addons.planning.guess import Path
+from continuum_grasp.addons.planning.motion import PlannedMotion
+from continuum_grasp.addons.planning.problem import PlanProblem
+from continuum_grasp.addons.planning.search import PlanSearch
+from continuum_grasp.addons.planning.solve import _result
 from continuum_grasp.base import InputError
 from continuum_grasp.nlp import SolverStatus, Violation
-from continuum_grasp.planning import PlanStatus, diagnosis, fine
-from continuum_grasp.planning.guess import Path
-from continuum_grasp.planning.motion import PlannedMotion
-from continuum_grasp.planning.problem import PlanProblem
-from continuum_grasp.planning.search import PlanSearch
-from continuum_grasp.planning.solve import _result
-from continuum_grasp.scene import PlanScene
 
 LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, fine.PARTS
 """Of the hand-made plan: finger [m], greatest deviation per length [1], nodes, and parts of an interval."""

@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 import continuum_grasp as cg
+from continuum_grasp.addons.planning import PlanScene, guess, plan
+from continuum_grasp.addons.planning.fine import simulated
+from continuum_grasp.addons.planning.guess import closing, final_postures, smooth_path
+from continuum_grasp.addons.planning.search import PlanSearch
+from continuum_grasp.addons.planning.shooting import amplification
 from continuum_grasp.control import Prediction
-from continuum_grasp.planning import guess, plan
-from continuum_grasp.planning.fine import simulated
-from continuum_grasp.planning.guess import closing, final_postures, smooth_path
-from continuum_grasp.planning.search import PlanSearch
-from continuum_grasp.planning.shooting import amplification
-from continuum_grasp.scene import PlanScene, load
+from continuum_grasp.scene import load
 from tests.marks import few
 from tests.rods import ROOT, after
 

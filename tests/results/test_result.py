@@ -16,9 +16,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.planning import MotionPlan
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp import GraspStatus
-from continuum_grasp.planning import MotionPlan
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored, maker_of, read_run
 from continuum_grasp.simulation import Modes, Trajectory
 from tests.declared import assert_declared

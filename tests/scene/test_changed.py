@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.mission.scene import MissionController
+from continuum_grasp.addons.sweeps import plan_of
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import MissionController
-from continuum_grasp.sweeps import plan_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 FILES = sorted(CONFIGS.glob("*/*.yaml"))

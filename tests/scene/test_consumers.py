@@ -15,10 +15,10 @@ import pytest
 import typer
 
 import continuum_grasp as cg
+from continuum_grasp.addons.fmu.write import export_fmu
 from continuum_grasp.base import InputError, NumericalError, SolverError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import PlantModel
-from continuum_grasp.export import export_fmu
 from continuum_grasp.model import ModelOptions, System
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import KINDS, Consumer, Scene, Value, json_schema

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from continuum_grasp.addons.sweeps import plan_of
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import load
-from continuum_grasp.sweeps import plan_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 EASED = """schema_version: 1

@@ -13,25 +13,16 @@ import shapely
 import yaml
 from shapely.affinity import rotate, translate
 
+from continuum_grasp.addons.design import Design
+from continuum_grasp.addons.design.space import SINGLE, design_space_of
+from continuum_grasp.addons.sweeps import Sweep, SweepPoint, scene_data
+from continuum_grasp.addons.sweeps.variation import variation_of
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp.certificate import surfaces
 from continuum_grasp.model import Vec, nearest, outline_of, surface_of
-from continuum_grasp.scene import (
-    Design,
-    Document,
-    GraspScene,
-    OffsetPolygon,
-    Polygon,
-    Sweep,
-    design_space_of,
-    load,
-    redrawn,
-    variation_of,
-)
-from continuum_grasp.scene.design_space import SINGLE
+from continuum_grasp.scene import Document, GraspScene, OffsetPolygon, Polygon, load, redrawn
 from continuum_grasp.scene.document import Place
 from continuum_grasp.scene.parts import corners_of
-from continuum_grasp.sweeps import SweepPoint, scene_data
 
 SCENE = "configs/grasp/mug.yaml"
 # An L of two bars, 60 mm and 40 mm long, both 20 mm wide.

@@ -15,13 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import continuum_grasp as cg
+from continuum_grasp.addons.sweeps import plan_of
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import KINDS, Samples, Shape, json_schema, load, load_placed, to_si, units_of
-from continuum_grasp.scene.kinds import model_of
+from continuum_grasp.scene import KINDS, Samples, Shape, Unit, json_schema, load, load_placed, model_of, to_si, units_of
 from continuum_grasp.scene.shape import alternatives
-from continuum_grasp.scene.units import QUANTITIES, Unit, advice_on, pattern
+from continuum_grasp.scene.units import QUANTITIES, advice_on, pattern
 from continuum_grasp.scene.value import field_docs
-from continuum_grasp.sweeps import plan_of
 from tests.marks import few
 from tests.scene.test_configs import FOLDER_OF
 from tests.scene_keys import classes

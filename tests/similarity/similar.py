@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
-from continuum_grasp.scene import Value
-from continuum_grasp.scene.units import Unit
+from continuum_grasp.scene import Unit, Value
 
 BASE = {"m": "L", "kg": "M", "s": "T", "N": "LM/TT", "Pa": "M/LTT", "Hz": "/T", "rad": "", "1": ""}
 

@@ -8,11 +8,11 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
+from continuum_grasp.addons.sweeps import plan_of, scene_data
+from continuum_grasp.addons.sweeps.scene import Grid
+from continuum_grasp.addons.sweeps.worker import Job, solve
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import load
-from continuum_grasp.scene.sweep import Grid
-from continuum_grasp.sweeps import plan_of, scene_data
-from continuum_grasp.sweeps.worker import Job, solve
 from tests.sweep_cases import MUG, ROOT
 
 FINGER = ROOT / "configs" / "fingers" / "hand_finger.yaml"

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp import sweep
+from continuum_grasp.addons.sweeps.folder import decode
 from continuum_grasp.base import InputError
-from continuum_grasp.sweeps.folder import decode
 from tests.commands import environment
 from tests.marks import optional
 from tests.sweep_cases import DEADLY, LOG, ROOT, held, masses, slow

@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 from continuum_grasp import sweep, sweep_table
+from continuum_grasp.addons.sweeps import SweepTable
 from continuum_grasp.base import InputError
 from continuum_grasp.results import pareto
-from continuum_grasp.sweeps import SweepTable
 from tests.sweep_cases import MUG, STUCK, held
 
 GRID = {

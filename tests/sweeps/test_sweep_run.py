@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from continuum_grasp import sweep, sweep_table
+from continuum_grasp.addons.sweeps.folder import decode, encode, held_folder
 from continuum_grasp.base import InputError, Interrupted, SolverError
 from continuum_grasp.results import read_run
-from continuum_grasp.sweeps.folder import decode, encode, held_folder
 from tests.sweep_cases import BROKEN, DEADLY, LOG, MUG, ROOT, STUCK, held, masses, slow
 
 

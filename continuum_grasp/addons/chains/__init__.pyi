@@ -1,0 +1,3 @@
+from .addon import ADDON as ADDON
+from .write import HingeChain as HingeChain
+from .write import export_mjcf as export_mjcf

@@ -1,0 +1,15 @@
+from .addon import ADDON as ADDON
+from .evaluation import CaseValues as CaseValues
+from .evaluation import DesignNumber as DesignNumber
+from .evaluation import Evaluation as Evaluation
+from .optimize import optimize_design as optimize_design
+from .result import DesignResult as DesignResult
+from .result import DesignStatus as DesignStatus
+from .result import Influence as Influence
+from .result import WorstCase as WorstCase
+from .scene import Design as Design
+from .scene import DesignSolver as DesignSolver
+from .scene import DesignVariable as DesignVariable
+from .scene import QuantityLimit as QuantityLimit
+from .scene import Tolerance as Tolerance
+from .space import read_design as read_design

@@ -1,0 +1,400 @@
+"""The best design: a sequential QP method on grasps that are followed, and full searches between.
+
+1. Search trial designs in full: the start, and points of a Halton sequence; go on from the best.
+2. Descend by SLSQP in a box around it. Its grasps are followed from design to design; of several costs the greatest is
+   minimized, as a bound of all. Where a step loses a grasp, the box shrinks, and this begins anew.
+3. Search in full at the best design: where other grasps are better there, take these, and go on with 2.
+4. With tolerances, find the errors of manufacture that are worst there; one that is new joins the costs, and 2 follows.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from itertools import product
+from typing import Any
+
+import numpy as np
+from scipy.optimize import Bounds, minimize
+from scipy.stats.qmc import Halton
+
+from continuum_grasp.addons.design.evaluation import DesignProblem, Evaluation, Signs
+from continuum_grasp.addons.design.grasps import LostGrasp
+from continuum_grasp.addons.design.result import DesignResult, DesignStatus, WorstCase
+from continuum_grasp.addons.design.scene import Design
+from continuum_grasp.addons.design.space import DesignSpace, design_space_of
+from continuum_grasp.base import Array, SolverError, check_arguments, interruptible
+from continuum_grasp.grasp import SAME, GraspResult
+from continuum_grasp.scene import Overrides, placed_scene_of
+
+HOLDS = 1e-6
+"""Violation up to which a limit holds, as a part of it."""
+
+
+_LOST = 1e2
+"""Cost of a design without a grasp, in units of the first one: any other is better."""
+
+
+@interruptible()
+@check_arguments
+def optimize_design(
+    design: Design | str | os.PathLike[str] | Mapping[str, Any],
+    *,
+    progress: Callable[[float, str], None] | None = None,
+    raise_on_failure: bool = True,
+    overrides: Overrides = (),
+) -> DesignResult:
+    """Choose numbers of a grasp scene so that the grasps of one or many objects are best.
+
+    Costs and limits are differentiated through the optimal grasps: by the envelope theorem where they are optimal
+    values, else by the sensitivities of the optimality conditions. A sequential QP method (SLSQP of SciPy) improves the
+    design with grasps that are followed from one design to the next; full searches before and after find the branch of
+    grasps that is best there.
+
+    Parameters
+    ----------
+    design : Design, path-like or mapping
+        A design, its YAML file, or the same as a mapping; paths in a mapping are relative to the working directory.
+    progress : callable, optional
+        Called with the share that is done and what is being done.
+    raise_on_failure : bool, optional
+        Raise where no design has all grasps; False: return the result with its ``status``.
+    overrides : iterable of str, or mapping, optional
+        Changes to the configuration, as in `load`.
+
+    Returns
+    -------
+    DesignResult
+        Values of the variables, cost, quantities of every case, sensitivities, and the grasps.
+
+    Raises
+    ------
+    InputError
+        The configuration is wrong.
+    SolverError
+        No design was found whose grasps satisfy all limits; ``result`` of the error holds the closest.
+
+    Examples
+    --------
+    How far the tendons should lie from the backbone, where every millimeter costs:
+
+    >>> import continuum_grasp as cg
+    >>> found = cg.optimize_design(
+    ...     {
+    ...         "scene": "configs/grasp/mug_arcs.yaml",
+    ...         "variables": {"finger.tendons.offset": {"min": 0.003, "max": 0.006, "name": "e"}},  # m
+    ...         "minimize": "tension + 1e6 * e**2",
+    ...         "solver": {"starts": 1},
+    ...     }
+    ... )
+    >>> round(found.values["finger.tendons.offset"], 5), found.status.value  # m
+    (0.00465, 'optimal')
+    """
+    space = design_space_of(*placed_scene_of(design, Design, overrides))
+    search = _DesignSearch(space, progress or (lambda share, text: None))
+    result = search.result()
+    if raise_on_failure and not result.solved:
+        raise SolverError(result.message, status=result.status.value, result=result)
+    return result
+
+
+class _Box:
+    """A box around a design as SLSQP sees it; where there are several costs, a bound of all is one more unknown."""
+
+    def __init__(
+        self, start: Evaluation, half: float, scale: float, evaluate: Callable[[Array], Evaluation | None]
+    ) -> None:
+        self.start, self.scale, self.evaluate, self.n = start, scale, evaluate, start.coordinates.size
+        self.low = np.maximum(start.coordinates - half, 0.0)
+        self.high = np.minimum(start.coordinates + half, 1.0)
+        self.bounded = len(start.costs) > 1
+        self.known: dict[bytes, Evaluation | None] = {start.coordinates.tobytes(): start}
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """Start, bounds and constraints, as `scipy.optimize.minimize` takes them."""
+        more = [np.inf] * self.bounded
+        first = [self.start.cost / self.scale] * self.bounded
+        limited = self.bounded or self.start.limits
+        limits = {"type": "ineq", "fun": lambda z: self._rows(z)[2], "jac": lambda z: self._rows(z)[3]}
+        return {
+            "x0": np.append(self.start.coordinates, first),
+            "bounds": Bounds(np.append(self.low, np.negative(more)), np.append(self.high, more)),
+            "constraints": [limits] if limited else [],
+        }
+
+    @property
+    def lost(self) -> int:
+        """Number of designs without a grasp."""
+        return sum(evaluation is None for evaluation in self.known.values())
+
+    def cost(self, z: Array) -> float:
+        return float(z[self.n] if self.bounded else self._rows(z)[0][0])
+
+    def cost_slope(self, z: Array) -> Array:
+        return np.append(np.zeros(self.n), 1.0) if self.bounded else self._rows(z)[1][0]
+
+    def _rows(self, z: Array) -> tuple[Array, Array, Array, Array]:
+        """Costs and limits, each with its slopes."""
+        n, start = self.n, self.start
+        u = np.clip(z[:n], self.low, self.high)
+        key = u.tobytes()
+        if key not in self.known:
+            self.known[key] = self.evaluate(u)
+            # 5: designs without a grasp after which a run of the optimizer ends: each takes a full search
+            if self.known[key] is None and self.lost >= 5:
+                raise LostGrasp("too many designs in the box lose a grasp")
+        evaluation = self.known[key]
+        if evaluation is None:
+            count = len(start.limits) + self.bounded * len(start.costs)
+            return np.array([_LOST]), np.zeros((1, n)), np.full(count, -_LOST), np.zeros((count, z.size))
+        costs = np.array([row.value for row in evaluation.costs]) / self.scale
+        by_cost = np.array([row.slope[:n] for row in evaluation.costs]) / self.scale
+        limits = np.array([row.value for row in evaluation.limits])
+        by_limits = np.array([row.slope[:n] for row in evaluation.limits]).reshape(-1, n)
+        if not self.bounded:
+            return costs, by_cost, limits, by_limits
+        by_bound = np.append(np.ones(len(costs)), np.zeros(len(limits)))
+        both = np.column_stack([np.vstack([-by_cost, by_limits]), by_bound])
+        return costs, by_cost, np.append(z[n] - costs, limits), both
+
+
+class _DesignSearch:
+    """A search: trial designs, then rounds of improvement and full search."""
+
+    def __init__(self, space: DesignSpace, progress: Callable[[float, str], None]) -> None:
+        self.space, self.options = space, space.design.solver
+        self.problem = DesignProblem(space)
+        self.progress = progress
+        self.tried: list[tuple[Array, float, float, int]] = []
+        """Coordinates, cost, violation and round of every design, in order."""
+        self.switches: list[str] = []
+        self.acting: dict[str, set[tuple[tuple[float, ...], ...]]] = {}
+        """Per case, the sets of errors that decided it at one design or another."""
+        self.began = time.monotonic()
+        self.best: Evaluation | None = None
+        self._first: Evaluation | None = None
+        self._before: dict[str, GraspResult] = {}
+        self._scale, self._grasps, self._why = 1.0, self.problem.snapshot(), ""
+        self._round, self._converged, self._ended = 0, True, ""
+
+    def result(self) -> DesignResult:
+        """Search, and judge what was found."""
+        self._start()
+        if self.best is None:
+            return self._result(
+                DesignStatus.NO_GRASP, f"none of the designs tried has all its grasps and numbers: {self._why}", ()
+            )
+        settled, worst = False, tuple[WorstCase, ...]()
+        for number in range(self.options.max_rounds):
+            self._round = number + 1
+            self._improve()
+            if self._switched():
+                continue
+            worst = self._worst_cases()
+            settled = not self._missed(worst)
+            if settled:
+                break
+        best = self._best
+        if best.violation > HOLDS:
+            row = min(best.limits, key=lambda limit: limit.value)
+            message = f"no design satisfies {row.name} ({row.case}): off by {-row.size * row.value:.3g} at the closest"
+            return self._result(DesignStatus.LIMITS_VIOLATED, message, worst)
+        status = DesignStatus.OPTIMAL if settled and self._converged else DesignStatus.FEASIBLE
+        message = f"cost {best.cost:.6g}, from {(self._first or best).cost:.6g} at the start"
+        # 0.02: slope that is left at an optimum over the range of a variable, as a part of the cost
+        if status is DesignStatus.OPTIMAL and best.left > 0.02 * self._scale:
+            # As at a kink, beside which other grasps are best.
+            status, self._ended = DesignStatus.FEASIBLE, f"with a slope of {best.left:.3g} over the range of a variable"
+        if status is DesignStatus.FEASIBLE:
+            message += f"; the search ended before it settled ({self._ended})"
+        return self._result(status, message, worst)
+
+    @property
+    def _best(self) -> Evaluation:
+        if self.best is None:
+            raise LostGrasp("no design has been tried")
+        return self.best
+
+    # -- trial designs
+
+    def _start(self) -> None:
+        """Search the trial designs in full, and take the best."""
+        count, coordinates = self.options.starts - 1, self.space.coordinates
+        trials = [np.array([coordinate.way.coordinate(coordinate.nominal) for coordinate in coordinates])]
+        if count > 0:  # the first point of the sequence is the corner 0
+            trials += list(Halton(len(coordinates), scramble=False).fast_forward(1).random(count))
+        for k, at in enumerate(trials):
+            self.progress(0.4 * k / len(trials), f"trial design {k + 1} of {len(trials)}")
+            self.problem.restore({})
+            try:
+                evaluation = self._evaluate(at, search=True)
+            except LostGrasp as error:
+                self._why = self._why or str(error)
+                continue
+            if self._first is None:
+                self._first, self._before = evaluation, self.problem.results
+            if self.best is None or self._better(evaluation, self.best):
+                self._take(evaluation)
+        if self.best is not None:
+            self.problem.restore(self._grasps)
+            self._scale = max(abs(self.best.cost), 1e-9)
+
+    def _evaluate(self, at: Array, search: bool = False) -> Evaluation:
+        try:
+            evaluation = self.problem.evaluate(at, search=search)
+        except LostGrasp:
+            self.tried.append((np.array(at), np.nan, np.nan, self._round))
+            raise
+        self.tried.append((np.array(at), evaluation.cost, evaluation.violation, self._round))
+        for case in evaluation.cases:
+            if case.acting and not any(case.signs):
+                self.acting.setdefault(case.case, set()).add(case.acting)
+        return evaluation
+
+    def _better(self, candidate: Evaluation, than: Evaluation) -> bool:
+        """Whether a design is better: by the violation of limits, then by the cost."""
+        if max(candidate.violation, than.violation) > HOLDS:
+            return candidate.violation < than.violation
+        return candidate.cost < than.cost
+
+    def _take(self, evaluation: Evaluation) -> None:
+        self.best, self._grasps = evaluation, self.problem.snapshot()
+
+    # -- improvement
+
+    def _improve(self) -> None:
+        """Improve the best design until it stays; a step that loses the grasp makes the region smaller."""
+        half = 1.0
+        while self._descend(half):
+            # 0.25: part of the box around the best design that is searched next where a step lost the grasp
+            half *= 0.25
+            # 0.02: half width of that box, in coordinates, below which the search ends
+            if half < 0.02:
+                self._ended, self._converged = "beside this design grasps are lost", False
+                return
+
+    def _descend(self, half: float) -> bool:
+        """Run SLSQP once within a box around the best design; whether a grasp was lost."""
+        box = _Box(self._best, half, self._scale, self._followed)
+        options = {"maxiter": self.options.max_iterations, "ftol": self.options.tolerance}
+        try:
+            optimum = minimize(box.cost, jac=box.cost_slope, method="SLSQP", options=options, **box.keywords)
+        except LostGrasp:
+            return True
+        # 8: no descent along the step any more, which ends a search at a kink or at rounding.
+        self._converged = optimum.status in (0, 8)
+        self._ended = str(optimum.message)
+        self.problem.restore(self._grasps)
+        return box.lost > 0
+
+    def _followed(self, at: Array) -> Evaluation | None:
+        """A design whose grasps are followed from the one before, taken where it is better; None without a grasp."""
+        try:
+            evaluation = self._evaluate(at)
+        except LostGrasp:
+            self.problem.restore(self._grasps)
+            return None
+        count = len(self.tried)
+        self.progress(min(0.4 + 0.01 * count, 0.95), f"design {count}, cost {evaluation.cost:.6g}")
+        if self._better(evaluation, self._best):
+            self._take(evaluation)
+        return evaluation
+
+    # -- what a full search says
+
+    def _switched(self) -> bool:
+        """Search in full at the best design; whether other grasps are better there, from which to go on."""
+        before = self._best
+        self.progress(0.95, "full search at the best design")
+        after = self._evaluate(before.coordinates, search=True)
+        self._take(after)
+        switched = before.cost - after.cost > SAME * self._scale or after.violation < before.violation - HOLDS
+        if switched:
+            costs = f"cost {before.cost:.6g} to {after.cost:.6g}"
+            self.switches.append(f"round {self._round}: a full search found other grasps, {costs}")
+        return switched
+
+    # -- errors of manufacture
+
+    def _worst_cases(self) -> tuple[WorstCase, ...]:
+        """Cost and limits of the best design at the worst combinations of errors: to first order, and as they are at
+        the corners; none without tolerances.
+        """
+        best, problem, n = self._best, self.problem, len(self.space.coordinates)
+        if not self.space.tolerated:
+            return ()
+        nominal = [row for row in best.costs if not any(row.signs)]
+        bound = max(row.value + float(np.abs(row.slope[n:]).sum()) for row in nominal)
+        scenarios, cases = problem.scenarios, list[WorstCase]()
+        for signs in self._corners():
+            problem.scenarios = [signs]
+            try:
+                there = problem.evaluate(best.coordinates)
+            except LostGrasp as error:
+                cases.append(WorstCase(signs, np.inf, np.inf, bound, str(error)))
+            else:
+                cases.append(WorstCase(signs, there.cost, there.violation, bound, ""))
+        problem.scenarios = scenarios
+        problem.restore(self._grasps)
+        return tuple(sorted(cases, key=lambda case: (-case.violation if case.violation > HOLDS else 0.0, -case.cost)))
+
+    def _corners(self) -> list[Signs]:
+        """Combinations of greatest errors: all of them where these are few, else those that first order calls worst."""
+        m, n = len(self.space.tolerated), len(self.space.coordinates)
+        # 6: tolerated numbers up to which all combinations of their greatest errors are tried: 64
+        if m <= 6:
+            return list(product((-1.0, 1.0), repeat=m))
+        rows = [*(row.slope[n:] for row in self._best.costs), *(-row.slope[n:] for row in self._best.limits)]
+        return list(dict.fromkeys(tuple(np.where(slope >= 0.0, 1.0, -1.0).tolist()) for slope in rows))
+
+    def _missed(self, worst: tuple[WorstCase, ...]) -> bool:
+        """Take the combinations of errors with the greatest cost and the greatest violation into the search, where they
+        are worse than the best design with those that are in it; whether there is one to add.
+        """
+        best, known = self._best, self.problem.scenarios
+        bad = [case for case in worst if case.signs not in known and np.isfinite(case.cost)]
+        if not bad:
+            return False
+        costly, broken = max(bad, key=lambda case: case.cost), max(bad, key=lambda case: case.violation)
+        change = max(abs(case.cost - best.cost) for case in bad)
+        # 0.02: cost by which a combination of errors must exceed those at hand, as a part of what errors change
+        add = [costly.signs] if costly.cost > best.cost + max(0.02 * change, SAME * self._scale) else []
+        add += [broken.signs] if broken.violation > max(best.violation, 0.0) + HOLDS else []
+        if add:
+            self.problem.scenarios = list(dict.fromkeys([*known, *add]))
+            self._take(self._evaluate(best.coordinates))
+        return bool(add)
+
+    # -- the result
+
+    def _result(self, status: DesignStatus, message: str, worst: tuple[WorstCase, ...]) -> DesignResult:
+        effort = self.problem.effort
+        self.problem.restore(self._grasps)
+        coordinates, costs, violations, rounds = (np.array(column) for column in zip(*self.tried, strict=True))
+        return DesignResult(
+            scene=self.space.design,
+            status=status,
+            message=message,
+            space=self.space,
+            best=self.best,
+            first=self._first,
+            coordinates=coordinates,
+            costs=costs,
+            violations=violations,
+            rounds=rounds,
+            worst_cases=worst,
+            switches=tuple(self.switches),
+            acting={case: len(sets) for case, sets in self.acting.items()},
+            grasps={} if self.best is None else self.problem.results,
+            before=self._before,
+            statistics={
+                "designs": len(self.tried),
+                "full_searches": effort.searches,
+                "solver_runs": effort.solves,
+                "solver_iterations": effort.iterations,
+                "designs_without_grasp": effort.lost,
+                "total_seconds": time.monotonic() - self.began,
+            },
+        )

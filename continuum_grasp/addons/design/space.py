@@ -1,0 +1,134 @@
+"""Variables of a design, resolved: variables with their places, and the scene of every case and design."""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from continuum_grasp.addons.design.scene import Design, DesignVariable, Tolerance
+from continuum_grasp.addons.sweeps import Follow, SceneKeys, VariedKey, fault_kinds
+from continuum_grasp.base import InputError
+from continuum_grasp.scene import Document, GraspScene, KeyPath, changed, child, placed, refusals, validated
+
+_PAYLOADS = refusals(
+    """
+    robust: payload is that of one posture, not of a grasp that must hold for many; expected another cost and other
+        limits, or friction_states: pulled without robust
+    friction_states=any with state_columns: payload is that of one posture, not of a grasp that must hold for many;
+        expected another cost and other limits, or friction_states: pulled without robust
+    """
+)
+SINGLE = "scene"
+"""Name of the case of a design that lists none."""
+
+
+@dataclass(frozen=True)
+class DesignSpace:
+    """A design, resolved."""
+
+    design: Design
+    coordinates: tuple[VariedKey[DesignVariable], ...]
+    """The variables, as coordinates from 0 to 1 from the least value to the greatest."""
+    following: tuple[VariedKey[Follow], ...]
+    tolerated: tuple[VariedKey[Tolerance], ...]
+    cases: Mapping[str, Document]
+    file: Path
+
+    def scene(self, case: str, values: Sequence[float], errors: Sequence[float] = ()) -> GraspScene:
+        """The scene of a case for values of the variables, and errors of what is tolerated; InputError if these do not
+        make sense together.
+        """
+        chosen = dict(zip(self.design.variables, values, strict=True))
+        puts: list[tuple[KeyPath, float]] = []
+        for number, error in zip(self.tolerated, errors, strict=False):
+            if number.key in chosen:
+                chosen[number.key] += error
+            else:
+                puts.append((number.path, number.nominal + error))
+        puts += [(coordinate.path, chosen[coordinate.key]) for coordinate in self.coordinates]
+        puts += [(tie.path, tie.way.value(chosen[tie.way.key])) for tie in self.following]
+        document = self.cases[case]
+        changes = [(path, placed(value, document.place(path))) for path, value in puts]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of the scene's file, which has been read
+            scene = validated(changed(document, changes, self.file), GraspScene)
+        _check_payload(self.design, scene)
+        return scene
+
+    @property
+    def start(self) -> list[float]:
+        """Values where the search starts."""
+        return [coordinate.nominal for coordinate in self.coordinates]
+
+
+def _check_payload(design: Design, scene: GraspScene) -> None:
+    """Refuse to seek the greatest mass of grasps that must hold for many errors or friction states."""
+    for feature in _PAYLOADS if "payload" in design.used else ():
+        feature.check(scene)
+
+
+def design_space_of(design: Design, document: Document, file: str | os.PathLike[str]) -> DesignSpace:
+    """Resolve a design and check that its keys and values have their place in the scene."""
+    keys = SceneKeys(design, document, Path(file))
+    scene = validated(keys.base, GraspScene)
+    _check_payload(design, scene)
+    tolerated = []
+    for key, tolerance in design.tolerances.items():
+        path = keys.change(("tolerances", key), key, 0.0)[0]
+        value = math.nan if key in design.variables else _number(keys, ("tolerances", key), scene, path)
+        tolerated.append(VariedKey(key, path, keys.unit(path), tolerance, nominal=value))
+    return DesignSpace(
+        design,
+        tuple(_coordinate(keys, key, variable, scene) for key, variable in design.variables.items()),
+        keys.ties,
+        tuple(tolerated),
+        {name: _case(keys, name, changes) for name, changes in design.cases.items()} or {SINGLE: keys.base},
+        keys.file,
+    )
+
+
+def _coordinate(keys: SceneKeys, key: str, variable: DesignVariable, scene: GraspScene) -> VariedKey[DesignVariable]:
+    where, start = ("variables", key), variable.start
+    varied = keys.varied(where, key, variable, [variable.min, variable.max], listed=False)
+    if start is None:
+        start = _number(keys, where, scene, varied.path)
+        if not variable.min <= start <= variable.max:
+            message = f"the scene has {start:g}, not within {variable.min:g} and {variable.max:g}: give start"
+            raise keys.document.nearest(where).error(message, where)
+    return replace(varied, nominal=start)
+
+
+def _number(keys: SceneKeys, where: KeyPath, scene: GraspScene, path: KeyPath) -> float:
+    """The number of the scene at a path, also one that its file leaves to the default."""
+    number: Any = reduce(child, path, scene)
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        message = "the scene has no number there" + ("" if number is None else f", but {number!r:.60}")
+        raise keys.document.nearest(where).error(message, where)
+    return float(number)
+
+
+def _case(keys: SceneKeys, name: str, changes: Mapping[str, Any]) -> Document:
+    edits = [keys.change(("cases", name, key), key, value) for key, value in changes.items()]
+    document = changed(keys.base, edits, keys.file)
+    try:
+        validated(document, GraspScene)
+    except InputError as error:
+        # Where every key is right on its own but the scene makes no sense, the variables may repair it.
+        if not isinstance(error.__cause__, ValidationError) or fault_kinds(error.__cause__) != {"value_error"}:
+            raise error from None
+    document.value = keys.shape.in_si((), document.value, document.value)
+    return document
+
+
+def read_design(design: Design, document: Document, file: Path) -> Design:
+    """A design from a file, whose keys and values have their place in the scenes that it names."""
+    design_space_of(design, document, file)
+    return design.in_folder(file.parent)

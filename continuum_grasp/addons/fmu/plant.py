@@ -1,0 +1,219 @@
+"""Plants as units: the finger of a simulated scene, as the steps of its C package move it, and the plant of a closed
+loop: finger, drives, surroundings and late sensors, as ``run_closed_loop`` has them.
+
+The C of the latter is CasADi's, from the same expressions as in Python, with the mathematical library of the machine:
+it agrees to rounding, not to the last bit.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import math
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.addons.fmu.variable import (
+    STRICT,
+    TIP,
+    Kind,
+    UnitContents,
+    contact_variables,
+    count,
+    labeled,
+    library_of,
+    variables_of,
+)
+from continuum_grasp.base import positive
+from continuum_grasp.closed_loop import PlantModel, Sensors, choose_method
+from continuum_grasp.control import Prediction
+from continuum_grasp.core import generator_of, step_function, with_static_help
+from continuum_grasp.export import (
+    REALS,
+    Code,
+    Subject,
+    by_component,
+    check_size,
+    fill,
+    has_linearization,
+    names_of,
+    source_of,
+)
+from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer, ControlScene, Scene
+from continuum_grasp.simulation import Signals, initial_state
+
+_CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
+_START = "an input, which begins with what the scene has at time zero"
+_UNIT = Consumer(
+    "export to fmu",
+    refused={
+        "plant.guides": "a plant with guides decides its contacts in Python: leave them out",
+        "plant.mounting": "a unit counts as the model does: leave it out",
+    },
+    unneeded={
+        **LIMITS_OF_BENDING,
+        **{f"actuation.tensions.{key}": _START for key in ("times", "interpolation")},
+        **dict.fromkeys(("loads.force.times", "reference", "plant.seed"), _START),
+        **dict.fromkeys(("time.space_error", "time.method", "time.tolerance"), "of simulate"),
+        **LEAST_COMMANDS,
+        "controller.deadline": "the caller has the clock, and says whether the last command was late",
+    },
+)
+
+
+def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
+    """The plant of a closed loop, with the integrator and the sub-steps that a run of the scene takes."""
+    _UNIT.check(scene)
+    model, period = PlantModel(scene), scene.controller.step
+    method = choose_method(model, period)
+    sensors, step = Sensors(scene, model, Prediction(scene), None), period / method.substeps
+    named = _functions(model, sensors, method.name, step, identifier)
+    source, header = _generated(f"{identifier}_plant", named)
+    seen, noisy = (*TIP, *contact_variables(model.system.touch_names)), scene.estimator is not None
+    return UnitContents(
+        identifier=identifier,
+        title=names_of(scene)[0],
+        what="the plant of its closed loop",
+        step=step,
+        any_step=False,
+        stop=scene.duration or 1.0,
+        groups={
+            "FMU_INPUTS": labeled("command", "input", model.u_names, model.rest_input),
+            "FMU_FORCES": labeled("forces", "input", model.w_names, model.forces(0.0)[0]),
+            "FMU_PARAMETERS": (),
+            "FMU_NOISE": labeled("noise", "input", sensors.names if noisy else ()),
+            "FMU_STATE": labeled("state", "state", model.x_names, model.start),
+            "FMU_TIP": seen,
+            "FMU_MEASUREMENT": labeled("measurement", "output", sensors.names),
+        },
+        counts=(count("code", "of the last step: 0 done, below what was refused"),),
+        continuous=True,
+        linear=False,
+        feedthrough=any(named[1].jac_sparsity(0, k).nnz() for k in (1, 2)),
+        glue=("loop_plant_types.c", "loop_plant.c"),
+        words={"model": model, "shown": len(seen), "noisy": noisy, **_words(model, sensors, step, named)},
+        sources={
+            f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "codes": _CODES}),
+            f"{identifier}_plant.h": header,
+            f"{identifier}_plant.c": source,
+        },
+        flags=("-std=c99",),
+        manifest={
+            "configuration_hash": hashlib.sha256(source.encode()).hexdigest()[:16],
+            "integrator": method.name,
+            "configuration": scene.model_dump(mode="json"),
+        },
+    )
+
+
+def _functions(model: PlantModel, sensors: Sensors, method: str, step: float, identifier: str) -> list[ca.Function]:
+    """A step of the plant, what is shown of it, and what is measured, each of state, input, forces, and nothing."""
+    position, angle = model.sections((model.scene.finger.rod.length,))
+    x, u, w, p = (ca.MX.sym(name, size) for name, size in (("x", model.nx), ("u", model.nu), ("w", model.nw), ("p", 0)))
+    seen = ca.vertcat(ca.vec(position), angle, *by_component(model.touch).values())
+    values = {
+        "plant_step": step_function(model, method)(x, u, u, u, w, w, w, ca.DM(model.p), step),
+        "shown": model.function("shown", seen=seen)(x, u, w),
+        "measured": sensors.value(x, u, w),
+    }
+    return [
+        ca.Function(f"{identifier}_{name}", [x, u, w, p], [value], list("xuwp"), ["to"])
+        for name, value in values.items()
+    ]
+
+
+def _words(model: PlantModel, sensors: Sensors, step: float, named: Sequence[ca.Function]) -> dict[str, object]:
+    """Words of the template: work space of the functions, and by how many steps sensors are late."""
+    late = sensors.delay / step
+    whole = round(late) if abs(late - round(late)) < 1e-6 else math.floor(late)
+    return {
+        "given": max(4, *(f.sz_arg() for f in named)),
+        "found": max(1, *(f.sz_res() for f in named)),
+        "work": max(1, *(f.sz_w() for f in named)),
+        "whole_work": max(1, *(f.sz_iw() for f in named)),
+        "past": whole + 2,
+        "part": repr(late - whole if abs(late - round(late)) >= 1e-6 else 0.0),
+        "ny": len(sensors.names),
+        "rest": ", ".join(repr(float(each)) for each in model.rest_input),
+    }
+
+
+def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
+    """CasADi's C of functions, and its header; InputError where one is too large, OSError where the disk is full."""
+    for function in functions:
+        for part in (function, *function.find_functions()):
+            # 100_000: instructions of one function of a plant, without loops: the 80,000 of configs/mpc/spirob.yaml
+            # take 31 s and 0.8 GB to compile, once
+            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 100_000)
+    generator = generator_of(name, functions, with_header=True, with_export=False)
+    with tempfile.TemporaryDirectory() as folder:
+        generator.generate(f"{folder}/")
+        source, header = ((Path(folder) / f"{name}.{suffix}").read_text(encoding="utf-8") for suffix in ("c", "h"))
+    # CasADi writes to files alone, and reports nothing where the disk is full.
+    if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
+    return with_static_help(source), header
+
+
+def finger_unit(
+    scene: Scene,
+    identifier: str,
+    *,
+    step: float | None,
+    substeps: int | None,
+    ranges: Mapping[str, Sequence[float]] | None,
+) -> UnitContents:
+    """The finger of a scene, with its object where it has one."""
+    source = source_of(scene, REALS["double"])
+    subject = Subject.of(source.finger, identifier, REALS["double"], ranges or {}, source.surroundings)
+    model, moving = subject.model, subject.moving
+    touching = [] if subject.touching is None else subject.touching.touch_names
+    # Forces of contacts have no derivatives here.
+    linear = not touching and has_linearization(subject)
+    what = ["dynamics", "step", "kinematics", *["linearization"] * linear, *["contact"] * bool(touching)]
+    internal = source.step if step is None else positive("step", step)
+    options = {"prefix": identifier, "ranges": ranges, "step": internal, "substeps": substeps}
+    sources, manifest, structs = library_of(scene, what=what, **options)
+    internal = internal or manifest["steps"]["step"]["accurate_s"]
+    # Of a model that takes the tip moment to be constant, the input is a number that is given once.
+    acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
+    signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
+    parameters = list(manifest["nominal_parameters"].values())
+    rates = [replace(field, text=f"rate of state.{field.name}") for field in structs["rate"]]
+    groups = {
+        "FMU_INPUTS": variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu]),
+        "FMU_FORCES": variables_of("forces", "input", structs.get("forces", ()), signals.w(0.0)[0]),
+        "FMU_PARAMETERS": variables_of("parameters", "tunable", structs.get("parameters", ()), parameters),
+        "FMU_STATE": variables_of("state", "state", structs["state"], state),
+        "FMU_TIP": TIP,
+        **({"FMU_CONTACTS": contact_variables(touching)} if touching else {}),
+        "FMU_RATES": variables_of("rate", "rate", rates if linear else ()),
+    }
+    words: dict[str, Any] = {"forces": bool(groups["FMU_FORCES"]), "parameters": bool(parameters)}
+    words |= {"acting": ", &forces" if words["forces"] else "", "contacts": bool(touching)}
+    words["touched"] = ", &forces" if "forces" in manifest["functions"].get("touch", {}).get("inputs", ()) else ""
+    return UnitContents(
+        identifier=identifier,
+        title=source.title,
+        what="a planar continuum finger" + " with the object that it touches" * (subject.touching is not None),
+        step=internal,
+        any_step=True,
+        stop=scene.time.duration if scene.time is not None else 1.0,
+        groups=groups,
+        counts=(count("code", "of the last step: 0 done, above a warning, below what was refused"),),
+        continuous=True,
+        linear=linear,
+        feedthrough=model.tip.jac_sparsity(0, model.tip.index_in("u")).nnz() > 0,
+        glue=("plant_types.c", "plant.c", *(["plant_linear.c"] if linear else [])),
+        words=words,
+        sources=sources,
+        flags=STRICT,
+        manifest=manifest,
+    )

@@ -1,0 +1,256 @@
+"""Measurements against predictions, and the residuals between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.base import SHOWN_IN, name_of, unit_of
+from continuum_grasp.plotting import (
+    BLUE,
+    GRAY,
+    INK,
+    ORANGE,
+    bend_box,
+    curves,
+    head,
+    label,
+    length_unit,
+    new_axes,
+    new_figure,
+    quiet,
+    show_box,
+    whole_numbers,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+
+    from continuum_grasp.addons.identification.comparison import Predicted
+    from continuum_grasp.addons.identification.experiments import ExperimentPlan
+    from continuum_grasp.addons.identification.fit import Fit
+    from continuum_grasp.addons.identification.replayed import Replay
+
+_PANELS = 6
+"""Panels of a new figure [1]: two rows of three; more are not read at a glance."""
+_DENSE = 200
+"""Numbers from which on points are drawn small [1]: larger ones overlap."""
+
+
+def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
+    """Draw residuals in standard deviations, set by set; those that were not fitted as open rings."""
+    ax = new_axes(ax, 7.2, 4.0)
+    scaled = fit.residuals / fit.sigma
+    # 95 % of normal residuals are within two deviations
+    ax.axhspan(-2.0, 2.0, color=BLUE, alpha=0.08, linewidth=0)
+    ax.axhline(0.0, color=GRAY, linewidth=0.8)
+    number, inside = np.arange(1, scaled.size + 1), fit.fitted
+    size = 22.0 if scaled.size <= _DENSE else 7.0
+    ax.scatter(number[inside], scaled[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
+    if not inside.all():
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": ORANGE, "label": "hold-out", "zorder": 3}
+        ax.scatter(number[~inside], scaled[~inside], s=size, **look)
+    for end in np.cumsum([count for _, count in fit.blocks[:-1]]):
+        ax.axvline(end + 0.5, color=GRAY, linewidth=0.6, linestyle=":")
+    reach = 1.15 * max(3.0, float(np.abs(scaled).max(initial=0.0)))
+    ax.set_ylim(-reach, reach)
+    whole_numbers(ax)
+    label(ax, "number of the measurement (dotted: next set)", "residual [standard deviations]")
+    head(ax, "Residuals: predicted less measured")
+    return ax
+
+
+def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw predicted fingers, and measured points over them with lines to where they are predicted; a panel per set.
+
+    Of many rows or instants some are drawn, evenly spread; paths of points over time are drawn whole, the predicted
+    ones as lines. What was not fitted is orange.
+    """
+    from continuum_grasp.plotting import draw_clamp
+
+    finger, sets = result.scene.finger, dict[str, list[tuple[float, int, int, int]]]()
+    markers = list(dict.fromkeys(result.described[x].name for x, _ in result.points.values()))
+    for (name, at, *_), (x, y) in result.points.items():
+        sets.setdefault(name, []).append((at, markers.index(result.described[x].name), x, y))
+    drawn = {of.name: (lines, of.moves) for of, lines in zip(result.sets, result.drawn, strict=True)}
+    names = [name for name in sets if len(drawn[name][0].at)][:_PANELS]
+    panels = _panels(len(names), ax, 5.6, 4.4)
+    for panel, name in zip(panels, names, strict=False):
+        rows, (lines, over_time) = np.array(sets[name]), drawn[name]
+        index = rows[:, 2:].astype(int)
+        measured, predicted = result.measured[index], result.predictions[index]
+        shown = np.isin(rows[:, 0], lines.at)
+        box = bend_box([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
+        unit = show_box(panel, box)
+        label(panel, f"x [{unit}]", f"y [{unit}]")
+        for backbone in lines.backbones:
+            panel.plot(*backbone.T, color=BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
+        draw_clamp(panel, lines.backbones[0], finger)
+        for place in np.unique(rows[:, 1]) if over_time else ():
+            here = rows[:, 1] == place
+            panel.plot(*predicted[here].T, color=INK, linewidth=0.9, zorder=3)
+            panel.scatter(measured[here, 0], measured[here, 1], s=3, color=GRAY, linewidth=0, zorder=3)
+        panel.add_collection(_links(measured[shown], predicted[shown]))
+        inside = result.fitted[index[:, 0]]
+        for chosen, color, what in ((shown & inside, INK, "measured"), (shown & ~inside, ORANGE, "measured, hold-out")):
+            if chosen.any():
+                x, y = measured[chosen].T
+                panel.scatter(x, y, s=20, color=color, linewidth=0, zorder=5, label=what)
+        count, every = len(lines.at), len(np.unique(rows[:, 0]))
+        some = f" ({count} of {every})" if count < every else ""
+        panel.plot([], [], color=BLUE, linewidth=1.6, label=f"simulated{some}")
+        head(panel, f"{name}{_off(result, name)}", 3)
+    return panels
+
+
+def _off(result: Predicted, name: str) -> str:
+    """Distances of the points of a set from where they are predicted, at the worst place, as the table has them."""
+    distances = [of for of in result.channels if of.name.startswith(f"{name}: distance at ")]
+    worst = max(distances, key=lambda of: of.rms)
+    place = worst.name.removeprefix(f"{name}: distance") if len(distances) > 1 else ""
+    held_out = " (hold-out)" if not worst.fitted and len(distances) > 1 else ""
+    _, rms, largest, *_ = worst.texts
+    return f": {rms} mm r.m.s.{place}{held_out}, {largest} mm at most"
+
+
+def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw measured and predicted numbers over rows or time, and below each the prediction less the measurement.
+
+    Hold-outs are orange. A new figure has six quantities at most: of more those that are missed by most, per the widest
+    range of their unit, in the order of the tables.
+    """
+    every, ranges = result.series, dict[str, float]()
+    for column, _, rows in every.values():
+        span = max(float(np.ptp(result.measured[rows])), 1e-12)
+        ranges[column.unit] = max(ranges.get(column.unit, 0.0), span)
+
+    def missed(unit: str, rows: NDArray[np.intp]) -> float:
+        return float(np.sqrt(np.mean(result.residuals[rows] ** 2))) / ranges[unit]
+
+    most = _PANELS if ax is None else len(ax) // 2
+    by_miss = sorted(every, key=lambda key: -missed(every[key][0].unit, every[key][-1]))
+    series = [(key, of) for key, of in every.items() if key in by_miss[:most]]
+    panels = _panels(len(series), ax, 4.6, 4.4, ratios=(2.0, 1.0))
+    for ((name, what), (column, moves, rows)), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
+        factor, unit = SHOWN_IN.get(column.unit, (1.0, column.unit))
+        at, inside = result.at[rows], result.fitted[rows]
+        measured, predicted = factor * result.measured[rows], factor * result.predictions[rows]
+        dense = len(rows) > _DENSE
+        # rows of their own are no points of a curve
+        look: dict[str, Any] = {"linewidth": 1.2} if moves else {"linestyle": "none", "marker": "_", "markersize": 14}
+        above.plot(at, predicted, color=BLUE, label=result.predicted, zorder=2, **look)
+        for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
+            if chosen.any():
+                above.scatter(at[chosen], measured[chosen], s=4 if dense else 18, color=color, linewidth=0, label=text)
+                below.vlines(at[chosen], 0.0, (predicted - measured)[chosen], color=color, linewidth=1.0)
+        below.axhline(0.0, color=GRAY, linewidth=0.8)
+        _scale(above, below, measured, predicted)
+        if not moves:
+            below.set_xlim(at.min() - 0.5, at.max() + 0.5)
+            above.set_xlim(below.get_xlim())
+            whole_numbers(above, below)
+        label(above, "", f"{what} [{unit}]")
+        label(below, "time [s]" if moves else "row", f"error [{unit}]")
+        head(above, name, 3)
+    return panels
+
+
+def _scale(above: Axes, below: Axes, measured: NDArray[Any], predicted: NDArray[Any]) -> None:
+    """Show errors beside the size of what was measured: those of rounding are not to fill their axes."""
+    above.ticklabel_format(axis="y", useOffset=False)
+    size = float(np.ptp(measured))
+    if not size:  # one number, or one again and again
+        size = float(np.abs(measured).max()) or 1.0
+        middle, reach = float(measured[0]), max(1.2 * float(np.abs(predicted - measured).max()), 0.2 * size)
+        above.set_ylim(middle - reach, middle + reach)
+    # 0.01: part of the range that was measured which the axis of errors shows at least
+    reach = 1.1 * max(float(np.abs(predicted - measured).max()), 0.01 * size)
+    below.set_ylim(-reach, reach)
+
+
+def plot_ring_downs(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw records of vibrations, and the damped sines of the predicted frequency and decay rate nearest to them.
+
+    A new figure has six records at most, the first ones.
+    """
+    records = result.ring_downs
+    panels = _panels(min(len(records), _PANELS), ax, 4.6, 3.0)
+    for (name, signal, frequency, decay_rate, nearest), panel in zip(records, panels, strict=False):
+        panel.scatter(signal.t, signal.values, s=4, color=INK, linewidth=0, label="measured", zorder=3)
+        panel.plot(signal.t, nearest, color=BLUE, linewidth=1.2, label=result.predicted, zorder=2)
+        label(panel, "time [s]", signal.name)
+        head(panel, f"{name}: {frequency:.4g} Hz, {decay_rate:.3g} 1/s", 2)
+    return panels
+
+
+def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw what was measured less what was expected, with three standard deviations, and commands of log and replay."""
+    names = [*replay.compared_names, *replay.u_names]
+    panels = _panels(len(names), ax, 4.6, 3.0)
+    for k, (panel, name) in enumerate(zip(panels, names, strict=False)):
+        factor, unit = SHOWN_IN.get(unit_of(name), (1.0, unit_of(name)))
+        if k < len(replay.compared_names):
+            band = 3.0 * factor * replay.innovation_std[:, k]
+            panel.fill_between(replay.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
+            innovation = factor * replay.innovation[:, k]
+            panel.scatter(replay.t, innovation, s=4, color=INK, linewidth=0, label="innovation")
+            # 0.9: share of the instants whose band is shown whole: the first ones, before the estimator settles, have
+            # one of many times its width
+            reach = 1.1 * max(float(np.nanquantile(band, 0.9)), float(np.nanmax(np.abs(innovation), initial=0.0)))
+            if reach > 0.0:
+                panel.set_ylim(-reach, reach)
+        else:
+            j = k - len(replay.compared_names)
+            panel.step(replay.t, factor * replay.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
+            panel.step(replay.t, factor * replay.u[:, j], where="post", color=ORANGE, linewidth=1.0, label="replay")
+        label(panel, "time [s]", f"{name_of(name)} [{unit}]")
+        head(panel, "", 2)
+    return panels
+
+
+def _links(a: NDArray[Any], b: NDArray[Any]) -> LineCollection:
+    """Lines from points (P, 2) to others."""
+    from matplotlib.collections import LineCollection
+
+    return LineCollection(list(np.stack([a, b], axis=1)), colors=INK, linewidths=0.8, zorder=4)
+
+
+def _panels(
+    count: int, ax: Sequence[Axes] | None, width: float, height: float, ratios: tuple[float, ...] = (1.0,)
+) -> list[Axes]:
+    """Axes given, or those of a new figure in rows of three at most; each as several, one below the other."""
+    if ax is not None:
+        return list(ax)
+    rows = max(-(-count // 3), 1)
+    columns = max(-(-count // rows), 1)  # of four, two in each row
+    figure = new_figure(width * columns, height * rows)
+    grid = figure.add_gridspec(rows, columns)
+    panels = []
+    for k in range(count):
+        inner = grid[k // columns, k % columns].subgridspec(len(ratios), 1, height_ratios=ratios)
+        panels += [quiet(figure.add_subplot(inner[i])) for i in range(len(ratios))]
+    return panels
+
+
+def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
+    """Draw the commands over time, with the segments."""
+    ax = new_axes(ax, 9.0, 3.8)
+    curves(ax, plan.t, plan.commands.T, [name_of(name) for name in plan.command_names], linewidth=1.2)
+    for k, segment in enumerate(plan.segments):
+        if k % 2:
+            ax.axvspan(segment.start, segment.end, color=GRAY, alpha=0.12, linewidth=0)
+        middle = 0.5 * (segment.start + segment.end)
+        look: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "top", "fontsize": 7, "color": "0.35"}
+        ax.text(middle, 0.98, segment.name, transform=ax.get_xaxis_transform(), **look)
+    low, high = float(plan.commands.min()), float(plan.commands.max())
+    span = max(high - low, 1e-12)
+    ax.set_ylim(low - 0.08 * span, high + 0.75 * span)
+    ax.set_xlim(float(plan.t[0]), float(plan.t[-1]))
+    unit = unit_of(plan.command_names[0])
+    label(ax, "time [s]", f"command [{length_unit(span, ax.yaxis) if unit == 'm' else unit}]")
+    head(ax, "Commands that show the unknowns")
+    return ax

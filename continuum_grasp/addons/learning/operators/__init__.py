@@ -1,0 +1,1 @@
+"""The finger as differentiable functions of JAX and PyTorch arrays."""

@@ -1,0 +1,13 @@
+"""What the add-on announces."""
+
+from continuum_grasp.base import Addon, ConfigurationKind
+
+ADDON = Addon(
+    kinds=(
+        ConfigurationKind(
+            *("mission", "continuum_grasp.addons.mission:MissionScene", "a mission", "grasp, controller", "mpc"),
+            required=("controller", "grasp"),
+            loop="continuum_grasp.addons.mission:exported_loop",
+        ),
+    ),
+)

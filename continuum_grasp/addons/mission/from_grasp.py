@@ -1,0 +1,393 @@
+"""From a grasp to what a controller has to know and do.
+
+1. Of the contacts of each finger take the one whose force is followed, by `controller.held`.
+2. Make the controller's scene: its own elements, the object fixed where the grasp has it, the drives of the mission.
+3. Find the posture before the touch: tensions grow towards those of the grasp until the free finger is close.
+4. Turn tensions into commands of the drives: those that hold, those that squeeze with all of the reserve, and limits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from continuum_grasp.addons.mission.assignment import LARGEST, Assignment, object_of
+from continuum_grasp.addons.mission.budget import lowered_by_pulls, promised
+from continuum_grasp.addons.mission.causes import CLEAR
+from continuum_grasp.addons.mission.on_pads import standing
+from continuum_grasp.addons.mission.plant import PlantVariation
+from continuum_grasp.addons.mission.scene import MissionScene
+from continuum_grasp.base import Array, InputError, Interrupted, SolverError
+from continuum_grasp.core import Core
+from continuum_grasp.grasp import Contact, GraspResult, Resistance, optimize_grasp
+from continuum_grasp.model import FingerModel, Winch, winches_of
+from continuum_grasp.scene import (
+    BasePose,
+    ControllerSettings,
+    ControlScene,
+    Cost,
+    Fidelity,
+    Finger,
+    FingerSetup,
+    ForceWeight,
+    GraspObject,
+    Initial,
+    MotorDrive,
+    Reference,
+    Table,
+    Weight,
+    default_family,
+)
+from continuum_grasp.simulation import equilibrium_under
+
+
+class Commands:
+    """Commands by tensions of a finger whose tendons were pulled to where they are; ``s`` are places along it [m]."""
+
+    def __init__(self, finger: Finger, s: ArrayLike) -> None:
+        self._finger, self._s = finger, np.asarray(s, dtype=float)
+        self._winches = winches_of(finger)
+
+    def of(self, tensions: ArrayLike, angles: ArrayLike) -> Array:
+        """Commands (nu) under tensions (T) [N] at the drives, with angles of the backbone at ``s`` [rad]."""
+        pulled = np.asarray(tensions, dtype=float)
+        if not self._winches:
+            return pulled.copy()
+        drawn = [self._drawn(k, np.asarray(angles, dtype=float)) for k in range(len(pulled))]
+        return np.array([self._command(winch, pulled, drawn) for winch in self._winches])
+
+    def closing(self, pulls: ArrayLike) -> Array:
+        """Direction in which each command (nu) pulls harder with the tendons that close the finger: 1 up, -1 down, as
+        of a pulley that winds up its second tendon, 0 where it moves none of them. ``pulls`` says which tendons do (T).
+        """
+        closes = np.asarray(pulls, dtype=bool)
+        directions = []
+        for winch in self._winches:
+            sides = [side for side, k in zip(winch.sides, winch.tendons, strict=True) if closes[k]]
+            directions.append(sides[0] if sides else 0.0)
+        return np.array(directions) if self._winches else closes.astype(float)
+
+    def _drawn(self, tendon: int, angles: Array) -> tuple[float, float]:
+        """Length of a tendon drawn in by the bend [m], and by tension [m/N]."""
+        cable = self._finger.tendon_list[tendon]
+        _, _, channel, arm = self._finger.pulls[tendon]
+        middle = 0.5 * (self._s[1:] + self._s[:-1])
+        inside = np.clip(np.diff(np.minimum(self._s, channel.to)), 0.0, None)
+        bends = np.diff(angles)
+        path = arm * float(channel.shape(middle) @ bends)
+        # A tendon that was drawn in loses tension towards its end, one that was let out gains it.
+        passed = cable.conduit_bend + np.cumsum(np.abs(bends)) - 0.5 * np.abs(bends)
+        share = np.exp(-math.copysign(cable.friction, path) * passed)
+        if cable.axial_stiffness is None or cable.series_stiffness is None:
+            raise TypeError("a tendon whose tension is commanded has no compliance")
+        return path, float(inside @ share) / cable.axial_stiffness + 1.0 / cable.series_stiffness
+
+    def _command(self, winch: Winch, pulled: Array, drawn: list[tuple[float, float]]) -> float:
+        routes = [drawn[k] for k in winch.tendons]
+        lengths = [path + give * pulled[k] for (path, give), k in zip(routes, winch.tendons, strict=True)]
+        # Of two on one pulley that which pulls harder says where it is; the other has what this leaves it.
+        tightest = max(winch.tendons, key=lambda k: pulled[k])
+        position = float(ca.DM(winch.position(lengths, [float(pulled[k]) * (k == tightest) for k in winch.tendons])))
+        drive = winch.drive
+        if not isinstance(drive, MotorDrive):
+            return position
+        held = [
+            max(wound - path, 0.0) / give
+            for wound, (path, give) in zip(map(float, winch.wound(position)), routes, strict=True)
+        ]
+        torque = winch.radius * sum(side * tension for side, tension in zip(winch.sides, held, strict=True))
+        angle = float(ca.DM(winch.at(position, held, None)[0]))
+        return angle + torque / (drive.position_gain or math.inf)
+
+
+_START_CALLS = 3
+"""Calls over which a start is spread [1]: its first one integrates a motion of a stiff model, which takes as long as
+four linearizations. The longest call of configs/mission/mug.yaml takes 0.61 instead of 1.11 ms, with commands within
+0.09 N."""
+_MARGIN = 1.5
+"""Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
+_SLIP_SPEED = 0.005
+"""Slip speed of the controller's contacts with an object that is turned [m/s]: friction without a state, which is
+enough for horizons below a second. Below this speed the model creeps where the plant sticks, and the controller waits
+for a motion that does not come: with 0.01 m/s 3 of 12 plants of configs/mission/turn_block.yaml end 2 degrees short or
+more. At 0.003 m/s friction follows the noise of the estimated speed while the object is held: the estimated force is
+restless, and one of nine plants dropped the block.
+"""
+_DENSE = 60
+"""Places along the finger whose distance is looked at."""
+
+
+def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Assignment, ...]:
+    """Optimize the grasp of a mission, where it has not been found already, and say what each controller has to do.
+
+    Raises a SolverError where there is no verified grasp, an InputError where a mission cannot carry it out.
+    """
+    result = optimize_grasp(mission.grasp) if grasp is None else grasp
+    if grasp is None and result.statistics["interrupted"]:
+        raise Interrupted("interrupted while the grasp was optimized")
+    if not result.solved:
+        message = f"no grasp to carry out: {result.message}"
+        raise SolverError(message, status=result.status.value, advice=result.advice, result=result)
+    resistance = promised(result)
+    assigned = tuple(_assigned(mission, result, resistance, setup) for setup in mission.grasp.setups)
+    if mission.slip is None:
+        return assigned
+    more, gives = standing(assigned), [lowered.distance for lowered in lowered_by_pulls(assigned, PlantVariation())]
+    return tuple(replace(each, standing=more, gives=max([0.0, *gives])) for each in assigned)
+
+
+def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
+    name, posture, (*middles, tip) = setup.name, grasp.fingers[setup.name], _contacts(grasp, setup)
+    forces = {f"finger.{k + 1}": contact.normal_force for k, contact in enumerate(middles)}
+    hardest = max(forces, key=lambda contact: forces[contact], default="finger.tip")
+    forces["finger.tip"] = tip.normal_force
+    asked = mission.controller.held
+    held = forces if asked == "all" else {at: forces[at] for at in (hardest if asked == "middle" else "finger.tip",)}
+    base, pose = posture.base.tolist(), grasp.object_pose.tolist()
+    placed: Finger = setup.finger.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
+    if mission.drive_tension is not None:
+        finger = finger.with_tendons(max_tension=mission.drive_tension)
+    body = mission.grasp.object.moved_to((pose[0], pose[1], pose[2]), free=None)
+    control = _control_scene(mission, finger, body, tuple(contact.station for contact in middles), held)
+    control = control.replaced(parameters=(*control.parameters, *_base_parameters(mission, grasp, setup)))
+    # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
+    edges = np.minimum(np.cumsum([0.0, *np.asarray(control.fidelity.elements)]), finger.rod.length)
+    ends = np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3]))
+    tensions = np.array(posture.tensions)
+    least = np.array([tendon.min_tension for tendon in placed.tendon_list])
+    greatest = np.array([tendon.max_tension for tendon in finger.tendon_list])
+    free = placed.with_tendons(
+        time_constant=None, drive_order=2, drive=None, axial_stiffness=None, series_stiffness=None
+    )
+    before, angles, _ = _about_to_touch(control, free, body, tensions, (least, greatest), edges)
+    if mission.turn is not None:
+        _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, greatest), edges)[2])
+    commands, factors = Commands(finger, edges), np.minimum(np.asarray(resistance.factors), LARGEST)
+    rise = np.maximum(tensions - before, 0.0)
+    reserve = float(np.min((greatest - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
+    reserve = max(0.0, reserve) if math.isfinite(reserve) else 0.0
+    return Assignment(
+        mission=mission,
+        grasp=grasp,
+        name=name,
+        control=control,
+        object_pose=(pose[0], pose[1], pose[2]),
+        tensions=tensions,
+        held=commands.of(tensions, ends),
+        tight=commands.of(tensions + reserve * rise, ends),
+        reserve=reserve,
+        before=commands.of(before, angles),
+        rest=np.array(control.rest_input),
+        holding=_limits(commands, tensions, (least, greatest), ends, mission.controller.retained),
+        bends=np.diff(angles),
+        posture=np.diff(ends),
+        forces=dict(held),
+        middles=tuple(contact.name for contact in middles),
+        resisted=resistance,
+        pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
+    )
+
+
+def _contacts(grasp: GraspResult, setup: FingerSetup) -> list[Contact]:
+    """Contacts of a finger in a grasp: those along it from its base on, that of its tip last."""
+    contacts = {contact.name: contact for contact in grasp.contacts if contact.name.startswith(f"{setup.name}.")}
+    tip = contacts.pop(setup.tip_name, None)
+    if tip is None:
+        raise InputError(f"a mission needs a contact of the tip of {setup.name}", key="grasp.contacts")
+    along = (contact for contact in contacts.values() if not np.isnan(contact.station))
+    return [*sorted(along, key=lambda contact: contact.station), tip]
+
+
+def _limits(
+    commands: Commands, tensions: Array, limits: tuple[Array, Array], angles: Array, retained: float
+) -> tuple[Array, Array]:
+    """Least and greatest commands (nu) while the object is held, under limits of tensions (T) [N].
+
+    The tendon that closes the finger keeps a share of its tension ``retained``, the others stay loose.
+    """
+    least, greatest = limits
+    pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
+    firm = commands.of(np.where(pulls, retained * tensions, least), angles)
+    # 3.0: tension that the other tendon may have meanwhile beyond its least tension [N]
+    loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + 3.0)), angles)
+    closing = commands.closing(pulls)
+    highest = np.where(closing > 0.0, np.inf, np.where(closing < 0.0, firm, loose))
+    return np.where(closing > 0.0, firm, -np.inf), highest
+
+
+def _base_parameters(mission: MissionScene, grasp: GraspResult, setup: FingerSetup) -> tuple[str, ...]:
+    """Parameters that make fingers of one kind share the compiled code of their controllers: where they stand.
+
+    None for a finger that is the only one of its kind.
+    """
+    finger = setup.finger
+    alike = [other.name for other in mission.grasp.setups if other.finger.replaced(base=finger.base) == finger]
+    if len(alike) == 1:
+        return ()
+    angles = {float(grasp.fingers[name].base[2]) for name in alike}
+    return ("base_position", "base_angle") if len(angles) > 1 else ("base_position",)
+
+
+def _control_scene(
+    mission: MissionScene, finger: Finger, body: GraspObject, stations: tuple[float, ...], held: dict[str, float]
+) -> ControlScene:
+    asked = mission.controller
+    before, after = asked.elements
+    between = [b - a for a, b in pairwise(stations)]
+    if stations:
+        first, last = stations[0], finger.rod.length - stations[-1]
+        lengths = (*[first / before] * before, *between, *[last / after] * after)
+    else:
+        lengths = (finger.rod.length / (before + after),) * (before + after)
+    edges = np.cumsum([0.0, *lengths])
+    free = [length * _greatest_curvature(finger, a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)]
+    # 20.0: greatest bending range that a scene may declare [rad]
+    reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, 20.0)
+    turn = mission.turn
+    cost = Cost(
+        object_angle=None if turn is None else Weight(running=asked.object_angle),
+        gap=None if turn is None else ForceWeight(running=asked.gap, of=("finger.tip",)),
+        bending=Weight(running=asked.posture),
+        contact_force=ForceWeight(running=asked.force, of=tuple(held)),
+        speed=Weight(running=asked.speed) if asked.speed else None,
+        effort=asked.effort,
+        input_rate=asked.input_rate,
+    )
+    estimated, adapted = frozenset(mission.estimator.disturbances.stated()), set[str]()
+    if mission.estimator.adapt is not None:
+        adapted = set(mission.estimator.adapt.spreads)
+    return ControlScene(
+        name=mission.name,
+        finger=finger,
+        gravity=mission.grasp.gravity_in_plane,
+        contacts=stations,
+        **_surroundings(mission, body),
+        fidelity=Fidelity(
+            family=default_family(free_tip=bool(finger.free_tip_reasons)), elements=lengths, bending_range=reach
+        ),
+        parameters=tuple(sorted(({"bending_stiffness", "tendon_friction"} & estimated) | adapted)),
+        controller=ControllerSettings(
+            period=asked.period,
+            horizon=asked.horizon,
+            cost=cost,
+            input=asked.input,
+            bounds=asked.bounds,
+            start_calls=_START_CALLS,
+            deadline=asked.deadline,
+        ),
+        reference=Reference(
+            contact_force=tuple(held.values()),
+            object_angle=None if turn is None else (body.angle,),
+            gap=None if turn is None else (0.0,),
+        ),
+        estimator=mission.estimator,
+        initial=Initial(pose="straight"),
+        plant=mission.plant,
+    )
+
+
+def _surroundings(mission: MissionScene, body: GraspObject) -> dict[str, Any]:
+    """Object and surroundings as the controller knows them, by keys of its scene.
+
+    It stays where the grasp has it, and is touched by the finger alone; where it is turned first, it begins where it
+    stands before that, moves, and is pushed on a table and against supports.
+    """
+    law, turn = mission.contact_law, mission.turn
+    if turn is None:
+        # An estimate of friction needs its limit; without one contacts are taken to be smooth.
+        unknown_friction = mission.estimator.disturbances.contact_friction is not None
+        return {"object": body, "contact_law": law if unknown_friction else law.replaced(friction=0.0)}
+    if law.slip_speed is None:
+        law = law.replaced(presliding=None, slip_speed=_SLIP_SPEED)
+    return {
+        "object": body.replaced(
+            position=turn.position, angle=body.angle - turn.angle, mass=mission.object_mass or body.mass
+        ),
+        "object_moves": True,
+        "contact_law": law,
+        "supports": mission.grasp.supports,
+        "out_of_plane_gravity": mission.gravity,
+        "table": Table(friction=mission.table_friction, friction_radius=mission.table_friction_radius, stays=True),
+    }
+
+
+def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
+    """Greatest curvature of the free finger between two positions, under the greatest tensions of one side [1/m]."""
+    s = np.linspace(start, end, _DENSE)
+    greatest_tensions = np.array([tendon.max_tension for tendon in finger.tendon_list])
+    sides = [
+        sum(
+            np.maximum(side * np.array(channel.arms), 0.0) @ greatest_tensions * channel.shape(s)
+            for channel in finger.channels
+        )
+        for side in (1.0, -1.0)
+    ]
+    return float(np.max(np.maximum(*sides) / finger.profile.bending_stiffness(s)))
+
+
+def _about_to_touch(
+    control: ControlScene, finger: Finger, body: GraspObject, tensions: Array, limits: tuple[Array, Array], edges: Array
+) -> tuple[Array, Array, float]:
+    """Tensions [N], towards those of the grasp, at which the free finger comes close to the object, angles of its
+    sections at the edges [rad], and the place of the finger that is nearest [m]: negative where the finger overlaps the
+    object without them, infinite where it never comes close.
+    """
+    least, highest = limits
+    free = FingerModel(
+        finger,
+        gravity=control.gravity,
+        family=control.fidelity.family if not finger.has_tendon_friction else default_family(free_tip=True),
+        elements=control.fidelity.elements,
+        bending_range=control.fidelity.bending_range,
+        tip_force=False,
+        input_rates=False,  # nothing moves
+    )
+    places = np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]
+    half, core = finger.profile.half_thickness(places), Core(free, compiled=False)
+    away = tensions - least
+    pulls = away > 0.0
+    farthest = float(np.min((highest - least)[pulls] / away[pulls]))
+    before, q, nearest = least, np.zeros(free.n), math.inf
+    # 200: shares of the grasp's tensions that are tried
+    for share in np.linspace(0.0, farthest, 200 + 1):
+        u = least + share * away
+        shape = equilibrium_under(free, u, [], guess=q).q
+        points = core.batch("position", shape, u, places[:, None])
+        gaps = [body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True)]
+        if min(gaps) < CLEAR:
+            nearest = float(places[int(np.argmin(gaps))]) * (-1.0 if share == 0.0 and min(gaps) < 0.0 else 1.0)
+            break
+        before, q = u, shape
+    return before, np.ravel(core.batch("orientation", q, before, edges[:, None])), nearest
+
+
+def _check_start(control: ControlScene, nearest: float) -> None:
+    """Refuse a turn that begins inside a support or the finger, or that the fingertip cannot begin.
+
+    ``nearest`` is the place of the finger that first comes close to the object, as `_about_to_touch` has it.
+    """
+    body, length, key = object_of(control), control.finger.rod.length, "turn.position"
+    for wall in control.walls:
+        down = wall.normal_angle + math.pi - body.angle
+        deep = max(part.support(down) for part in body.parts) - wall.height(body.position)
+        # Beside an edge of finite length it may stand lower.
+        # 1e-4: depth in a support up to which an object stands beside it [m]: it is pressed in by as much
+        if deep > 1e-4 and math.isinf(wall.half_length):
+            raise InputError(f"the object stands {1e3 * deep:.3g} mm inside of {wall.name} before its turn", key=key)
+    if nearest < 0.0:
+        raise InputError("the straight finger overlaps the object where it stands before its turn", key=key)
+    if math.isinf(nearest):
+        raise InputError("the finger does not reach the object where it stands before its turn", key=key)
+    if nearest < length - control.finger.profile.half_thickness(length) - length / _DENSE:
+        raise InputError(
+            f"the finger meets the object first at {nearest:.3g} m of its length, not with its tip ({length:.3g} m), "
+            "where it stands before its turn",
+            key=key,
+        )

@@ -1,0 +1,307 @@
+"""A mission that was carried out: numbers, files, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from continuum_grasp.addons.mission.assignment import object_of
+from continuum_grasp.addons.mission.lift import Doubted, NotLifted, Slipped
+from continuum_grasp.addons.mission.on_pads import reserved
+from continuum_grasp.addons.mission.plan import PhasePlan
+from continuum_grasp.addons.mission.plant import Span
+from continuum_grasp.addons.mission.precheck import Exceeded, exceeded
+from continuum_grasp.addons.mission.record import MissionRecord
+from continuum_grasp.addons.mission.verdict import MissionVerdict, force_estimate, judge
+from continuum_grasp.base import Array, InputError, columns
+from continuum_grasp.closed_loop import ControlRun
+from continuum_grasp.control import Stages
+from continuum_grasp.results import (
+    POSE,
+    TIME,
+    XY,
+    Dimension,
+    File,
+    MotionResult,
+    Picture,
+    Result,
+    Stored,
+    maker_of,
+    plain,
+    yaml_text,
+)
+from continuum_grasp.scene import GraspObject, Scene
+from continuum_grasp.simulation import CONTACT, overlap_text
+from continuum_grasp.simulation import STORED as CONTACTS_STORED
+
+_HEAD = """\
+# How a mission went: the verdict, why the object was dropped if it was, what was asked beyond the certificate.
+# SI units; result.npz holds all arrays, meta.json the configuration too.
+"""
+
+
+@dataclass(frozen=True)
+class MissionRun(MissionRecord, MotionResult):
+    """A mission that was carried out; the closed loop of each finger is stored in a folder of its name."""
+
+    kind: ClassVar[str] = "mpc"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("t", "(time,)", "s", "instants at which commands were given, and the end"),
+        Stored("object_pose", "(time, pose)", "", "pose of the object: x, y [m], angle [rad], height [m]"),
+        *CONTACTS_STORED,
+        Stored(
+            "force_estimate", "(period, held)", "N", "normal force of each held contact as its controller estimated it"
+        ),
+        Stored("force_std", "(period, held)", "N", "standard deviation of that estimate"),
+        Stored("friction_use", "(time, contact)", "1", "share of the friction cone that each contact uses"),
+        Stored("pulls", "(pull, wrench)", "", "wrench of each pull: x, y [N], moment [N m]", "wrenches"),
+    )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        TIME,
+        Dimension("period", "instants at which commands were given", "command_times", "s"),
+        POSE,
+        XY,
+        CONTACT,
+        Dimension("held", "of each finger, the held contact that presses hardest", "held_forces"),
+        Dimension("pull", "pulls, in order", "pulls"),
+        Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
+    )
+    texts: ClassVar[tuple[File, ...]] = (
+        File("report.txt", "mission.result:MissionRun.report"),
+        File("result.yaml", "mission.result:MissionRun.yaml"),
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("snapshots", "addons.mission.pictures:plot_mission_snapshots", panels=True),
+        Picture("timeline", "addons.mission.pictures:plot_mission_timeline", panels=True),
+    )
+    frames: ClassVar[str] = "addons.mission.pictures:mission_frames"
+    page: ClassVar[str] = "export.web.page:page_of_loop"
+    fps: ClassVar[float] = 25.0
+
+    scenes: tuple[Scene, ...] = field(repr=False)
+    """Each finger of the plant, with object and supports."""
+    refused: NotLifted | None
+    slipped: Slipped | None
+    doubted: Doubted | None
+
+    @cached_property
+    def verdict(self) -> MissionVerdict:
+        """Verdict on the mission."""
+        return judge(self, self.refused, self.slipped, self.doubted)
+
+    @cached_property
+    def exceeded(self) -> tuple[Exceeded, ...]:
+        """Numbers that the mission asked beyond its certificate, as said before the run."""
+        return exceeded(self.assignments, self.variation)
+
+    @property
+    def name(self) -> str | None:
+        """Name of the mission."""
+        return self.mission.name
+
+    @property
+    def outcome(self) -> str:
+        """Outcome for the object."""
+        return self.verdict.word
+
+    @property
+    def scene(self) -> Scene:
+        """The first finger of the plant, with object and supports."""
+        return self.scenes[0]
+
+    @property
+    def run(self) -> ControlRun | None:
+        """The closed loop of the only finger; None where there are several."""
+        return self.runs[0] if len(self.runs) == 1 else None
+
+    @property
+    def fingers(self) -> dict[str, ControlRun]:
+        """The closed loops by the fingers' names."""
+        return {assignment.name: run for assignment, run in zip(self.assignments, self.runs, strict=True)}
+
+    @property
+    def status(self) -> str:
+        """``stopped`` before its end, or the status of the verdict."""
+        return "stopped" if self.runs[0].ended == "stopped" else self.verdict.status
+
+    @property
+    def statistics(self) -> Mapping[str, Any]:
+        """Statistics of the closed loops by the fingers' names."""
+        return {name: run.statistics for name, run in self.fingers.items()}
+
+    def pairs(self) -> dict[str, str]:
+        """Time, and the verdict in numbers."""
+        return {"time": f"{self.t[-1]:g} s", **self.verdict.pairs()}
+
+    @property
+    def command_times(self) -> Array:
+        """Instants (K,) at which commands were given [s]."""
+        return self.runs[0].command_times
+
+    @property
+    def held_forces(self) -> dict[str, tuple[Array, Array, Array]]:
+        """Normal force of each finger's held contact that presses hardest, by name: setpoint (K + 1,), estimate (K,)
+        and the estimate's standard deviation (K,) [N].
+        """
+        forces = {}
+        for assignment, run in zip(self.assignments, self.runs, strict=True):
+            wanted = run.r[:, run.r_names.index(f"contact_force_{assignment.contact} [N]")]
+            forces[assignment.own_name(assignment.contact)] = (wanted, *force_estimate(assignment, run))
+        return forces
+
+    @property
+    def force_estimate(self) -> Array:
+        """Estimates of these forces (K, fingers) [N]."""
+        return np.stack([estimate for _, estimate, _ in self.held_forces.values()], axis=1)
+
+    @property
+    def force_std(self) -> Array:
+        """Standard deviations of these estimates (K, fingers) [N]."""
+        return np.stack([std for *_, std in self.held_forces.values()], axis=1)
+
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """The phases with their times."""
+        return self.timetable.spans
+
+    @property
+    def pulls(self) -> dict[str, Array]:
+        """Wrench (3) of each phase that pulls: world force x, y [N] and moment about the center of mass [N m]."""
+        return {f"pull {k + 1}": wrench for k, wrench in enumerate(self.wrenches)}
+
+    @property
+    def wrenches(self) -> Array:
+        """Wrenches as rows (K, 3)."""
+        return self.assignments[0].pulls
+
+    @cached_property
+    def _page(self) -> Any:
+        if self.run is None:
+            raise InputError(f"a page has one finger, and this mission {len(self.runs)}: take animate")
+        if self.variation.friction_fall:
+            raise InputError("on a page friction does not change, and here it falls in the hold: take animate")
+        return maker_of(self.page)(self.run, self.controller_changes)
+
+    def controller_changes(self, stages: Stages) -> list[dict[str, Any]]:
+        """Changes by phases to the controller of the only finger, whose problem is given: from instants ``t`` [s] on
+        ``weights`` of setpoints and limits ``low`` and ``high`` of the input.
+        """
+        run, changes = self.runs[0], list[dict[str, Any]]()
+        plan = PhasePlan(self.timetable, stages, np.zeros(0))
+        for span in self.spans:
+
+            def note(*, weights: Array, u_min: Array, u_max: Array, start: float = span.start) -> None:
+                changes.append({"t": start, "weights": weights, "low": u_min, "high": u_max})
+
+            # The command before the phase, by which limits are moved.
+            before = run.u[min(max(int(np.searchsorted(run.t, span.start)) - 1, 0), len(run.u) - 1)]
+            number = plan.names.index(span.name)
+            plan.enter(span.start, SimpleNamespace(change=note), SimpleNamespace(command=before), number)
+        return changes
+
+    @property
+    def body(self) -> GraspObject:
+        """The object."""
+        return object_of(self.scene)
+
+    @cached_property
+    def friction_use(self) -> Array:
+        """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
+        limits = self.friction * self.contacts.normal_force
+        # Contacts without a limit bear nothing, or are the table, whose friction is of another kind.
+        use: Array = np.divide(self.contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
+        return use
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings: of numbers beyond the certificate, of slip that can not be answered, of the closed loop, and of a
+        finger in the object between its contacts.
+        """
+        known = [*(number.text for number in self.exceeded), *reserved(self.assignments[0])]
+        for (name, run), scene in zip(self.fingers.items(), self.scenes, strict=True):
+            whose = "" if self.run is not None else f"{name}: "
+            known += [f"{whose}{text}" for text in run.warnings]
+            overlap = overlap_text(run, self.body, self.object_pose, scene.finger.profile.half_thickness, 50)
+            if overlap:
+                known.append(
+                    f"{whose}between its contacts the finger overlaps the object by {overlap}: add more_contacts"
+                )
+        return tuple(known)
+
+    def rows(self) -> list[tuple[str, str, str, str, str]]:
+        """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
+        t, pose, lift = self.t, self.object_pose, self.timetable.span("lift")
+        rows = [("phase", "from", "to", "pulled with", "moved")]
+        for span in self.spans:
+            if span.start > t[-1]:
+                break
+            during = (t >= span.start) & (t <= span.end)
+            moved = ""
+            if lift.end <= span.start < self.timetable.span("lower").end:
+                begin = pose[np.searchsorted(t, lift.start), :2]
+                moved = f"{1e3 * np.linalg.norm(pose[during, :2] - begin, axis=1).max(initial=0.0):.2f} mm"
+            wrench = self.pulls.get(span.name)
+            pulled = "" if wrench is None else wrench_text(wrench)
+            rows.append((span.name, f"{span.start:.2f} s", f"{min(span.end, t[-1]):.2f} s", pulled, moved))
+        return rows
+
+    def report(self) -> str:
+        """Verdict, phases and the closed loop's table as text."""
+        lines = [self.name or "mission", "", *columns(list(self.verdict.pairs().items()), (0, 1)), ""]
+        if self.exceeded:
+            lines += ["beyond the certificate:", *(f"  {number.text}" for number in self.exceeded), ""]
+        lines += columns(self.rows(), range(5))
+        for name, run in self.fingers.items():
+            lines += ["", *([] if self.run is not None else [f"finger {name}"]), run.report()]
+        return "\n".join(lines)
+
+    def yaml(self) -> str:
+        """Summary of a mission as YAML, in SI units."""
+        head = {"name": self.name, "status": self.status, "outcome": self.outcome, "warnings": list(self.warnings)}
+        return _HEAD + yaml_text(plain({**head, **self.findings()}))
+
+    def meta(self, **options: Any) -> dict[str, Any]:
+        """Meta data, whose configuration is the mission; those of the closed loops are in the fingers' folders."""
+        return {**super().meta(**options), "config": self.mission.model_dump(mode="json")}
+
+    def details(self) -> dict[str, Any]:
+        """Verdict, phases, and how the plant differs."""
+        return {**self.findings(), "variation": asdict(self.variation)}
+
+    def findings(self) -> dict[str, Any]:
+        """Verdict with the reason of a drop, what went beyond the certificate, and the phases, as plain data."""
+        return {
+            "verdict": verdict_data(self.verdict),
+            "exceeded": [asdict(number) for number in self.exceeded],
+            "phases": [asdict(span) for span in self.spans],
+        }
+
+    def parts(self) -> dict[str, Result]:
+        """The grasp, and the closed loop of each finger."""
+        return {"grasp": self.assignments[0].grasp, **self.fingers}
+
+
+def verdict_data(verdict: MissionVerdict) -> dict[str, Any]:
+    """A verdict as plain data, with the sentence on a drop."""
+    entries = {**asdict(verdict), "succeeded": verdict.succeeded}
+    for name, text in verdict.explained.items():
+        entries[name] |= {"text": text}
+    if verdict.turned is not None:
+        entries["turned"] |= {"achieved": verdict.turned.achieved}
+    return entries
+
+
+def wrench_text(wrench: Array) -> str:
+    """A wrench in words, without what is zero."""
+    units = (("N", "in x", 1.0), ("N", "in y", 1.0), ("mN m", "about z", 1e3))
+    words = [
+        f"{scale * value:+.3g} {unit} {along}"
+        for value, (unit, along, scale) in zip(wrench, units, strict=True)
+        if value
+    ]
+    return ", ".join(words) or "nothing"

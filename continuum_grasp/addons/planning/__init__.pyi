@@ -1,0 +1,12 @@
+from .addon import ADDON as ADDON
+from .result import Constraint as Constraint
+from .result import MotionPlan as MotionPlan
+from .result import PlanStatus as PlanStatus
+from .scene import DurationRange as DurationRange
+from .scene import FineCheck as FineCheck
+from .scene import Goal as Goal
+from .scene import PlanBounds as PlanBounds
+from .scene import PlanInput as PlanInput
+from .scene import PlanScene as PlanScene
+from .scene import PlanSolver as PlanSolver
+from .solve import plan as plan

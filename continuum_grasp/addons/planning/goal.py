@@ -1,0 +1,149 @@
+"""Goals of a plan as functions of the last state and input."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.addons.planning.motion import PlannedMotion
+from continuum_grasp.addons.planning.shooting import Term, derived
+from continuum_grasp.base import Array, InputError, name_of
+from continuum_grasp.scene import check_reach
+
+MET = 1e-5
+"""Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
+_SETTLED = 1e4
+"""Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
+friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""
+
+
+@dataclass(frozen=True)
+class GoalPart:
+    """A part of a goal: its entries by name, the target, and the physical amount of one unit of error.
+
+    ``weight`` is that of half the squared error [1/unit2]; None: reached exactly. ``tolerance`` is the greatest error
+    with which it counts as reached, per ``scale`` [1]. ``value`` is what is compared with the target, as an expression
+    of the motion's symbols.
+    """
+
+    name: str
+    key: str
+    unit: str
+    names: tuple[str, ...]
+    target: Array
+    scale: Array
+    weight: float | None
+    value: ca.SX
+    tolerance: float | Array = MET
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it asks for rest rather than for a posture."""
+        return self.key == "goal.end"
+
+    def _error(self, motion: PlannedMotion) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """Unknowns [s, last input], numbers, scaled error."""
+        z, d = motion.node
+        return z, d, (self.value - ca.DM(self.target)) / ca.DM(self.scale)
+
+    def rows(self, motion: PlannedMotion) -> Term:
+        """(z = [s, last input], d) -> scaled error."""
+        return derived("goal", *self._error(motion), exact=motion.exact)
+
+    def cost(self, motion: PlannedMotion, relaxed: bool) -> Term:
+        """(z, d) -> what the error costs."""
+        z, d, error = self._error(motion)
+        if relaxed:
+            # 1e4: weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest
+            # too
+            factor = ca.DM(np.sqrt(1e4 if self.at_rest else 1.0))
+        else:
+            factor = ca.DM(self.scale * np.sqrt((self.weight or 0.0) / motion.scales.objective))
+        scaled = error * factor
+        return derived("goal_cost", z, d, 0.5 * ca.dot(scaled, scaled), exact=motion.exact, squared=scaled)
+
+
+def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
+    """The aims of a scene; ``settles``: the finger comes to rest by itself after its drives.
+
+    One with a wrong number of entries raises an InputError.
+    """
+    goal, model, length = motion.scene.goal, motion.prediction, motion.length
+    x, u, _, p, _ = motion.physical
+    parts = []
+
+    def add(
+        name: str, unit: str, names: tuple[str, ...], target: tuple[float, ...], scale: float | Array, value: ca.SX
+    ) -> None:
+        key, size = f"goal.{name}", value.numel()
+        if len(target) != size:
+            raise InputError(f"expected {size} entries ({', '.join(names)}), got {len(target)}", key=key)
+        aim = getattr(goal, name)
+        # 0.1: tolerance of a goal with a weight and no tolerance of its own: 1 % of the finger's length, 0.05 rad
+        met = MET if aim.weight is None else 0.1 if aim.tolerance is None else aim.tolerance / scale
+        scales = np.full(size, scale)
+        parts.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
+
+    check_reach(motion.scene.finger, "goal", goal.targets, ranges=model.system.finger_model.ranges)
+    # Scales make errors of different kinds comparable: a tenth of the length, half a radian, at least a newton.
+    if goal.tip is not None:
+        add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))
+    if goal.bending is not None:
+        bend = model.bending(x, u, p)
+        add("bending", "rad", tuple(f"element {k + 1}" for k in range(bend.numel())), goal.bending.value, 0.5, bend)
+    if goal.shape is not None:
+        where = ca.vec(model.sections(goal.shape.at)(x, u, p)[0])
+        names = tuple(f"{axis} at {at:g} m" for at in goal.shape.at for axis in "xy")
+        add("shape", "m", names, goal.targets["shape"], 0.1 * length, where)
+    if goal.contact_force is not None:
+        aim = goal.contact_force.value
+        add("contact_force", "N", model.contact_names, aim, max(1.0, *map(abs, aim)), model.contact_force(x, u, p))
+    if goal.input is not None:
+        names = tuple(map(name_of, model.u_names))
+        add("input", motion.input_unit, names, goal.input.value, motion.scales.u, u)
+    if goal.end != "moving":
+        all_names, scale = np.array(model.x_names), motion.scales.x
+        if goal.end == "still":
+            chosen = [k for k, name in enumerate(all_names) if "_rate " in name]
+            value = x[chosen]
+        else:
+            # Friction states beyond their range return to it, by which no force changes; a material goes on relaxing.
+            chosen = [k for k, name in enumerate(all_names) if "friction_" not in name and "relaxing_" not in name]
+            all_names = np.array([f"{name}/s" for name in all_names])
+            value, scale = model.dynamics(x, u, p)[chosen], scale / motion.first_duration
+            if motion.scene.transcription == "single_shooting":
+                scale = scale * _stiffness(motion)
+        weighted = [settles and k < 2 * model.system.n for k in chosen]
+        for rows, weight in ((np.flatnonzero(~np.array(weighted)), None), (np.flatnonzero(weighted), _SETTLED)):
+            if not rows.size:
+                continue
+            names, zero, selected = tuple(all_names[chosen][rows].tolist()), np.zeros(rows.size), value[rows.tolist()]
+            unit = scale[chosen][rows]
+            if weight is None:
+                parts.append(GoalPart(goal.end, "goal.end", "state", names, zero, unit, None, selected))
+            else:
+                name, ones = f"{goal.end}, finger", np.ones(rows.size)
+                share = weight * motion.scales.objective
+                parts.append(GoalPart(name, "goal.end", "1", names, zero, ones, share, selected / ca.DM(unit)))
+    return parts
+
+
+def _stiffness(motion: PlannedMotion) -> Array:
+    """Greatest change (nx) of each rate of the straight finger, in its unit, by one unit of a state or input; or one.
+
+    Accelerations that a micrometer of a stiff cable brings would count for more than all else.
+    """
+    model, (of_x, of_u) = motion.prediction, (motion.scales.x, motion.scales.u)
+    u = np.array(motion.scene.initial_input)
+    point = model.at_rest(np.zeros(model.system.n), u), u, model.p_nominal
+    rate = model.dynamics(model.x, model.u, model.p)
+    slopes = ca.Function(
+        "slopes", [model.x, model.u, model.p], [ca.jacobian(rate, model.x), ca.jacobian(rate, model.u)]
+    )
+    by_x, by_u = (np.abs(np.array(slope)) for slope in slopes(*point))
+    unit = motion.first_duration / of_x
+    greatest = np.maximum((by_x * of_x).max(axis=1), (by_u * of_u).max(axis=1, initial=0.0))
+    # Its square root: an acceleration counts as the velocity that it has reached when the stiffness turns it around.
+    return np.asarray(np.sqrt(np.maximum(1.0, unit * greatest)))

@@ -1,0 +1,184 @@
+"""Varied keys of a configuration, resolved: the scene as plain data, and for every key its place and its values."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from pydantic import ValidationError
+
+from continuum_grasp.addons.design import Design
+from continuum_grasp.addons.sweeps.scene import Draw, Follow, Grid, Sweep, Varied
+from continuum_grasp.base import InputError, nearest
+from continuum_grasp.scene import (
+    Change,
+    Document,
+    KeyPath,
+    Shape,
+    Value,
+    assembled,
+    changed,
+    input_error,
+    kind_of,
+    model_of,
+    named_file,
+    path_of,
+    placed,
+    undotted,
+    validated,
+)
+from continuum_grasp.scene import kinds as known_kinds
+
+Way = TypeVar("Way", bound=Value)
+
+
+@dataclass(frozen=True)
+class VariedKey(Generic[Way]):
+    """A key of the scene, and how a sweep or a design varies it."""
+
+    key: str
+    path: KeyPath
+    unit: str
+    """Empty where the scene's documentation names none."""
+    way: Way
+    """As the configuration has it."""
+    values: tuple[Any, ...] = ()
+    """The values that are listed as plain data; fingers from other files are put in."""
+    nominal: float = math.nan
+    """In designs, the value where the search starts, or that of a number that is not chosen."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A sweep, resolved."""
+
+    kind: str
+    """Kind of the scene: grasp, or mpc."""
+    base: dict[str, Any]
+    """The scene as plain data, with fingers from other files and what the sweep sets put in."""
+    axes: tuple[VariedKey[Grid], ...]
+    draws: tuple[VariedKey[Draw], ...]
+    ties: tuple[VariedKey[Follow], ...]
+
+
+def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str]) -> Variation:
+    """Resolve a sweep and check that its keys and values have their place in the scene.
+
+    A scene that does not make sense as a whole, such as a finger that begins inside the object, is no error: it is a
+    failed run. A key that does not exist, and a value of the wrong type or out of its own range, is.
+    """
+    scene = SceneKeys(sweep, document, Path(file), ("grasp", "mpc"))
+    axes = []
+    for key, grid in sweep.vary.items():
+        where: KeyPath = ("vary", key) if grid.values is None else ("vary", key, "values")
+        axes.append(scene.varied(where, key, grid, grid.listed, listed=grid.values is not None))
+    draws = [
+        scene.varied(("sample", "keys", key, draw.kind), key, draw, draw.listed)
+        for key, draw in (sweep.sample.keys if sweep.sample else {}).items()
+    ]
+    listed: list[VariedKey[Any]] = [*axes, *draws]
+    numeric = {varied.key for varied in listed if all(map(_is_number, varied.values))}
+    for key, follow in sweep.follow.items():
+        if follow.key not in numeric:
+            message = f"{follow.key!r} has values that are no numbers"
+            raise document.nearest(("follow", key, "key")).error(message, ("follow", key))
+    allowed = [*sweep.vary, *(draw.key for draw in draws), *sweep.follow, *sweep.columns]
+    for name, part in product(("maps", "pareto"), ("x", "y", "color")):
+        for k, picture in enumerate(getattr(sweep, name)):
+            column = getattr(picture, part)
+            if column is not None and column not in allowed:
+                where = (name, k, part)
+                message = f"no such column: {column!r}{nearest(column, allowed)}"
+                raise document.nearest(where).error(message, where)
+    return Variation(scene.kind, scene.base.value, tuple(axes), tuple(draws), scene.ties)
+
+
+def fault_kinds(error: ValidationError) -> set[str]:
+    """Kinds of faults, in pydantic's words: ``value_error`` of checks of several keys."""
+    return {fault["type"] for fault in error.errors(include_url=False, include_context=False)}
+
+
+class SceneKeys:
+    """The scene that a configuration names, one of ``kinds``, and the keys that it varies of it."""
+
+    def __init__(self, config: Varied, document: Document, file: Path, kinds: Sequence[str] = ("grasp",)) -> None:
+        self.config, self.document = config, document
+        self._folder = file.parent
+        place = document.nearest(("scene",))
+        self.file = Path(os.path.normpath(named_file(place, config.scene, file, "file", ("scene",))))
+        fixed = [self.change(("set", key), key, value) for key, value in config.set.items()]
+        self.base = assembled(self.file, fixed, map(undotted, config.varied_keys))
+        self.kind = kind_of(self.base.value)
+        if self.kind not in kinds:
+            expected = " or ".join(known_kinds()[kind].expected for kind in kinds)
+            raise place.error(f"expected {expected}, got a file of kind {self.kind}", ("scene",))
+        self.model = model_of(self.kind)
+        validated(self.base, self.model)
+        self.shape = Shape(self.model)
+        # So that equal scenes are equal data, by which a sweep resumes.
+        self.base.value = self.shape.in_si((), self.base.value, self.base.value)
+
+    def varied(
+        self, where: KeyPath, key: str, way: Way, given: Sequence[Any], *, listed: bool = True, only_key: bool = False
+    ) -> VariedKey[Way]:
+        """A key of the scene with its values, each tried on its own in the scene."""
+        converted: list[Any] = []
+        path: KeyPath = ()
+        for k, value in enumerate(given):
+            path, new = self.change((*where, k) if listed else where, key, value)
+            tried = changed(self.base, [(path, new)], self.file)
+            converted.append(self.shape.in_si(path, tried.get(path), tried.value))
+            try:
+                self.model.model_validate(tried.value)
+            except ValidationError as error:
+                kinds = fault_kinds(error)
+                # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
+                if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
+                    raise input_error(error, self.model, tried) from error
+        return VariedKey(key, path, self.unit(path), way, tuple(converted))
+
+    def change(self, where: KeyPath, key: str, value: Any) -> Change:
+        """A key of the scene with a value, at its place in the sweep."""
+        place = self.document.nearest(where)
+        place = replace(place, folder=self._folder if place.line is None else None)  # not that of the scene
+        try:
+            path = path_of(key, place.file)
+        except InputError as error:
+            raise place.error(error.message, where) from None
+        return path, placed(value, place)
+
+    @property
+    def ties(self) -> tuple[VariedKey[Follow], ...]:
+        """The keys that follow others."""
+        return tuple(
+            self.varied(("follow", key), key, follow, [follow.value(1.0)], listed=False, only_key=True)
+            for key, follow in self.config.follow.items()
+        )
+
+    def unit(self, path: KeyPath) -> str:
+        """Unit of a key; empty where there is none."""
+        unit = self.shape.unit(path, self.base.value)
+        return "" if unit is None or unit == "1" else unit
+
+
+def base_scene(loaded: Any, document: Document, file: str | os.PathLike[str]) -> Any:
+    """The scene that a sweep or design varies, as it stands in its file; any other configuration itself."""
+    if not isinstance(loaded, Sweep | Design):
+        return loaded
+    keys = SceneKeys(loaded, document, Path(file), ("grasp", "mpc"))
+    return validated(keys.base, keys.model)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def read_sweep(sweep: Sweep, document: Document, file: Path) -> Sweep:
+    """A sweep from a file, whose keys and values have their place in the scene that it names."""
+    variation_of(sweep, document, file)
+    return sweep.in_folder(file.parent)

@@ -1,0 +1,221 @@
+"""Work of a worker process: a few scenes, one after the other, and a row for each whatever happens.
+
+A Dask cluster may be the pool of workers.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias
+
+from continuum_grasp.addons.sweeps.folder import SOLVED, encode
+from continuum_grasp.addons.sweeps.plan import SweepPoint
+from continuum_grasp.base import ContinuumGraspError, ExecutorPool, InputError, SolverError, clipped, install_line
+from continuum_grasp.results import digest, pack_run
+from continuum_grasp.scene import GraspScene, KeyPath
+
+Keep: TypeAlias = Literal["all", "failed", "none"]
+_ONE_AT_A_TIME = threading.Lock()
+"""Solvers share memory, so that the threads of a worker take turns."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """Data that all scenes of a sweep share; they travel with every chunk."""
+
+    base: dict[str, Any]
+    """The scene as plain data."""
+    keys: tuple[str, ...]
+    """The varied keys, as the table names them."""
+    paths: tuple[KeyPath, ...]
+    """Paths of the varied keys in the scene."""
+    record: tuple[str, ...]
+    """Further columns of the table."""
+    keep: Keep
+    """Runs whose files are wanted."""
+    evaluate: Callable[[GraspScene], Any]
+    """From a scene to a GraspResult."""
+
+
+@dataclass(frozen=True)
+class SceneOutcome:
+    """Outcome of one scene: its line in the table, and the file of its run."""
+
+    index: int
+    status: str
+    seconds: float
+    line: bytes
+    run: bytes = b""
+
+
+def solve(scene: GraspScene) -> Any:
+    from continuum_grasp.grasp import optimize_grasp
+
+    return optimize_grasp(scene, raise_on_failure=False)
+
+
+def run_chunk(job: Job, points: Sequence[SweepPoint]) -> list[SceneOutcome]:
+    """Evaluate scenes, one at a time. Raises an InputError where a column is asked for that grasps do not have."""
+    with _ONE_AT_A_TIME, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # thousands of rows would repeat them
+        return [_run(job, point) for point in points]
+
+
+def row_of_crash(job: Job, point: SweepPoint, message: str) -> SceneOutcome:
+    """The row of a scene that took its worker process with it, twice."""
+    return _outcome(job, point, scene_data(job.base, job.paths, point), "crashed", message)
+
+
+def _run(job: Job, point: SweepPoint) -> SceneOutcome:
+    data = scene_data(job.base, job.paths, point)
+    began, result, numbers = time.perf_counter(), None, dict[str, Any]()
+    try:
+        result = job.evaluate(GraspScene(**data))
+    except ContinuumGraspError as error:
+        kind = "invalid" if isinstance(error, InputError) else "error"
+        status, message = error.status if isinstance(error, SolverError) else kind, str(error)
+    except Exception as error:
+        status, message = "error", f"{type(error).__name__}: {error}"
+    else:
+        # Some numbers are only computed when they are asked for: their time counts.
+        status, message, numbers = str(result.status), result.message, quantities(result, job.record)
+    numbers["seconds"] = float(f"{time.perf_counter() - began:.6g}")
+    reason = result.reasons[0].title if result is not None and result.reasons else ""
+    wanted = result is not None and (job.keep == "all" or (job.keep == "failed" and status not in SOLVED))
+    return _outcome(job, point, data, status, message, numbers, reason, _packed(result) if wanted else b"")
+
+
+def _outcome(
+    job: Job,
+    point: SweepPoint,
+    data: dict[str, Any],
+    status: str,
+    message: str,
+    numbers: Mapping[str, Any] = MappingProxyType({}),
+    reason: str = "",
+    run: bytes = b"",
+) -> SceneOutcome:
+    row = {
+        "index": point.index,
+        "scene": digest(data)[:16],
+        "values": dict(zip(job.keys, point.labels, strict=True)),
+        "status": status,
+        "reason": reason,
+        # 300: characters of a message in the table: lines stay readable
+        "message": clipped(message, 300),
+        **numbers,
+    }
+    return SceneOutcome(point.index, status, float(numbers.get("seconds", 0.0)), encode(row), run)
+
+
+def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: SweepPoint) -> dict[str, Any]:
+    """The scene of a point as plain data; shorter paths are set first."""
+    data = copy.deepcopy(base)
+    # So that ``finger.base`` is set in the ``finger`` that is varied too.
+    for path, value in sorted(zip(paths, point.values, strict=True), key=lambda pair: len(pair[0])):
+        parent: Any = data
+        for part in path[:-1]:
+            child = parent.get(part) if isinstance(parent, dict) else parent[part]
+            if child is None:  # a section that is left out, or null, is one of defaults
+                child = parent[part] = {}
+            parent = child
+        parent[path[-1]] = copy.deepcopy(value)
+    return data
+
+
+def _packed(result: Any) -> bytes:
+    """The file of a run, for who writes the table; it holds everything."""
+    # Without warnings, which the model's error is among: exact rods take some tens of milliseconds.
+    meta = {"kind": result.kind, "config": result.scene.model_dump(mode="json"), "status": result.status}
+    meta |= {"statistics": dict(result.statistics), **result.details(quality=False)}
+    return pack_run(result.stored_arrays(), meta)
+
+
+def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:
+    """Numbers of a result by column, ``record`` included; None where there is no grasp to have them.
+
+    A name that grasps do not have raises an InputError.
+    """
+    solved = str(result.status) in SOLVED
+    reason = result.reasons[0] if result.reasons else None
+    tensions = [float(t) for finger in result.fingers.values() for t in finger.tensions] if solved else []
+    contacts = result.contacts if solved else ()
+    numbers = {
+        "tension_sum": sum(tensions) if solved else None,
+        "tension_max": max(tensions, default=None),
+        "normal_force_max": max((c.normal_force for c in contacts), default=None),
+        "friction_margin": min((c.friction_margin for c in contacts), default=None),
+        "contacts": len(contacts) if solved else None,
+        "iterations": result.statistics.get("iterations"),
+        "reason_limit": None if reason is None else reason.limit,
+        "reason_needed": None if reason is None else reason.needed,
+        **{name: _recorded(result, name, solved) for name in record},
+    }
+    return {name: _number(value) for name, value in numbers.items()}
+
+
+def _number(value: Any) -> float | int | str | None:
+    """A value as it may stand in a row: None for nothing, NaN and infinity, which JSON does not have."""
+    value = value.item() if hasattr(value, "item") else value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return int(value) if isinstance(value, bool) else value
+
+
+def _recorded(result: Any, name: str, solved: bool) -> Any:
+    root, *parts = name.split(".")
+    # Without a grasp, reading the quality raises; other results than those of `optimize_grasp` have no ``solved``.
+    value = None if root == "quality" and not getattr(result, "solved", True) else getattr(result, root)
+    for part in parts:
+        if value is None:
+            return None
+        known = part in value if isinstance(value, Mapping) else hasattr(value, part)
+        if not known:
+            if not solved:  # what failed early has no certificate, and few statistics
+                return None
+            there = value if isinstance(value, Mapping) else [n for n in dir(value) if not n.startswith("_")]
+            raise InputError(f"a grasp has no number of this name; {part!r} is none of {', '.join(there)}", key=name)
+        value = value[part] if isinstance(value, Mapping) else getattr(value, part)
+    if value is None or isinstance(value, str | int | float) or getattr(value, "ndim", 1) == 0:
+        return value
+    raise InputError(f"not one number, but {type(value).__name__}", key=name)
+
+
+@contextmanager
+def dask_pool(address: str) -> Iterator[ExecutorPool]:
+    """The workers of a running Dask scheduler, at an address such as ``tcp://127.0.0.1:8786``.
+
+    Raises an InputError where Dask is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError:
+        raise InputError(
+            f"a Dask cluster needs the extra 'cluster': {install_line('cluster')}", key="scheduler"
+        ) from None
+    try:
+        # Not the default one: the caller may use Dask for something else.
+        # 10.0: time to wait for an answer [s]
+        client: Any = distributed.Client(address, timeout=10.0, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
+        raise InputError(f"no Dask scheduler answers at {address!r}: {error}", key="scheduler") from None
+
+    @lru_cache(maxsize=1)
+    def count(tick: float) -> int:
+        return len(client.nthreads())
+
+    try:
+        # Not pure: a scene that is tried again is computed again. Workers are counted every 2 s, over the network.
+        yield ExecutorPool(client.get_executor(pure=False), lambda: count(time.monotonic() // 2.0))
+    finally:
+        client.close()

@@ -1,0 +1,116 @@
+"""Add-ons: what the core does not know, announced by entry points.
+
+An installed distribution that has an entry point of the group ``continuum_grasp.addons`` adds to the package what the
+`Addon` behind it says: kinds of configurations, verbs of the command line, exports. Everything is named by texts
+``module:name``, so that an add-on is loaded when it is used, and not before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from continuum_grasp.base.errors import InputError
+
+GROUP = "continuum_grasp.addons"
+"""Group of entry points by which add-ons announce themselves."""
+
+
+@dataclass(frozen=True)
+class ConfigurationKind:
+    """A kind of configuration: how its files are recognized, their class, and the verb that runs them."""
+
+    name: str
+    model: str
+    """Class of pydantic, as ``module:name``."""
+    words: str
+    """Words for it in messages, with an article."""
+    keys: str
+    """Keys by which people recognize it, for messages."""
+    command: str | None
+    """Verb that runs it; None where none does."""
+    required: Collection[str] = ()
+    """Keys that each of its files has."""
+    marks: Collection[str] = ()
+    """Keys of which each of its files has one at least."""
+    without: Collection[str] = ()
+    """Keys that none of its files has."""
+    names_files: bool = True
+    """Whether ``finger`` and ``grasp`` may be paths of files."""
+    finish: str = ""
+    """Function (scene, document, path) -> scene that reads what else the file names, as ``module:name``."""
+    loop: str = ""
+    """Function (scene or its result, name of a finger) -> what an export takes as a closed loop, as ``module:name``."""
+
+    @property
+    def expected(self) -> str:
+        """Expected kind of file, as errors name it."""
+        return f"{self.words} ({self.keys}, ...)"
+
+    def recognizes(self, keys: Collection[str]) -> bool:
+        """Whether a file with these keys is of this kind."""
+        there = set(keys)
+        marked = not self.marks or bool(there & set(self.marks))
+        return marked and there >= set(self.required) and not there & set(self.without)
+
+
+@dataclass(frozen=True)
+class Addon:
+    """What an add-on adds to the package.
+
+    Parameters
+    ----------
+    kinds : tuple of ConfigurationKind
+        Configurations that ``load`` then reads.
+    verbs : mapping of str to str
+        Functions of the command line by their verbs, as ``module:name``.
+    exports : mapping of str to str
+        Functions ``(scene, path, **options)`` by the word of ``export --to``, as ``module:name``.
+
+    Examples
+    --------
+    >>> from continuum_grasp.base import Addon
+    >>> Addon(verbs={"weigh": "my_addon:weigh"}).kinds
+    ()
+    """
+
+    kinds: tuple[ConfigurationKind, ...] = ()
+    verbs: Mapping[str, str] = field(default_factory=dict)
+    exports: Mapping[str, str] = field(default_factory=dict)
+
+
+@cache
+def addons() -> dict[str, Addon]:
+    """Add-ons that are installed, by the names of their entry points.
+
+    Raises
+    ------
+    InputError
+        If an add-on cannot be loaded, or if those of the package itself are not there: its metadata are then of
+        another version than its files.
+    """
+    from importlib.metadata import entry_points  # takes longer to import than all else here
+
+    found = {}
+    for entry in sorted(entry_points(group=GROUP)):
+        try:
+            addon = entry.load()
+        except Exception as error:
+            raise InputError(f"add-on {entry.name!r} ({entry.value}) cannot be loaded: {error}") from error
+        if not isinstance(addon, Addon):
+            raise InputError(f"add-on {entry.name!r} ({entry.value}): expected an Addon, got {addon!r:.60}")
+        found[entry.name] = addon
+    if not any(kind.model.startswith("continuum_grasp.") for addon in found.values() for kind in addon.kinds):
+        raise InputError(
+            "continuum_grasp is not installed with its add-ons: install it once more, such as by pip install -e ."
+        )
+    return found
+
+
+def named_value(text: str) -> Any:
+    """What a text ``module:name`` names."""
+    from pkgutil import resolve_name
+
+    return resolve_name(text)

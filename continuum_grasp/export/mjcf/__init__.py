@@ -1,1 +1,0 @@
-"""The finger as a chain of hinges for MuJoCo."""

@@ -1,1 +1,0 @@
-"""A scene as a page in which its C runs as WebAssembly."""

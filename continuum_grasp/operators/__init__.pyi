@@ -1,2 +1,0 @@
-from .for_jax import JaxOperators as JaxOperators
-from .for_torch import TorchOperators as TorchOperators

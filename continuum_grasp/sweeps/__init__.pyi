@@ -1,9 +1,0 @@
-from .folder import PLAN as PLAN
-from .plan import SweepPlan as SweepPlan
-from .plan import SweepPoint as SweepPoint
-from .plan import plan_of as plan_of
-from .run import sweep as sweep
-from .table import CSV as CSV
-from .table import SweepTable as SweepTable
-from .table import sweep_table as sweep_table
-from .worker import scene_data as scene_data
