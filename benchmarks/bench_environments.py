@@ -14,8 +14,7 @@ import numpy as np
 
 from benchmarks.harness import one_core
 from benchmarks.report import begun
-from continuum_grasp.addons.learning.environments.tasks import TASKS
-from continuum_grasp.addons.learning.environments.vector import FingerVectorEnv
+from continuum_grasp.addons.learning import TASKS, FingerVectorEnv
 
 ROUNDS, STEPS, HELD = 9, 40, 10
 """Rounds, steps of all plants in each, and periods for which a random command holds."""

@@ -22,9 +22,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 import continuum_grasp as cg
 from benchmarks.report import begun
-from continuum_grasp.addons.learning.environments.single import FingerEnv
-from continuum_grasp.addons.learning.environments.tasks import TASKS
-from continuum_grasp.addons.learning.environments.vector import FingerVectorEnv
+from continuum_grasp.addons.learning import TASKS, FingerEnv, FingerVectorEnv
 
 PLANTS, TRIED = 256, 64
 """Plants that are trained on at once, and those on which costs are compared."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import inspect
-import pkgutil
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import continuum_grasp
@@ -29,11 +29,9 @@ class Name:
 @cache
 def public() -> list[Name]:
     """All public names, those of the top level first."""
-    packages = [
-        f"{TOP}.{module.name}"
-        for module in pkgutil.iter_modules(continuum_grasp.__path__)
-        if module.ispkg and module.name not in HIDDEN
-    ]
+    root = Path(continuum_grasp.__file__).parent
+    doors = sorted(stub.parent.relative_to(root).parts for stub in root.glob("*/**/__init__.pyi"))
+    packages = [".".join((TOP, *parts)) for parts in doors if parts[0] not in HIDDEN]
     found: dict[int, Name] = {}
     for package in (TOP, *packages):
         module = import_module(package)
@@ -50,7 +48,7 @@ def home(value: Any, package: str) -> str:
     parts = str(getattr(value, "__module__", package)).split(".")
     if parts[0] != TOP:
         return package
-    path = ".".join(parts[:2])
+    path = ".".join(parts[: 3 if parts[1:2] == ["addons"] else 2])
     return path if len(parts) > 1 and hasattr(import_module(path), "__path__") else TOP
 
 

@@ -17,7 +17,7 @@ from typer.main import get_command
 import continuum_grasp
 from continuum_grasp.base import NumericalError, SolverError
 from continuum_grasp.cli import app
-from continuum_grasp.scene import KINDS
+from continuum_grasp.scene import kinds
 from continuum_grasp.simulation import Trajectory
 from tests.commands import ROOT, run
 
@@ -174,7 +174,7 @@ def test_an_animation_that_cannot_be_written_is_refused_before_any_work(tmp_path
 
 
 def test_schema_prints_and_writes(tmp_path):
-    assert set(KINDS) <= {*re.findall(r"\w+", run("schema", "--help").stdout)}
+    assert set(kinds()) <= {*re.findall(r"\w+", run("schema", "--help").stdout)}
     printed = json.loads(run("schema", "simulate").stdout)
     assert run("schema", "--out", str(tmp_path / "new")).exit_code == 0
     written = json.loads((tmp_path / "new" / "simulate.json").read_text().replace('"definitions.json#/', '"#/'))

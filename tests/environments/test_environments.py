@@ -478,7 +478,7 @@ def test_without_gymnasium():
     """The sweeps of the environments are there; an environment says what to install."""
     code = (
         "import sys; sys.modules['gymnasium'] = None\n"
-        "import continuum_grasp as cg, continuum_grasp.addons.learning.environments as own; print(len(own.TASKS))\n"
+        "import continuum_grasp as cg, continuum_grasp.addons.learning as own; print(len(own.TASKS))\n"
         "for name in ('FingerEnv', 'FingerVectorEnv'):\n"
         "    try: getattr(own, name)\n"
         "    except cg.InputError as error: print(error)"

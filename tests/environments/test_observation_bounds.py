@@ -25,7 +25,7 @@ def test_bounds_in_single_precision_are_the_nearest_outside():
 def test_rates_of_tensions_are_bounded_by_those_after_a_jump():
     """The greatest rate of the critically damped lag of the fastest drive, by its response to a step."""
     pytest.importorskip("gymnasium")
-    from continuum_grasp.addons.learning.environments.single import FingerEnv
+    from continuum_grasp.addons.learning import FingerEnv
 
     lags = [0.012, 0.031]
     sample = {"count": 2, "keys": {"plant.time_constant": {"choice": lags}}}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.learning.operators.for_jax import JaxOperators
+from continuum_grasp.addons.learning import JaxOperators
 from tests.marks import optional
 from tests.operators.operator_cases import FINGER, MODEL, SCALE, start
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.learning.operators.for_torch import TorchOperators
+from continuum_grasp.addons.learning import TorchOperators
 from tests.marks import optional
 from tests.operators.operator_cases import FINGER, MODEL, SCALE, start
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import DEFINITIONS, KINDS, json_schema, load, read_yaml, schema_files
+from continuum_grasp.scene import DEFINITIONS, json_schema, kinds, load, read_yaml, schema_files
 from continuum_grasp.scene.assembly import kind_of
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*/*.yaml"))
 ANYTHING: dict[str, object] = {}
-FOLDER_OF = {**{kind: kind for kind in KINDS}, "finger": "fingers"}
+FOLDER_OF = {**{kind: kind for kind in kinds()}, "finger": "fingers"}
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
@@ -36,7 +36,7 @@ def test_schema_files_are_current():
     assert shipped == schema_files(), "run: continuum-grasp schema --out schema"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", kinds())
 def test_a_shared_definition_is_that_of_every_kind(kind):
     files, whole = schema_files(), json_schema(kind)
     defined = json.loads(files[DEFINITIONS])["$defs"]
@@ -135,7 +135,7 @@ def _as_booleans(value):
     return {"on": True, "off": False}.get(value, value) if isinstance(value, str) else value
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", kinds())
 def test_booleans_stand_for_on_and_off_wherever_these_are_choices(kind):
     def words_alone(node, beside=()):
         """Enumerations of on or off without a boolean beside them."""

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import KINDS, Value, load, units_of
+from continuum_grasp.scene import Value, kinds, load, units_of
 from continuum_grasp.scene.assembly import kind_of
 from continuum_grasp.scene.objects.outline import OutlineFile
 from continuum_grasp.scene.units import QUANTITIES
@@ -50,8 +50,8 @@ def test_units_are_those_of_the_code():
 
 def test_every_kind_is_in_the_table():
     rows = table("Kinds", FILE)
-    assert [re.findall(r"\w+", row[3])[0] for row in rows] == list(KINDS)
-    for row, kind in zip(rows, KINDS, strict=True):
+    assert [re.findall(r"\w+", row[3])[0] for row in rows] == list(kinds())
+    for row, kind in zip(rows, kinds(), strict=True):
         keys = [re.findall(r"`(\w+)`", each)[0] for each in row[1].split(", ")]
         assert kind_of(dict.fromkeys(keys)) == kind
 

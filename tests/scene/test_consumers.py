@@ -21,7 +21,7 @@ from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.model import ModelOptions, System
 from continuum_grasp.rod import solve_elastica
-from continuum_grasp.scene import KINDS, Consumer, Scene, Value, json_schema
+from continuum_grasp.scene import Consumer, Scene, Value, json_schema, kinds
 from continuum_grasp.scene.consumer import CONSUMERS, KeyCondition
 from continuum_grasp.simulation import equilibrium
 from tests.consumers_page import BEGIN, PAGE, tables
@@ -52,7 +52,7 @@ def known(key: str) -> bool:
     """Whether a dotted key is one of a kind of scene or of a part of one, by the schemas, an argument or an option."""
     key = key.partition("=")[0]
     *above, last = key.split(".")
-    parts = ({**one, "$defs": own["$defs"]} for own in map(schema_of, KINDS) for one in (own, *own["$defs"].values()))
+    parts = ({**one, "$defs": own["$defs"]} for own in map(schema_of, kinds()) for one in (own, *own["$defs"].values()))
     return key in arguments() or any(fnmatch.filter(keys_below(part, above), last) for part in parts)
 
 
