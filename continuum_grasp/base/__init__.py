@@ -2,5 +2,5 @@
 
 from lazy_loader import attach_stub
 
-__all__ = ["Addon", "ConfigurationKind"]
+__all__ = ["Addon", "ConfigurationKind", "ExportTarget"]
 __getattr__, __dir__, _ = attach_stub(__name__, __file__)

@@ -1,5 +1,6 @@
 from .addon_registry import Addon as Addon
 from .addon_registry import ConfigurationKind as ConfigurationKind
+from .addon_registry import ExportTarget as ExportTarget
 from .addon_registry import addons as addons
 from .addon_registry import named_value as named_value
 from .arguments import check_arguments as check_arguments

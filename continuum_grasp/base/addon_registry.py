@@ -57,6 +57,22 @@ class ConfigurationKind:
 
 
 @dataclass(frozen=True)
+class ExportTarget:
+    """What ``continuum-grasp export --to`` writes by one of its words; functions are named as ``module:name``."""
+
+    write: str
+    """Function (scene, path, **options), of the options of ``export`` those that it has as parameters."""
+    report: str
+    """Function (written, output) that prints what was written."""
+    suffix: str = ""
+    """End of the file's name; empty where a folder is written."""
+    loops: bool = True
+    """Whether it takes closed loops and missions, too."""
+    defaults: str = ""
+    """Function (path of the configuration, scene) -> options that are not given."""
+
+
+@dataclass(frozen=True)
 class Addon:
     """What an add-on adds to the package.
 
@@ -66,8 +82,8 @@ class Addon:
         Configurations that ``load`` then reads.
     verbs : mapping of str to str
         Functions of the command line by their verbs, as ``module:name``.
-    exports : mapping of str to str
-        Functions ``(scene, path, **options)`` by the word of ``export --to``, as ``module:name``.
+    exports : mapping of str to ExportTarget
+        What ``export --to`` writes, by its word.
 
     Examples
     --------
@@ -78,7 +94,7 @@ class Addon:
 
     kinds: tuple[ConfigurationKind, ...] = ()
     verbs: Mapping[str, str] = field(default_factory=dict)
-    exports: Mapping[str, str] = field(default_factory=dict)
+    exports: Mapping[str, ExportTarget] = field(default_factory=dict)
 
 
 @cache

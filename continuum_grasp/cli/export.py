@@ -10,18 +10,29 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from continuum_grasp.base import InputError
+from continuum_grasp.base import ExportTarget, InputError, addons, named_value
 from continuum_grasp.cli.options import option, resolved_scene, verb
 from continuum_grasp.cli.output import Output, one_of, out_option
 
 if TYPE_CHECKING:
-    from continuum_grasp.addons.chains import HingeChain
-    from continuum_grasp.addons.fmu import FunctionalMockupUnit
-    from continuum_grasp.addons.web import Page
     from continuum_grasp.export import Package
 
-SUFFIXES = {"c": "", "fmu": "", "web": ".html", "mjcf": ".xml", "casadi": ""}
-"""End of the name of what is written, by the word of ``--to``: folders, and files."""
+_CORE = {
+    "c": ExportTarget("continuum_grasp.export:export_c", "continuum_grasp.cli.export:report_package"),
+    "casadi": ExportTarget("continuum_grasp.export:export_casadi", "continuum_grasp.cli.export:report_functions"),
+}
+
+
+def _targets() -> dict[str, ExportTarget]:
+    """What the core and add-ons write, by the word of ``--to``."""
+    found = dict(_CORE)
+    for name, addon in addons().items():
+        if again := found.keys() & addon.exports.keys():
+            raise InputError(f"add-on {name!r}: there is an export {min(again)!r} already")
+        found |= addon.exports
+    return found
+
+
 _OUT = out_option("Where to (default: runs/export/TO/NAME-OF-CONFIG); an earlier export is replaced.", "DIR|FILE")
 
 
@@ -32,7 +43,7 @@ def export(
         "C package, FMUs, page for a browser, chain for MuJoCo, functions of CasADi.",
         default=...,
         metavar="c|fmu|web|mjcf|casadi",
-        parser=one_of(*SUFFIXES),
+        parser=one_of(*_targets()),
     ),
     what: str | None = option(
         "c: some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact; "
@@ -79,29 +90,26 @@ def export(
 
 def _export(output: Output, to: str, options: dict[str, Any], clock: str | None) -> None:
     """Export by the function of ``to`` with the options that were given, and print what it wrote."""
-    import continuum_grasp
-    from continuum_grasp.addons.mission import MissionScene
     from continuum_grasp.results import hold_folder
-    from continuum_grasp.scene import ControlScene
+    from continuum_grasp.scene import kinds, model_of
 
-    write = getattr(continuum_grasp, f"export_{to}")
+    target = _targets()[to]
+    write = named_value(target.write)
     for key in options.keys() - inspect.signature(write).parameters.keys():
         raise InputError(f"has no effect on --to {to}", key=f"--{_SPELLED.get(key, key)}")
     rates = [] if clock is None else [_frequency(clock, "measured" in options)]
     options = {key: _READ[key](value) if key in _READ else value for key, value in options.items()}
-    output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{SUFFIXES[to]}")
-    more = () if to == "mjcf" else (ControlScene, MissionScene)
-    scene = resolved_scene(output, *more)[0]
-    if rates and not isinstance(scene, more):
+    output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{target.suffix}")
+    loops = [model_of(name) for name, kind in kinds().items() if name == "mpc" or kind.loop]
+    scene = resolved_scene(output, *(loops if target.loops else ()))[0]
+    if rates and not isinstance(scene, tuple(loops)):
         raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
-    if to == "fmu":
-        from continuum_grasp.addons.fmu import identifier_of
-
-        options.setdefault("name", identifier_of(output.config, scene))
+    if target.defaults:
+        options = {**named_value(target.defaults)(output.config, scene), **options}
     hold_folder(output.folder)
     with output.busy("writing"):
         written = write(scene, output.out, **options)
-    _REPORTS[to](written, output, *rates)
+    named_value(target.report)(written, output, *rates)
 
 
 def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -153,7 +161,7 @@ def calls_per_period(made: Mapping[str, Any], clock: float) -> dict[str, tuple[f
     }
 
 
-def _report_package(package: Package, output: Output, clock: float | None = None) -> None:
+def report_package(package: Package, output: Output, clock: float | None = None) -> None:
     """Print where a package is, its limits and errors, and what an emulated target counted; end with status 1 where a
     call does not fit into the period of a ``clock`` [Hz].
     """
@@ -193,53 +201,7 @@ def _limits(made: Mapping[str, Any]) -> dict[str, str]:
     return limits
 
 
-def _report_units(units: Sequence[FunctionalMockupUnit], output: Output) -> None:
-    """Print each unit's file, step and variables."""
-    for unit in units:
-        sizes = f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters"
-        output.pairs(
-            {
-                "written": unit.file,
-                "internal step": f"{unit.step:g} s",
-                "variables": sizes,
-                "binary": unit.binary or "none, sources alone",
-            }
-        )
-    output.result(
-        units=[{f"{key}_s" if key == "step" else key: value for key, value in vars(u).items()} for u in units]
-    )
-
-
-def _report_page(page: Page, output: Output) -> None:
-    """Print where a page is, and the size of its WebAssembly."""
-    modules = ", ".join(f"{name} {size}" for name, size in page.modules.items())
-    output.pairs({"page": f"{page.file} ({page.size} bytes; open it in a browser)", "modules [bytes]": modules})
-    output.result(file=page.file, size=page.size, modules=page.modules)
-
-
-def _report_chain(chain: HingeChain, output: Output) -> None:
-    """Print where a chain of hinges is, its controls, and what differs from the scene."""
-    output.warn(f"differs: {text}" for text in chain.differences)
-    output.pairs(
-        {
-            "written": ", ".join(map(str, chain.files)),
-            "hinges": chain.hinges,
-            "controls": ", ".join(chain.control_names) or "none",
-            "first frequency": f"{chain.first_frequency:.6g} Hz, straight and unloaded",
-            "timestep": f"{chain.timestep:g} s",
-        }
-    )
-    output.result(
-        files=chain.files,
-        hinges=chain.hinges,
-        controls=chain.control_names,
-        first_frequency_hz=chain.first_frequency,
-        timestep_s=chain.timestep,
-        differences=chain.differences,
-    )
-
-
-def _report_functions(made: Package, output: Output) -> None:
+def report_functions(made: Package, output: Output) -> None:
     """Print where the functions are, and how one is loaded."""
     names = list(made.manifest["functions"])
     output.pairs(
@@ -249,12 +211,3 @@ def _report_functions(made: Package, output: Output) -> None:
         }
     )
     output.result(folder=made.folder, files=made.files, manifest=made.manifest)
-
-
-_REPORTS: dict[str, Callable[..., None]] = {
-    "c": _report_package,
-    "fmu": _report_units,
-    "web": _report_page,
-    "mjcf": _report_chain,
-    "casadi": _report_functions,
-}

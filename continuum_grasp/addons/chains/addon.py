@@ -1,5 +1,14 @@
 """What the add-on announces."""
 
-from continuum_grasp.base import Addon
+from continuum_grasp.base import Addon, ExportTarget
 
-ADDON = Addon(exports={"mjcf": "continuum_grasp.addons.chains:export_mjcf"})
+ADDON = Addon(
+    exports={
+        "mjcf": ExportTarget(
+            write="continuum_grasp.addons.chains:export_mjcf",
+            report="continuum_grasp.addons.chains.verbs:report",
+            suffix=".xml",
+            loops=False,
+        )
+    }
+)

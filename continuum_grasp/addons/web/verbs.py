@@ -1,0 +1,16 @@
+"""``continuum-grasp export --to web``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from continuum_grasp.addons.web.page import Page
+    from continuum_grasp.cli import Output
+
+
+def report(page: Page, output: Output) -> None:
+    """Print where a page is, and the size of its WebAssembly."""
+    modules = ", ".join(f"{name} {size}" for name, size in page.modules.items())
+    output.pairs({"page": f"{page.file} ({page.size} bytes; open it in a browser)", "modules [bytes]": modules})
+    output.result(file=page.file, size=page.size, modules=page.modules)
