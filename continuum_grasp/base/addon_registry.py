@@ -7,6 +7,7 @@ An installed distribution that has an entry point of the group ``continuum_grasp
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -84,6 +85,8 @@ class Addon:
         Functions of the command line by their verbs, as ``module:name``.
     exports : mapping of str to ExportTarget
         What ``export --to`` writes, by its word.
+    contact_laws : mapping of str to str
+        Subclasses of ``continuum_grasp.model.TouchLaw`` by the value of ``contact_law.law``, as ``module:name``.
 
     Examples
     --------
@@ -95,6 +98,7 @@ class Addon:
     kinds: tuple[ConfigurationKind, ...] = ()
     verbs: Mapping[str, str] = field(default_factory=dict)
     exports: Mapping[str, ExportTarget] = field(default_factory=dict)
+    contact_laws: Mapping[str, str] = field(default_factory=dict)
 
 
 @cache
@@ -104,19 +108,26 @@ def addons() -> dict[str, Addon]:
     Raises
     ------
     InputError
-        If an add-on cannot be loaded, or if those of the package itself are not there: its metadata are then of
+        If an entry point names no `Addon`, or if those of the package itself are not there: its metadata are then of
         another version than its files.
+
+    Warns
+    -----
+    UserWarning
+        If an add-on cannot be loaded; the others are there.
     """
     from importlib.metadata import entry_points  # takes longer to import than all else here
 
     found = {}
     for entry in sorted(entry_points(group=GROUP)):
+        named = f"add-on {entry.name!r} ({entry.value})"
         try:
             addon = entry.load()
-        except Exception as error:
-            raise InputError(f"add-on {entry.name!r} ({entry.value}) cannot be loaded: {error}") from error
+        except Exception as error:  # of someone else's code: what does not need it works on
+            warnings.warn(f"{named} cannot be loaded: {type(error).__name__}: {error}", stacklevel=2)
+            continue
         if not isinstance(addon, Addon):
-            raise InputError(f"add-on {entry.name!r} ({entry.value}): expected an Addon, got {addon!r:.60}")
+            raise InputError(f"{named}: expected an Addon, got {addon!r:.60}")
         found[entry.name] = addon
     if not any(kind.model.startswith("continuum_grasp.") for addon in found.values() for kind in addon.kinds):
         raise InputError(

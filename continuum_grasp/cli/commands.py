@@ -148,21 +148,30 @@ def _root(
     pass
 
 
-_VERBS = """
-configurations:new motions:simulate grasps:grasp mpc:mpc motions:modes motions:accuracy export:export
-configurations:schema configurations:validate configurations:doctor
-"""
-"""Verbs of the core, each behind the module that has its function."""
+_FIRST = "configurations:new motions:simulate grasps:grasp mpc:mpc motions:modes motions:accuracy export:export"
+_LAST = "configurations:schema configurations:validate configurations:doctor"
+"""Verbs of the core before and after those of add-ons, each behind the module that has its function."""
+
+
+_SAID: list[str] = []
+"""Warnings of add-ons that cannot be loaded, until they are printed."""
 
 
 def _add_verbs() -> None:
-    """Give the command line the verbs of the core, then those of add-ons."""
-    core = {place.partition(":")[2]: f"continuum_grasp.cli.{place}" for place in _VERBS.split()}
-    for name, addon in addons().items():
-        if again := core.keys() & addon.verbs.keys():
+    """Give the command line its verbs."""
+    first, last = (
+        {place.partition(":")[2]: f"continuum_grasp.cli.{place}" for place in places.split()}
+        for places in (_FIRST, _LAST)
+    )
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        known = addons()
+    _SAID.extend(str(warning.message) for warning in said)
+    for name, addon in known.items():
+        if again := (first | last).keys() & addon.verbs.keys():
             raise InputError(f"add-on {name!r}: there is a verb {min(again)!r} already")
-        core |= addon.verbs
-    for place in core.values():
+        first |= addon.verbs
+    for place in (first | last).values():
         app.command(cls=_Verb)(named_value(place))
 
 
@@ -177,6 +186,8 @@ def _say_warning(message: Warning | str, category: type[Warning], *place: Any, *
 def main() -> None:
     """Run the command line; Ctrl-C ends it with status 130, also where all was done when it was pressed."""
     warnings.showwarning = _say_warning
+    for text in _SAID:
+        warnings.warn(text, stacklevel=2)
     # Libraries make many objects as they load, none of them garbage: to search them takes 0.3 s, most of it at the end.
     gc.set_threshold(20_000)
     atexit.register(gc.freeze)

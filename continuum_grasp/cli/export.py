@@ -42,7 +42,7 @@ def export(
     to: str = option(
         "C package, FMUs, page for a browser, chain for MuJoCo, functions of CasADi.",
         default=...,
-        metavar="c|fmu|web|mjcf|casadi",
+        metavar="|".join(_targets()),
         parser=one_of(*_targets()),
     ),
     what: str | None = option(

@@ -2,5 +2,5 @@
 
 from lazy_loader import attach_stub
 
-__all__ = ["FingerModel", "ModelOptions", "System", "stumpff"]
+__all__ = ["FingerModel", "ModelOptions", "System", "TouchLaw", "stumpff"]
 __getattr__, __dir__, _ = attach_stub(__name__, __file__)

@@ -2,6 +2,7 @@ from .actuation import lag_names as lag_names
 from .actuation import lag_rates as lag_rates
 from .backbone import Backbone as Backbone
 from .backbone import Panel as Panel
+from .contact_law import TouchLaw as TouchLaw
 from .contacts import Contacts as Contacts
 from .contacts import friction_parameter as friction_parameter
 from .equations import Equations as Equations

@@ -15,6 +15,7 @@ from functools import cached_property
 
 import casadi as ca
 
+from continuum_grasp.base import InputError, addons, named_value
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import ContactLaw, Rod
 
@@ -157,6 +158,23 @@ class TouchLaw:
         """Speed of a slip v [m/s] by direction, differentiable at rest [m/s]."""
         # 1e-9: of the speed that passes the rounding in the contact's time: far below any slip that matters
         return ca.sqrt(_square(v) + (1e-9 * self.rounding / self.time) ** 2)
+
+
+def touch_law_of(law: ContactLaw, rod: Rod) -> TouchLaw:
+    """The law by which a finger with this rod touches: our own, or that of an add-on.
+
+    InputError if no add-on that is installed has it.
+    """
+    if law.law is None:
+        return TouchLaw(law, rod)
+    known = {name: place for addon in addons().values() for name, place in addon.contact_laws.items()}
+    if law.law not in known:
+        there = ", ".join(known) or "no add-on has one"
+        raise InputError(
+            f"no such law of an add-on that is installed: {law.law!r:.60} ({there})", key="contact_law.law"
+        )
+    found: TouchLaw = named_value(known[law.law])(law, rod)
+    return found
 
 
 def _square(values: Sequence[Scalar]) -> Scalar:

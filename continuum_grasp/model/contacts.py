@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import casadi as ca
 
 from continuum_grasp.model.body import Body
-from continuum_grasp.model.contact_law import TouchLaw
+from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
 from continuum_grasp.scene import Rod, Surroundings
@@ -46,7 +46,7 @@ class Contacts:
         self._body = None if around is None or around.object is None else Body(around.object, around, given)
         pairs = list[Pair]()
         if around is not None and around.contact_law is not None and self._body is not None:
-            pairs = list(_pairs_of(self._body, around, TouchLaw(around.contact_law, rod), stations, given))
+            pairs = list(_pairs_of(self._body, around, touch_law_of(around.contact_law, rod), stations, given))
         self.pairs: list[Pair] = [pair.pressed() for pair in pairs] if pressed else pairs
         self.press = ca.vertcat(ca.SX(0, 1), *[pair.press for pair in self.pairs])
         of_body = [] if self._body is None else [self._body.pose, self._body.rates]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import InputError, check_arguments
-from continuum_grasp.model.contact_law import TouchLaw
+from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
 from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
@@ -146,7 +146,7 @@ class System(Functions):
     def touch_law(self) -> TouchLaw | None:
         """Law of the contacts; None where nothing touches by one."""
         law = None if self.surroundings is None else self.surroundings.contact_law
-        return None if law is None else TouchLaw(law, self.finger_model.finger.rod)
+        return None if law is None else touch_law_of(law, self.finger_model.finger.rod)
 
     @property
     def greatest_press(self) -> float:

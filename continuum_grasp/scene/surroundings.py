@@ -13,7 +13,17 @@ from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.placement import Supported
 from continuum_grasp.scene.supports import Place, Wall
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Angle, Extent, Friction, NonNegative, Position, Positive, Value, doubt_outside
+from continuum_grasp.scene.value import (
+    Angle,
+    Extent,
+    Friction,
+    ListOf,
+    NonNegative,
+    Position,
+    Positive,
+    Value,
+    doubt_outside,
+)
 
 
 class ContactLaw(Value):
@@ -23,7 +33,12 @@ class ContactLaw(Value):
     a smooth onset within ``rounding`` of touching.
     """
 
-    REFUSALS = refusals("presliding with slip_speed: has no effect beside slip_speed, which gives friction no state")
+    REFUSALS = refusals(
+        """
+        presliding with slip_speed: has no effect beside slip_speed, which gives friction no state
+        law_numbers without law: are of a law of an add-on, without law
+        """
+    )
 
     stiffness: Annotated[float, Field(ge=1e-3, le=1e9), Unit("N/m")]
     """Normal force per depth [N/m]."""
@@ -45,6 +60,10 @@ class ContactLaw(Value):
     viscous: Annotated[NonNegative, Field(examples=[0.5]), Unit("s/m")] = 0.0
     """Part that a film between the surfaces adds to the friction coefficient per speed of slip [s/m], beside
     ``friction`` and in its direction against the slip."""
+    law: Annotated[str | None, Field(examples=["adhesive"])] = None
+    """Law of an add-on, by the name that it announces. None: the one that is described here."""
+    law_numbers: ListOf[float] = ()
+    """Numbers of that law, in the order and the units that its add-on states."""
 
     def _check(self) -> None:
         stiffness_why = "N/m is that of no fingertip (expected: N/m)"

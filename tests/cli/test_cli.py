@@ -278,7 +278,7 @@ OPTIONS = {
     "missing argument 'CONFIG'": ("simulate",),
     "missing option '--to'": ("export", RELEASE),
     "invalid value for '--animate'": ("simulate", RELEASE, "--animate", "avi"),
-    "invalid value for '--to': expected c, fmu, web, mjcf or casadi, got 'zip'": ("export", RELEASE, "--to", "zip"),
+    "invalid value for '--to': expected c, casadi, mjcf, fmu or web, got 'zip'": ("export", RELEASE, "--to", "zip"),
     "--measure: has no effect on --to mjcf": ("export", RELEASE, "--to", "mjcf", "--measure"),
     "export-c: write export CONFIG --to c": ("export-c", RELEASE, "--what", "step"),
 }
@@ -304,7 +304,7 @@ def test_calls_are_shares_of_the_period_of_a_clock(monkeypatch, tmp_path, most, 
         "configuration_hash": "0",
     }
     found = SimpleNamespace(manifest=made, folder=tmp_path, files=())
-    monkeypatch.setattr("continuum_grasp.export_c", lambda scene, out, measured: found)
+    monkeypatch.setattr("continuum_grasp.export.export_c", lambda scene, out, measured: found)
     line = ["export", STEADY, "--to", "c", "--out", str(tmp_path / "c"), "--measure", "--clock", "168MHz"]
     result = run(*line)
     assert result.exit_code == status

@@ -48,6 +48,7 @@ _CHAIN = Consumer(
         **{f"contact_law.{key}": f"not taken; {_CONTACT}" for key in ("stiffness", "dissipation", "rounding")},
         **{f"contact_law.{key}": "not taken; MuJoCo has its own creep" for key in ("presliding", "slip_speed")},
         "contact_law.viscous": "not taken; MuJoCo's friction does not grow with the slip",
+        **{f"contact_law.{key}": f"not taken; {_CONTACT}" for key in ("law", "law_numbers")},
         "out_of_plane_gravity": "the table's friction acts along x, along y and against turning apart",
         "parameters": "they have their nominal values",
     },
