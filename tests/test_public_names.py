@@ -53,11 +53,13 @@ def is_public(module: str, name: str | None) -> bool:
     package, _, inner = module.partition(".")
     if package != "continuum_grasp":
         return True
-    if "." in inner:
+    if "." in inner.removeprefix("addons."):
         return False
     names = getattr(import_module(module), "__all__", ())
     # Packages themselves are public too: from continuum_grasp import plotting.
-    return name is None or name in names or (not inner and hasattr(import_module(f"continuum_grasp.{name}"), "__all__"))
+    if inner in ("", "addons") and name is not None and name not in names:
+        return hasattr(import_module(f"{module}.{name}"), "__all__")
+    return name is None or name in names
 
 
 @pytest.mark.parametrize("file", [*NOTEBOOKS, *PAGES, *SCRIPTS], ids=lambda file: file.relative_to(ROOT).as_posix())

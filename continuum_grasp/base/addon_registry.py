@@ -59,7 +59,7 @@ class ConfigurationKind:
 
 @dataclass(frozen=True)
 class ExportTarget:
-    """What ``continuum-grasp export --to`` writes by one of its words; functions are named as ``module:name``."""
+    """An export, for a word of ``continuum-grasp export --to``; functions are named as ``module:name``."""
 
     write: str
     """Function (scene, path, **options), of the options of ``export`` those that it has as parameters."""
@@ -75,7 +75,7 @@ class ExportTarget:
 
 @dataclass(frozen=True)
 class Addon:
-    """What an add-on adds to the package.
+    """Parts that an add-on gives to the package.
 
     Parameters
     ----------
@@ -87,6 +87,8 @@ class Addon:
         What ``export --to`` writes, by its word.
     contact_laws : mapping of str to str
         Subclasses of ``continuum_grasp.model.TouchLaw`` by the value of ``contact_law.law``, as ``module:name``.
+    pages : mapping of str to str
+        Functions result -> page by what the result shows, ``motion`` or ``loop``, as ``module:name``.
 
     Examples
     --------
@@ -99,6 +101,7 @@ class Addon:
     verbs: Mapping[str, str] = field(default_factory=dict)
     exports: Mapping[str, ExportTarget] = field(default_factory=dict)
     contact_laws: Mapping[str, str] = field(default_factory=dict)
+    pages: Mapping[str, str] = field(default_factory=dict)
 
 
 @cache
@@ -137,7 +140,7 @@ def addons() -> dict[str, Addon]:
 
 
 def named_value(text: str) -> Any:
-    """What a text ``module:name`` names."""
+    """The value that a text ``module:name`` names."""
     from pkgutil import resolve_name
 
     return resolve_name(text)

@@ -24,7 +24,7 @@ _CORE = {
 
 
 def _targets() -> dict[str, ExportTarget]:
-    """What the core and add-ons write, by the word of ``--to``."""
+    """Exports of the core and of add-ons, by the word of ``--to``."""
     found = dict(_CORE)
     for name, addon in addons().items():
         if again := found.keys() & addon.exports.keys():

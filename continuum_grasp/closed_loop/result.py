@@ -111,7 +111,7 @@ class ControlRun(MotionResult):
         Picture("disturbances", "plotting.control:plot_disturbances", needs="disturbance_names"),
     )
     frames: ClassVar[str] = "plotting.control:control_frames"
-    page: ClassVar[str] = "export.web.page:page_of_loop"
+    page: ClassVar[str] = "loop"
 
     scene: ControlScene
     readings: Readings = field(repr=False)

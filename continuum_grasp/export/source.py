@@ -68,7 +68,7 @@ class ModelSource:
 
 @dataclass(frozen=True)
 class ExportedLoop:
-    """What an add-on makes of a scene of its own, so that it is exported as a closed loop: the scene of its controller,
+    """A scene of an add-on as exports take it, as a closed loop: the scene of its controller,
     the configuration as plain values, and phases by the problem of the controller.
     """
 

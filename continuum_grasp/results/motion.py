@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import InputError
-from continuum_grasp.results.declared import maker_of
+from continuum_grasp.base import InputError, addons, named_value
 from continuum_grasp.results.result import Result
 
 
@@ -25,7 +24,7 @@ class MotionResult(Result):
     fps : float
         Frames per second where none are asked for.
     page : str
-        What makes the page that `show` gives, as `File.maker`; empty where there is none.
+        Kind of page that `show` gives, ``motion`` or ``loop``; empty where there is none.
     """
 
     frames: ClassVar[str]
@@ -89,7 +88,10 @@ class MotionResult(Result):
         """Page that `show` gives, made once."""
         if not self.page:
             raise InputError(f"there is no page of a {type(self).__name__}: take animate")
-        return maker_of(self.page)(self)
+        for addon in addons().values():
+            if self.page in addon.pages:
+                return named_value(addon.pages[self.page])(self)
+        raise InputError(f"no add-on that is installed makes a page of a {self.page}")
 
     def animate(
         self, path: str | os.PathLike[str], fps: float | None = None, *, speed: float = 1.0, width: int = 640

@@ -93,7 +93,7 @@ class Trajectory(MotionResult):
         Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),
     )
     frames: ClassVar[str] = "plotting.motion:motion_frames"
-    page: ClassVar[str] = "export.web.page:page_of_motion"
+    page: ClassVar[str] = "motion"
 
     t: Array
     x: Array

@@ -1,4 +1,4 @@
-"""What the add-on announces."""
+"""Announcement of the add-on."""
 
 from continuum_grasp.base import Addon, ExportTarget
 

@@ -173,8 +173,7 @@ def design_experiments(
     --------
     Which weights show a stiffness and the angle of the clamp, of three weights that there are?
 
-    >>> from continuum_grasp.addons.identification import design_experiments
-    >>> from continuum_grasp.scene import IdentifyScene
+    >>> from continuum_grasp.addons.identification import IdentifyScene, design_experiments
     >>> scene = IdentifyScene(
     ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.005}},
     ...     gravity=(0.0, 0.0),

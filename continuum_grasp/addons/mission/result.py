@@ -80,7 +80,7 @@ class MissionRun(MissionRecord, MotionResult):
         Picture("timeline", "addons.mission.pictures:plot_mission_timeline", panels=True),
     )
     frames: ClassVar[str] = "addons.mission.pictures:mission_frames"
-    page: ClassVar[str] = "export.web.page:page_of_loop"
+    page: ClassVar[str] = "loop"
     fps: ClassVar[float] = 25.0
 
     scenes: tuple[Scene, ...] = field(repr=False)

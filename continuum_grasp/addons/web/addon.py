@@ -1,4 +1,4 @@
-"""What the add-on announces."""
+"""Announcement of the add-on."""
 
 from continuum_grasp.base import Addon, ExportTarget
 
@@ -9,5 +9,9 @@ ADDON = Addon(
             report="continuum_grasp.addons.web.verbs:report",
             suffix=".html",
         )
-    }
+    },
+    pages={
+        "motion": "continuum_grasp.addons.web.page:page_of_motion",
+        "loop": "continuum_grasp.addons.web.page:page_of_loop",
+    },
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from continuum_grasp.base import InputError
+from continuum_grasp import InputError
 from continuum_grasp.cli import Output, verb
 
 

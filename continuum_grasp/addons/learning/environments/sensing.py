@@ -41,7 +41,7 @@ class ControlPeriods:
             raise InputError(why)
         words = {"use": use} | {f"n{name}": size for name, size in self.sizes.items()}
         words |= {f"n{name}1": max(size, 1) for name, size in self.sizes.items()}  # C has no empty arrays
-        text = filled(template("environments", "period.c"), words)
+        text = filled(template("addons.learning.environments", "period.c"), words)
         source = f"{functions}\n{template('core', 'gather.c')}\n{text}"
         self._code = load_library(source, "an environment").environment_period
         self._code.restype = None
