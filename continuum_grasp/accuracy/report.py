@@ -87,7 +87,9 @@ class AccuracyReport(Result):
         File("accuracy.md", "accuracy.report:AccuracyReport.markdown"),
         File("accuracy.json", "accuracy.report:AccuracyReport.table_json"),
     )
-    pictures: ClassVar[tuple[Picture, ...]] = (Picture("accuracy", "plotting.accuracy:plot_accuracy", panels=True),)
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("accuracy", "continuum_grasp.plotting.accuracy:plot_accuracy", panels=True),
+    )
 
     scene: Scene
     truth: Truth

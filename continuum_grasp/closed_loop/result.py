@@ -99,18 +99,18 @@ class ControlRun(MotionResult):
     )
     texts: ClassVar[tuple[File, ...]] = (
         File("report.txt", "closed_loop.result:ControlRun.report"),
-        File("log.csv", "closed_loop.result:log_text"),
+        File("log.csv", "continuum_grasp.closed_loop.result:log_text"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("path", "plotting.control:plot_control_path"),
-        Picture("inputs", "plotting.control:plot_inputs"),
-        Picture("tracking", "plotting.control:plot_tracking"),
-        Picture("error", "plotting.control:plot_tracking_error"),
-        Picture("bounds", "plotting.control:plot_bounds"),
-        Picture("times", "plotting.control:plot_controller_times"),
-        Picture("disturbances", "plotting.control:plot_disturbances", needs="disturbance_names"),
+        Picture("path", "continuum_grasp.plotting.control:plot_control_path"),
+        Picture("inputs", "continuum_grasp.plotting.control:plot_inputs"),
+        Picture("tracking", "continuum_grasp.plotting.control:plot_tracking"),
+        Picture("error", "continuum_grasp.plotting.control:plot_tracking_error"),
+        Picture("bounds", "continuum_grasp.plotting.control:plot_bounds"),
+        Picture("times", "continuum_grasp.plotting.control:plot_controller_times"),
+        Picture("disturbances", "continuum_grasp.plotting.control:plot_disturbances", needs="disturbance_names"),
     )
-    frames: ClassVar[str] = "plotting.control:control_frames"
+    frames: ClassVar[str] = "continuum_grasp.plotting.control:control_frames"
     page: ClassVar[str] = "loop"
 
     scene: ControlScene

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import Array, InputError, check_arguments
+from continuum_grasp.base import Array, InputError, check_arguments, named_value
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
@@ -29,7 +29,7 @@ from continuum_grasp.grasp.values import (
     tension_of,
 )
 from continuum_grasp.model import family_class
-from continuum_grasp.results import Dimension, File, Picture, Result, Stored, maker_of
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored
 from continuum_grasp.scene import GraspScene, default_family
 
 if TYPE_CHECKING:
@@ -92,12 +92,14 @@ class GraspResult(Result):
     kind: ClassVar[str] = "grasp"
     stored: ClassVar[tuple[Stored, ...]] = STORED
     dimensions: ClassVar[tuple[Dimension, ...]] = DIMENSIONS
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.text:result_yaml"),)
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "continuum_grasp.grasp.text:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("grasp", "plotting.grasp.picture:plot_grasp"),
-        Picture("robustness", "plotting.grasp.margins:plot_robustness", needs="robustness", panels=True),
+        Picture("grasp", "continuum_grasp.plotting.grasp.picture:plot_grasp"),
+        Picture(
+            "robustness", "continuum_grasp.plotting.grasp.margins:plot_robustness", needs="robustness", panels=True
+        ),
     )
-    pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.page:page"),)
+    pages: ClassVar[tuple[File, ...]] = (File("report.html", "continuum_grasp.grasp.page:page"),)
 
     scene: GraspScene
     status: GraspStatus
@@ -304,7 +306,7 @@ class GraspResult(Result):
 
     def table(self) -> str:
         """The result as text: forces, verification, reasons."""
-        text: str = maker_of("grasp.text:result_text")(self)
+        text: str = named_value("continuum_grasp.grasp.text:result_text")(self)
         return text
 
     def stored_arrays(self) -> dict[str, Array]:

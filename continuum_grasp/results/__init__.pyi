@@ -11,7 +11,6 @@ from .declared import Dimension as Dimension
 from .declared import File as File
 from .declared import Picture as Picture
 from .declared import Stored as Stored
-from .declared import maker_of as maker_of
 from .html import cards as cards
 from .html import details as details
 from .html import escaped as escaped

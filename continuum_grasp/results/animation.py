@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import InputError, SolverError
+from continuum_grasp.base import InputError, SolverError, named_value
 from continuum_grasp.results.atomic import replacing
-from continuum_grasp.results.declared import maker_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -48,7 +47,7 @@ def write_animation(motion: Any, path: str | os.PathLike[str], fps: float, speed
     count = max(1, int(np.floor(duration * fps * (1 + 1e-12))) + 1)
     moments = instants[0] + speed * np.arange(count) / fps
     shown = np.abs(instants[None, :] - moments[:, None]).argmin(axis=1)
-    pictures = maker_of(motion.frames)(motion, shown, width)
+    pictures = named_value(motion.frames)(motion, shown, width)
     with replacing(target) as temporary:
         if ffmpeg is None:
             _write_gif(temporary, pictures, count, fps)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
@@ -98,7 +97,7 @@ class File:
     name : str
         In the run folder.
     maker : str
-        ``"module:function"`` below ``continuum_grasp``, which is given the result and returns the text. It is a name
+        ``"module:function"``, which is given the result and returns the text. It is a name
         because results lie below what describes and draws them, and matplotlib is loaded late.
     needs : str
         Attribute of the result without which, or where it is empty, there is no such file; none where not given.
@@ -133,8 +132,3 @@ def attribute(of: Any, path: str) -> Any:
     for part in path.split("."):
         of = of.get(part) if isinstance(of, Mapping) else None if of is None else getattr(of, part)
     return of
-
-
-def maker_of(name: str) -> Any:
-    """The function of a ``"module:function"`` below the package."""
-    return resolve_name(f"continuum_grasp.{name}")

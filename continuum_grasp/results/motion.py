@@ -88,9 +88,13 @@ class MotionResult(Result):
         """Page that `show` gives, made once."""
         if not self.page:
             raise InputError(f"there is no page of a {type(self).__name__}: take animate")
+        return self._page_maker()(self)
+
+    def _page_maker(self) -> Any:
+        """The function of an add-on that makes the page of such a run."""
         for addon in addons().values():
             if self.page in addon.pages:
-                return named_value(addon.pages[self.page])(self)
+                return named_value(addon.pages[self.page])
         raise InputError(f"no add-on that is installed makes a page of a {self.page}")
 
     def animate(

@@ -9,9 +9,9 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from continuum_grasp.base import InputError, Summarized, check_arguments, clipped, quoted
+from continuum_grasp.base import InputError, Summarized, check_arguments, clipped, named_value, quoted
 from continuum_grasp.results.atomic import write_text
-from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
+from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.run_folder import Run, read_run, write_run
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ class Result(Summarized):
         return self._drawn(chosen, options)
 
     def _drawn(self, picture: Picture, options: Mapping[str, Any]) -> Any:
-        maker, taken = maker_of(picture.maker), _options_of(picture)
+        maker, taken = named_value(picture.maker), _options_of(picture)
         arguments = {**picture.options, **options}
         needed = [
             name for name, parameter in taken.items() if parameter.default is parameter.empty and name not in arguments
@@ -261,7 +261,7 @@ class Result(Summarized):
                 # what an earlier run wrote there is not of this one
                 (folder / file.name).unlink(missing_ok=True)
             else:
-                written.append(write_text(maker_of(file.maker)(self, **options), folder / file.name))
+                written.append(write_text(named_value(file.maker)(self, **options), folder / file.name))
         return written
 
     def _shown_pairs(self) -> Mapping[str, str]:
@@ -338,7 +338,7 @@ class Result(Summarized):
 
 def _options_of(picture: Picture) -> dict[str, inspect.Parameter]:
     """Parameters of the function that draws a picture, by name."""
-    parameters = inspect.signature(maker_of(picture.maker)).parameters
+    parameters = inspect.signature(named_value(picture.maker)).parameters
     return {name: parameter for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY}
 
 

@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, check_arguments
+from continuum_grasp.base import Array, check_arguments, named_value
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results import XY, Dimension, Picture, Result, Stored, maker_of
+from continuum_grasp.results import XY, Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.slack import TensionLimit, tension_limits
 from continuum_grasp.simulation.trajectory import acting_forces, backbones, error_text
@@ -66,7 +66,7 @@ class Equilibrium(Result):
         Dimension("place", "places along the finger", "places", "m"),
         XY,
     )
-    pictures: ClassVar[tuple[Picture, ...]] = (Picture("shape", "plotting.motion:plot_shape"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (Picture("shape", "continuum_grasp.plotting.motion:plot_shape"),)
 
     q: Array
     u: Array
@@ -127,7 +127,7 @@ class Equilibrium(Result):
         Taken from the equilibrium with every element halved, found when this is first read; infinite where there is
         none, nan where a model or states of friction are those of these elements alone.
         """
-        error: float = maker_of("accuracy.space:error_of_equilibrium")(self)
+        error: float = named_value("continuum_grasp.accuracy.space:error_of_equilibrium")(self)
         return error
 
     def details(self) -> dict[str, Any]:

@@ -83,16 +83,16 @@ class Trajectory(MotionResult):
         CONTACT,
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("snapshots", "plotting.motion:plot_snapshots"),
-        Picture("tip_path", "plotting.motion:plot_tip_path"),
-        Picture("coordinates", "plotting.motion:plot_coordinates"),
-        Picture("energy", "plotting.motion:plot_energy"),
-        Picture("tensions", "plotting.motion:plot_tensions", needs="tensions"),
-        Picture("tensions_along", "plotting.motion:plot_tensions_along", needs="tensions"),
-        Picture("tension_loop", "plotting.motion:plot_tension_loop", needs="tensions"),
-        Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),
+        Picture("snapshots", "continuum_grasp.plotting.motion:plot_snapshots"),
+        Picture("tip_path", "continuum_grasp.plotting.motion:plot_tip_path"),
+        Picture("coordinates", "continuum_grasp.plotting.motion:plot_coordinates"),
+        Picture("energy", "continuum_grasp.plotting.motion:plot_energy"),
+        Picture("tensions", "continuum_grasp.plotting.motion:plot_tensions", needs="tensions"),
+        Picture("tensions_along", "continuum_grasp.plotting.motion:plot_tensions_along", needs="tensions"),
+        Picture("tension_loop", "continuum_grasp.plotting.motion:plot_tension_loop", needs="tensions"),
+        Picture("contact_forces", "continuum_grasp.plotting.motion:plot_contact_forces", needs="contacts"),
     )
-    frames: ClassVar[str] = "plotting.motion:motion_frames"
+    frames: ClassVar[str] = "continuum_grasp.plotting.motion:motion_frames"
     page: ClassVar[str] = "motion"
 
     t: Array

@@ -17,10 +17,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import Array, check_arguments, whole
+from continuum_grasp.base import Array, check_arguments, named_value, whole
 from continuum_grasp.core import Core
 from continuum_grasp.model import STATEFUL, FingerModel, compliance, state_of
-from continuum_grasp.results import XY, Dimension, Picture, Result, Stored, maker_of
+from continuum_grasp.results import XY, Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene, nodes_of
 from continuum_grasp.simulation.slack import least_pull
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
@@ -64,7 +64,9 @@ class Modes(Result):
         Dimension("place", "places along the finger, evenly spaced from base to tip", "places", "m"),
         XY,
     )
-    pictures: ClassVar[tuple[Picture, ...]] = (Picture("modes", "plotting.motion:plot_modes", panels=True),)
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("modes", "continuum_grasp.plotting.motion:plot_modes", panels=True),
+    )
 
     frequencies_hz: Array
     damping_ratios: Array
@@ -83,7 +85,7 @@ class Modes(Result):
 
         As `Equilibrium.space_error`; of frequencies that are zero with halved elements, per the highest.
         """
-        return np.asarray(maker_of("accuracy.space:error_of_modes")(self))
+        return np.asarray(named_value("continuum_grasp.accuracy.space:error_of_modes")(self))
 
     @property
     def status(self) -> str:

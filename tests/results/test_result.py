@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from continuum_grasp.addons.planning import MotionPlan
-from continuum_grasp.base import InputError
+from continuum_grasp.base import InputError, named_value
 from continuum_grasp.grasp import GraspStatus
-from continuum_grasp.results import Dimension, File, Picture, Result, Stored, maker_of, read_run
+from continuum_grasp.results import Dimension, File, Picture, Result, Stored, read_run
 from continuum_grasp.simulation import Modes, Trajectory
 from tests.declared import assert_declared
 from tests.results_page import BEGIN, MADE_BY, PAGE, lists
@@ -78,7 +78,7 @@ def test_a_run_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("result", "one"), FILES, ids=[f"{r.__name__}-{f.name}" for r, f in FILES])
 def test_what_makes_a_file_takes_the_result_and_axes(result: type[Result], one: File | Picture) -> None:
-    signature = inspect.signature(maker_of(one.maker))
+    signature = inspect.signature(named_value(one.maker))
     if not isinstance(one, Picture):
         signature.bind(object())
         return

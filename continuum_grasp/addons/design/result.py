@@ -140,7 +140,7 @@ class DesignResult(Result):
     )
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "design.result:DesignResult.yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("design", "addons.design.pictures:plot_design", needs="cases", panels=True),
+        Picture("design", "continuum_grasp.addons.design.pictures:plot_design", needs="cases", panels=True),
     )
 
     scene: Design

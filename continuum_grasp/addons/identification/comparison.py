@@ -89,9 +89,16 @@ class Predicted(MeasuredNumbers, Result):
         Dimension("measurement", "measured numbers, set by set", "measurement_names"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("shapes", "addons.identification.pictures:plot_shapes", needs="has_shapes", panels=True),
-        Picture("series", "addons.identification.pictures:plot_series", panels=True),
-        Picture("ring_downs", "addons.identification.pictures:plot_ring_downs", needs="has_ring_downs", panels=True),
+        Picture(
+            "shapes", "continuum_grasp.addons.identification.pictures:plot_shapes", needs="has_shapes", panels=True
+        ),
+        Picture("series", "continuum_grasp.addons.identification.pictures:plot_series", panels=True),
+        Picture(
+            "ring_downs",
+            "continuum_grasp.addons.identification.pictures:plot_ring_downs",
+            needs="has_ring_downs",
+            panels=True,
+        ),
     )
 
     predicted: ClassVar[str] = "simulated"

@@ -83,13 +83,17 @@ class ExperimentPlan(Result):
         Dimension("experiment", "poses, and segments of the commands", "experiment_names"),
     )
     texts: ClassVar[tuple[File, ...]] = (
-        File(POSES, "identification.experiments:poses_text", needs="pose_rows"),
-        File("experiments.yaml", "identification.experiments:configuration_text", needs="pose_rows"),
-        File("excitation.csv", "identification.experiments:commands_text", needs="segments"),
-        File("excitation.yaml", "identification.experiments:scene_text", needs="segments"),
+        File(POSES, "continuum_grasp.addons.identification.experiments:poses_text", needs="pose_rows"),
+        File(
+            "experiments.yaml",
+            "continuum_grasp.addons.identification.experiments:configuration_text",
+            needs="pose_rows",
+        ),
+        File("excitation.csv", "continuum_grasp.addons.identification.experiments:commands_text", needs="segments"),
+        File("excitation.yaml", "continuum_grasp.addons.identification.experiments:scene_text", needs="segments"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("excitation", "addons.identification.pictures:plot_excitation", needs="segments"),
+        Picture("excitation", "continuum_grasp.addons.identification.pictures:plot_excitation", needs="segments"),
     )
 
     names: tuple[str, ...]

@@ -81,10 +81,10 @@ class Fit(Predicted):
         *Predicted.dimensions,
     )
     texts: ClassVar[tuple[File, ...]] = (
-        File("identified_finger.yaml", "identification.fit:finger_text", needs="usable"),
+        File("identified_finger.yaml", "continuum_grasp.addons.identification.fit:finger_text", needs="usable"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("residuals", "addons.identification.pictures:plot_residuals"),
+        Picture("residuals", "continuum_grasp.addons.identification.pictures:plot_residuals"),
         *Predicted.pictures,
     )
 

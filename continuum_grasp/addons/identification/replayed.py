@@ -76,8 +76,8 @@ class Replay(Predicted):
     )
     texts: ClassVar[tuple[File, ...]] = (File("report.txt", "identification.replayed:Replay.report"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("series", "addons.identification.pictures:plot_series", panels=True),
-        Picture("innovations", "addons.identification.pictures:plot_innovations", panels=True),
+        Picture("series", "continuum_grasp.addons.identification.pictures:plot_series", panels=True),
+        Picture("innovations", "continuum_grasp.addons.identification.pictures:plot_innovations", panels=True),
     )
     predicted: ClassVar[str] = "believed"
 

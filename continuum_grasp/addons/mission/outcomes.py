@@ -137,8 +137,10 @@ class TrialsResult(Result, Sequence[Outcome]):
         Stored("error", "(plant,)", "text", "why there is no verdict"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("plant", "plants, in the order of the draws"),)
-    texts: ClassVar[tuple[File, ...]] = (File("trials.csv", "mission.outcomes:trials_csv"),)
-    pictures: ClassVar[tuple[Picture, ...]] = (Picture("trials", "addons.mission.pictures:plot_trials", panels=True),)
+    texts: ClassVar[tuple[File, ...]] = (File("trials.csv", "continuum_grasp.addons.mission.outcomes:trials_csv"),)
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("trials", "continuum_grasp.addons.mission.pictures:plot_trials", panels=True),
+    )
 
     scene: MissionScene
     outcomes: tuple[Outcome, ...]

@@ -31,7 +31,6 @@ from continuum_grasp.results import (
     Picture,
     Result,
     Stored,
-    maker_of,
     plain,
     yaml_text,
 )
@@ -76,10 +75,10 @@ class MissionRun(MissionRecord, MotionResult):
         File("result.yaml", "mission.result:MissionRun.yaml"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("snapshots", "addons.mission.pictures:plot_mission_snapshots", panels=True),
-        Picture("timeline", "addons.mission.pictures:plot_mission_timeline", panels=True),
+        Picture("snapshots", "continuum_grasp.addons.mission.pictures:plot_mission_snapshots", panels=True),
+        Picture("timeline", "continuum_grasp.addons.mission.pictures:plot_mission_timeline", panels=True),
     )
-    frames: ClassVar[str] = "addons.mission.pictures:mission_frames"
+    frames: ClassVar[str] = "continuum_grasp.addons.mission.pictures:mission_frames"
     page: ClassVar[str] = "loop"
     fps: ClassVar[float] = 25.0
 
@@ -185,7 +184,7 @@ class MissionRun(MissionRecord, MotionResult):
             raise InputError(f"a page has one finger, and this mission {len(self.runs)}: take animate")
         if self.variation.friction_fall:
             raise InputError("on a page friction does not change, and here it falls in the hold: take animate")
-        return maker_of(self.page)(self.run, self.controller_changes)
+        return self._page_maker()(self.run, self.controller_changes)
 
     def controller_changes(self, stages: Stages) -> list[dict[str, Any]]:
         """Changes by phases to the controller of the only finger, whose problem is given: from instants ``t`` [s] on

@@ -173,12 +173,12 @@ class MotionPlan(MotionResult):
         Dimension("scaled", "kinds of unknowns"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("path", "addons.planning.pictures:plot_plan_path"),
-        Picture("inputs", "plotting.control:plot_inputs"),
-        Picture("coordinates", "plotting.motion:plot_coordinates"),
-        Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),
+        Picture("path", "continuum_grasp.addons.planning.pictures:plot_plan_path"),
+        Picture("inputs", "continuum_grasp.plotting.control:plot_inputs"),
+        Picture("coordinates", "continuum_grasp.plotting.motion:plot_coordinates"),
+        Picture("contact_forces", "continuum_grasp.plotting.motion:plot_contact_forces", needs="contacts"),
     )
-    frames: ClassVar[str] = "plotting.motion:motion_frames"
+    frames: ClassVar[str] = "continuum_grasp.plotting.motion:motion_frames"
 
     scene: PlanScene
     status: PlanStatus

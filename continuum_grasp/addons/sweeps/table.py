@@ -63,8 +63,8 @@ class SweepTable(Result):
     dimensions: ClassVar[tuple[Dimension, ...]] = (Dimension("row", "scenes that have a row", "index"),)
 
     on_request: ClassVar[tuple[Picture, ...]] = (
-        Picture("map", "addons.sweeps.pictures:plot_map"),
-        Picture("pareto", "addons.sweeps.pictures:plot_front"),
+        Picture("map", "continuum_grasp.addons.sweeps.pictures:plot_map"),
+        Picture("pareto", "continuum_grasp.addons.sweeps.pictures:plot_front"),
     )
 
     folder: Path
@@ -332,13 +332,15 @@ def write_csv(folder: Path) -> None:
 def _pictures(requested: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Picture]:
     """The ``maps`` and the ``pareto`` pictures that a configuration asks for, by name."""
     maps = [
-        Picture(f"map_{k + 1}_{_file_name(spec['color'])}", "addons.sweeps.pictures:plot_map", options=spec)
+        Picture(
+            f"map_{k + 1}_{_file_name(spec['color'])}", "continuum_grasp.addons.sweeps.pictures:plot_map", options=spec
+        )
         for k, spec in enumerate(requested.get("maps", ()))
     ]
     fronts = [
         Picture(
             f"pareto_{k + 1}_{_file_name(spec['x'])}_{_file_name(spec['y'])}",
-            "addons.sweeps.pictures:plot_front",
+            "continuum_grasp.addons.sweeps.pictures:plot_front",
             options=spec,
         )
         for k, spec in enumerate(requested.get("pareto", ()))

@@ -41,13 +41,17 @@ class Commissioning(Fit):
 
     kind: ClassVar[str] = "commission"
     texts: ClassVar[tuple[File, ...]] = (
-        File("commissioned.yaml", "identification.commissioning.result:configuration_text", needs="usable"),
-        File("report.txt", "identification.commissioning.result:report_text"),
-        File("log.csv", "identification.commissioning.result:log_text", needs="log"),
+        File(
+            "commissioned.yaml",
+            "continuum_grasp.addons.identification.commissioning.result:configuration_text",
+            needs="usable",
+        ),
+        File("report.txt", "continuum_grasp.addons.identification.commissioning.result:report_text"),
+        File("log.csv", "continuum_grasp.addons.identification.commissioning.result:log_text", needs="log"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("series", "addons.identification.pictures:plot_series", panels=True),
-        Picture("residuals", "addons.identification.pictures:plot_residuals"),
+        Picture("series", "continuum_grasp.addons.identification.pictures:plot_series", panels=True),
+        Picture("residuals", "continuum_grasp.addons.identification.pictures:plot_residuals"),
     )
 
     scene: ControlScene  # type: ignore[assignment]
