@@ -84,8 +84,8 @@ class AccuracyReport(Result):
 
     kind: ClassVar[str] = "accuracy"
     texts: ClassVar[tuple[File, ...]] = (
-        File("accuracy.md", "accuracy.report:AccuracyReport.markdown"),
-        File("accuracy.json", "accuracy.report:AccuracyReport.table_json"),
+        File("accuracy.md", "continuum_grasp.accuracy.report:AccuracyReport.markdown"),
+        File("accuracy.json", "continuum_grasp.accuracy.report:AccuracyReport.table_json"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("accuracy", "continuum_grasp.plotting.accuracy:plot_accuracy", panels=True),

@@ -98,7 +98,7 @@ class ControlRun(MotionResult):
         CONTACT,
     )
     texts: ClassVar[tuple[File, ...]] = (
-        File("report.txt", "closed_loop.result:ControlRun.report"),
+        File("report.txt", "continuum_grasp.closed_loop.result:ControlRun.report"),
         File("log.csv", "continuum_grasp.closed_loop.result:log_text"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (

@@ -12,6 +12,8 @@ from typer.main import get_command
 from continuum_grasp.cli import app
 
 ROOT = Path(__file__).parents[2]
+ADDED = {"pull-off"}
+"""Verbs of the add-on in ``examples``, which tests/addons runs."""
 PAGE = (ROOT / "docs/command_line.md").read_text(encoding="utf-8")
 
 
@@ -33,4 +35,5 @@ def test_every_command_on_a_page_is_one(page):
     commands = get_command(app).commands
     for line in re.findall(r"^(?: {4})?continuum-grasp (?!-)(.+)$", page.read_text(encoding="utf-8"), re.MULTILINE):
         verb, *arguments = shlex.split(line, comments=True)
-        commands[verb].make_context(verb, arguments).close()
+        if verb not in ADDED:
+            commands[verb].make_context(verb, arguments).close()

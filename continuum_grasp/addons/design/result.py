@@ -138,7 +138,7 @@ class DesignResult(Result):
         Dimension("variable", "variables of the design", "labels"),
         Dimension("design", "designs in the order in which they were tried"),
     )
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "design.result:DesignResult.yaml"),)
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "continuum_grasp.addons.design.result:DesignResult.yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("design", "continuum_grasp.addons.design.pictures:plot_design", needs="cases", panels=True),
     )

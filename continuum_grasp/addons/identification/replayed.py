@@ -74,7 +74,9 @@ class Replay(Predicted):
         Dimension("model_state", "states of the controller's model", "estimated_names"),
         Dimension("estimated", "states, then disturbances", "estimated_names"),
     )
-    texts: ClassVar[tuple[File, ...]] = (File("report.txt", "identification.replayed:Replay.report"),)
+    texts: ClassVar[tuple[File, ...]] = (
+        File("report.txt", "continuum_grasp.addons.identification.replayed:Replay.report"),
+    )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("series", "continuum_grasp.addons.identification.pictures:plot_series", panels=True),
         Picture("innovations", "continuum_grasp.addons.identification.pictures:plot_innovations", panels=True),

@@ -71,8 +71,8 @@ class MissionRun(MissionRecord, MotionResult):
         Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
     )
     texts: ClassVar[tuple[File, ...]] = (
-        File("report.txt", "mission.result:MissionRun.report"),
-        File("result.yaml", "mission.result:MissionRun.yaml"),
+        File("report.txt", "continuum_grasp.addons.mission.result:MissionRun.report"),
+        File("result.yaml", "continuum_grasp.addons.mission.result:MissionRun.yaml"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("snapshots", "continuum_grasp.addons.mission.pictures:plot_mission_snapshots", panels=True),
