@@ -10,6 +10,37 @@ SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
 """Factor and unit in which errors are shown to people, by SI unit."""
 
 
+_PREFIXES = {"": 1.0, "m": 1e3, "\N{MICRO SIGN}": 1e6}
+_PREFIXED = ("N", "N m", "J")
+"""SI units of which parts are shown to people: fingers of a millimeter press with micronewtons."""
+
+
+def prefixes(unit: str) -> dict[str, float]:
+    """Units in which values of an SI unit are shown to people, the greatest one first, and how many make one of it."""
+    return {prefix + unit: factor for prefix, factor in _PREFIXES.items()} if unit in _PREFIXED else {unit: 1.0}
+
+
+def prefixed(unit: str, greatest: float) -> tuple[float, str]:
+    """Factor and unit in which values of an SI unit are shown: of N, N m and J the first part of which there is a tenth
+    in the greatest value.
+    """
+    units, size = prefixes(unit), abs(greatest)
+    if not 0.0 < size < math.inf:
+        return 1.0, unit
+    shown = next((name for name, factor in units.items() if factor * size >= 0.1), [*units][-1])
+    return units[shown], shown
+
+
+def amount_text(value: float, unit: str, form: str = ".3g") -> str:
+    """Write a value with its unit (`prefixed`), in a format; three digits in place of fixed decimals where its unit is
+    not ``unit``.
+    """
+    factor, shown = prefixed(unit, value)
+    sign = "+" if form.startswith("+") else ""
+    form = f"{sign}.3g" if factor != 1.0 and form.endswith("f") else form
+    return f"{factor * value:{form}} {shown}".rstrip()
+
+
 def split_unit(label: str) -> tuple[str, str]:
     """Name and unit of a label; the unit is empty where there is none."""
     name, bracket, unit = label.partition(" [")

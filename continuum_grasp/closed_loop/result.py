@@ -18,7 +18,7 @@ from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.control.ocp.setpoints import amount, missed_setpoints, rms, tracking_of
 from continuum_grasp.control.status import spread
-from continuum_grasp.labels import columns, name_of, unit_of
+from continuum_grasp.labels import amount_text, columns, name_of, unit_of
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene
@@ -166,7 +166,9 @@ class ControlRun(MotionResult):
         """Time, errors of what is tracked, times of the controller, counts."""
         metrics = self.metrics()
         errors = {
-            f"error of the {term.name}": f"{term.rms:.3g} {term.unit} r.m.s., {term.max:.3g} {term.unit} at most"
+            f"error of the {term.name}": (
+                f"{amount_text(term.rms, term.unit)} r.m.s., {amount_text(term.max, term.unit)} at most"
+            )
             for term in metrics.tracking[:2]
         }
         total = 1e3 * self.phase_times.sum(axis=1)

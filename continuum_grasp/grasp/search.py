@@ -33,6 +33,7 @@ from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED, basin_starts, h
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
+from continuum_grasp.labels import amount_text
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.scene.grasp import GraspScene
@@ -542,7 +543,7 @@ class Search:
     def _standing(self) -> str:
         """The best so far, what was tried, and how much longer it may take."""
         best, left, spent = self.best, self.budget.left, sum(tried.attempt.iterations for tried in self.tried)
-        held = "no grasp yet" if best is None else f"{self._tension(best):.4g} N so far"
+        held = "no grasp yet" if best is None else f"{amount_text(self._tension(best), 'N', '.4g')} so far"
         if self._first_left is not None:
             left = min(left, self._effort.iterations - (self._first_left - left))
         seconds = max(left, 0.0) * sum(tried.attempt.seconds for tried in self.tried) / max(spent, 1)

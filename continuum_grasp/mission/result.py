@@ -14,7 +14,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
-from continuum_grasp.labels import columns
+from continuum_grasp.labels import amount_text, columns
 from continuum_grasp.mission.assignment import object_of
 from continuum_grasp.mission.lift import Doubted, NotLifted, Slipped
 from continuum_grasp.mission.on_pads import reserved
@@ -291,10 +291,10 @@ def verdict_data(verdict: Verdict) -> dict[str, Any]:
 
 def wrench_text(wrench: Array) -> str:
     """A wrench in words, without what is zero."""
-    units = (("N", "in x", 1.0), ("N", "in y", 1.0), ("mN m", "about z", 1e3))
+    units = (("N", "in x"), ("N", "in y"), ("N m", "about z"))
     words = [
-        f"{scale * value:+.3g} {unit} {along}"
-        for value, (unit, along, scale) in zip(wrench, units, strict=True)
+        f"{amount_text(value, unit, '+.3g')} {along}"
+        for value, (unit, along) in zip(wrench.tolist(), units, strict=True)
         if value
     ]
     return ", ".join(words) or "nothing"

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array, Indices
+from continuum_grasp.labels import amount_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +112,7 @@ class Violation:
     scaled: float
 
     def __str__(self) -> str:
-        amount = f"{100.0 * self.amount:.3g} %" if self.unit == "1" else f"{self.amount:.3g} {self.unit}"
+        amount = f"{100.0 * self.amount:.3g} %" if self.unit == "1" else amount_text(self.amount, self.unit)
         words = f"off by {amount}" if math.isfinite(self.amount) else "not a finite number"
         return f"{self.name}: {words} ({self.key})"
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.labels import split_unit, unit_of
+from continuum_grasp.labels import amount_text, split_unit, unit_of
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
@@ -82,11 +82,11 @@ def plot_tracking(ax: Axes, run: ControlRun) -> str:
         if axis is not ax:  # the legend is of the left axes
             ax.plot([], [], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
     ax.plot([], [], color=GRAY, linewidth=1.0, linestyle="--", label="setpoint")
-    for k, axis in enumerate((ax, right)[: len(units)]):
-        if units[k] == "m":
-            units[k] = axes.length_unit(np.ptp(axis.get_ylim()), axis.yaxis)
     if right is not ax:
-        right.set_ylabel(f"tracked [{units[1]}]", color=INK)
+        axes.quiet(right).grid(False)
+        right.spines["right"].set(visible=True, color=GRAY)
+        right.margins(x=0.0)
+        right.set_ylabel(f"tracked [{axes.shown_unit(units[1], right.yaxis)}]", color=INK)
     return f"tracked [{units[0]}]"
 
 
@@ -96,7 +96,7 @@ def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
     quantity.
     """
     if run.tip_reference is not None:
-        size, name, unit = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "mm"
+        size, name, unit = np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "m"
     else:
         name, unit = split_unit(run.r_names[0])
         name = name.rstrip("0123456789_")  # entries of one quantity differ in their number
@@ -111,7 +111,7 @@ def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
 def plot_bounds(ax: Axes, run: ControlRun) -> str:
     """Draw how far each bound is away over time, in percent of what the legend says; above zero it is exceeded."""
     shares = [100.0 * bound.excess / bound.scale for bound in run.bounds]
-    names = [f"{axes.words(bound.name)} (100 %: {bound.scale:.4g} {bound.unit})" for bound in run.bounds]
+    names = [f"{axes.words(bound.name)} (100 %: {amount_text(bound.scale, bound.unit, '.4g')})" for bound in run.bounds]
     axes.curves(ax, run.t, shares, names)
     top = max(2.0, 1.1 * max(float(np.max(share)) for share in shares))
     bottom = min(-30.0, ax.get_ylim()[0])

@@ -42,7 +42,8 @@ def _draw_grasp(ax: Axes, result: DesignResult) -> None:
             text = "at the start" if k == 0 else None
             ax.plot(*line.T, color=GRAY, linewidth=1.4, linestyle=(0, (4, 2)), zorder=Z.LABEL, label=text)
             (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
-            low, high = line.min(axis=0) - 5e-3, line.max(axis=0) + 5e-3  # a margin of 5 mm
+            margin = 0.03 * float(np.ptp(line, axis=0).max())
+            low, high = line.min(axis=0) - margin, line.max(axis=0) + margin
             ax.set_xlim(min(left, low[0]), max(right, high[0]))
             ax.set_ylim(min(bottom, low[1]), max(top, high[1]))
     ax.set_title("", loc="left")

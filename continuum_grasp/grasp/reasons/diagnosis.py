@@ -27,6 +27,7 @@ from continuum_grasp.grasp.search import CLOSEST, FIRST_CAP, HELD, Search
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.values import NEAR, Reason, Status
+from continuum_grasp.labels import prefixed
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.shapes import greatest_shift
 
@@ -91,7 +92,8 @@ def part_of(elastic: Elastic, limit: Relaxation, repair: Repair) -> Reason:
     bound, needed = limit.value(scene, 0.0), limit.value(scene, amount)
     # As many digits as tell the two apart.
     digits = next(digits for digits in range(4, 17) if digits == 16 or f"{bound:.{digits}g}" != f"{needed:.{digits}g}")
-    text = limit.needed.format(limit=bound, needed=needed, digits=digits)
+    factor, shown = prefixed(limit.unit, max(bound, needed))
+    text = limit.needed.format(limit=factor * bound, needed=factor * needed, digits=digits, unit=shown)
     eased = limit.relaxed(scene, amount if limit.limit is None else limit.enough(scene, amount))
     changed = dict(changed_numbers(scene, eased))
     # The key whose number is the limit; fingers and supports may have limits of their own, which go with it.

@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.labels import Summarized
+from continuum_grasp.labels import Summarized, amount_text
 
 ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
 """Errors, in the order of the columns."""
@@ -142,7 +142,7 @@ class Robustness(Summarized):
             return name, nominal, robust
 
         return [
-            row("sum of tensions", lambda trials: f"{trials.tension:.2f} N"),
+            row("sum of tensions", lambda trials: amount_text(trials.tension, "N", ".2f")),
             row("draws held, tensions fixed", lambda trials: f"{trials.held} of {trials.margins.size}"),
             row("least margin, draws and corners", lambda trials: _margin(trials.least)),
             *(

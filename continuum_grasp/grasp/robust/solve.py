@@ -22,6 +22,7 @@ from continuum_grasp.grasp.search import HELD, Search
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, Reason, Status, tension_of
+from continuum_grasp.labels import amount_text
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, Robust
@@ -71,7 +72,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     robustness = Robustness(errors, nominal, robust, exchange.errors, result.arrays, exchange.touching)
     if robust is None:
         return _none(result, robustness, exchange, bounds, budget)
-    held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
+    held = f"held with {amount_text(robust.tension, 'N', '.4g')} of tension in all whatever {_whatever(scene)}"
     effort = {
         "corners": len(exchange.responses),
         "corners_in_problem": len(exchange.errors),
@@ -80,7 +81,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     }
     # Why the search may have missed a better one.
     notes = [*result.message.split("; ")[1:], *([] if exchange.optimal else ["the solver stopped early"])]
-    without = f"{nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}"
+    without = f"{amount_text(nominal.tension, 'N', '.4g')} {'without errors' if scene.robust else 'as they are pulled'}"
     changed = replace(
         result,
         status=Status.OPTIMAL if exchange.optimal and result.status is Status.OPTIMAL else Status.FEASIBLE,
@@ -168,8 +169,8 @@ def _none(
     failing = [response for response in exchange.responses if not response.holds]
     worst = min(failing, key=lambda response: response.reserve, default=None)
     text = (
-        f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found that holds "
-        f"whatever {_whatever(result.scene)}"
+        f"the object can be held as it is ({amount_text(robustness.nominal.tension, 'N', '.4g')}), but no grasp was "
+        f"found that holds whatever {_whatever(result.scene)}"
     )
     violated: tuple[str, ...] = ()
     if worst is not None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.labels import name_of
+from continuum_grasp.labels import name_of, prefixed, split_unit
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
 
 if TYPE_CHECKING:
@@ -62,9 +62,24 @@ def length_unit(extent: float, *shown: Axis) -> str:
     """Unit of axes of lengths [m] that show an extent [m]: below a meter they count mm."""
     if extent >= 1.0:
         return "m"
-    for axis in shown:
-        axis.set_major_formatter(lambda value, _: f"{1e3 * value + 0.0:.5g}".replace("-", "\N{MINUS SIGN}"))
+    _count_parts(1e3, *shown)
     return "mm"
+
+
+def shown_unit(unit: str, axis: Axis) -> str:
+    """Unit that an axis counts of values in an SI unit: mm below a meter, and mN or µN of small forces."""
+    low, high = axis.get_view_interval()
+    if unit == "m":
+        return length_unit(high - low, axis)
+    factor, shown = prefixed(unit, max(abs(low), abs(high)))
+    if factor != 1.0:
+        _count_parts(factor, axis)
+    return shown
+
+
+def _count_parts(factor: float, *shown: Axis) -> None:
+    for axis in shown:
+        axis.set_major_formatter(lambda value, _: f"{factor * value + 0.0:.5g}".replace("-", "\N{MINUS SIGN}"))
 
 
 def label(ax: Axes, x: str, y: str, **style: Any) -> None:
@@ -147,7 +162,8 @@ def over_time(columns: int = 4) -> Callable[[Callable[[Axes, Any], str]], Callab
         def plot(result: Any, *, ax: Axes | None = None) -> Axes:
             ax = new_axes(ax)
             ax.margins(x=0.0)
-            label(ax, "time [s]", draw(ax, result))
+            name, unit = split_unit(draw(ax, result))
+            label(ax, "time [s]", f"{name} [{shown_unit(unit, ax.yaxis)}]" if unit else name)
             head(ax, result.name, columns)
             return ax
 
