@@ -10,20 +10,19 @@ SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
 """Factor and unit in which errors are shown to people, by SI unit."""
 
 
-_PREFIXES = {"": 1.0, "m": 1e3, "\N{MICRO SIGN}": 1e6}
-_PREFIXED = ("N", "N m", "J")
-"""SI units of which parts are shown to people: fingers of a millimeter press with micronewtons."""
+_PARTS = {"": 1.0, "m": 1e3, "\N{MICRO SIGN}": 1e6}
+_MULTIPLES = {"M": 1e-6, "k": 1e-3, "": 1.0}
+_PREFIXES = {**dict.fromkeys(("N", "N/s", "N m", "J"), _PARTS), **dict.fromkeys(("Pa", "Pa/s"), _MULTIPLES)}
+"""Prefixes of SI units that people are shown: fingers of a millimeter press with micronewtons, chambers have kPa."""
 
 
 def prefixes(unit: str) -> dict[str, float]:
     """Units in which values of an SI unit are shown to people, the greatest one first, and how many make one of it."""
-    return {prefix + unit: factor for prefix, factor in _PREFIXES.items()} if unit in _PREFIXED else {unit: 1.0}
+    return {prefix + unit: factor for prefix, factor in _PREFIXES.get(unit, {"": 1.0}).items()}
 
 
 def prefixed(unit: str, greatest: float) -> tuple[float, str]:
-    """Factor and unit in which values of an SI unit are shown: of N, N m and J the first part of which there is a tenth
-    in the greatest value.
-    """
+    """Factor and unit in which values of an SI unit are shown: the first one of which the greatest has a tenth."""
     units, size = prefixes(unit), abs(greatest)
     if not 0.0 < size < math.inf:
         return 1.0, unit

@@ -40,15 +40,24 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     if bodies.shows_thickness(run.scene.finger):
         bodies.draw_thickness(ax, shapes[-1], run.scene.finger)
     if wanted is not None:
-        # a setpoint that jumps is dots, not a line: 20 times the usual step is none of a path that is followed
-        steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
-        jumps = np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
-        ax.plot(*np.insert(wanted, jumps + 1, np.nan, axis=0).T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
+        jumps = _jumps(wanted)
+        ax.plot(*_parted(wanted, jumps).T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
         ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
         ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="setpoint", zorder=5)
     ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
     axes.head(ax, run.name)
     return ax
+
+
+def _jumps(wanted: NDArray[Any]) -> NDArray[np.intp]:
+    """Indices of setpoints (K, 2) after which there is a jump: 20 times the usual step is none of a path."""
+    steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
+    return np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
+
+
+def _parted(wanted: NDArray[Any], jumps: NDArray[np.intp]) -> NDArray[Any]:
+    """Setpoints with a row of NaN where they jump, so that no line joins them: of steps alone nothing is drawn."""
+    return np.insert(wanted, jumps + 1, np.nan, axis=0)
 
 
 @axes.over_time()
@@ -161,7 +170,7 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
     def ahead(film: Film, at: NDArray[Any]) -> Callable[[int], list[Artist]]:
         cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
         if wanted is not None:
-            film.ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
+            film.ax.plot(*_parted(wanted, _jumps(wanted)).T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
             film.ax.plot([], [], "+", markersize=9, label="setpoint", **cross)
         film.ax.plot([], [], color=GREEN, linewidth=1.4, label="predicted")
         path = film.line(color=GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE)
