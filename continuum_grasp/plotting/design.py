@@ -31,6 +31,10 @@ def plot_design(result: DesignResult) -> list[Axes]:
     return [grasp, costs, bars]
 
 
+_PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+"""Behind names, which lie on the line of no change."""
+
+
 def _draw_grasp(ax: Axes, result: DesignResult) -> None:
     decisive = "" if result.best is None else result.best.worst.case
     name = decisive if decisive in result.grasps else next(iter(result.grasps))
@@ -89,7 +93,9 @@ def _draw_influences(ax: Axes, result: DesignResult) -> None:
     ax.axvline(0.0, color=GRAY, linewidth=0.8)
     for at, influence in zip(places, influences, strict=True):
         name = influence.key + (f" (at its {influence.at})" if influence.at else "")
-        ax.text(0.01, at - 0.09, name, transform=ax.get_yaxis_transform(), fontsize=8, color=INK, va="bottom")
+        ax.text(
+            0.01, at - 0.09, name, transform=ax.get_yaxis_transform(), fontsize=8, color=INK, va="bottom", bbox=_PAPER
+        )
     ax.set_yticks([])
     ax.set_ylim(len(influences) - 0.45, -0.45)
     label(ax, "change of the cost per +1 % of the range", "")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.labels import amount_text, split_unit
+from continuum_grasp.labels import amount_text
 from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.axes import (
     Box,
@@ -21,7 +21,7 @@ from continuum_grasp.plotting.drawing.axes import (
     plain,
     quiet,
     show_box,
-    shown_unit,
+    shown_label,
     words,
 )
 from continuum_grasp.plotting.drawing.film import Film
@@ -228,8 +228,7 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
         for span in mission.spans:
             panel.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
         draw(panel, mission)
-        name, unit = split_unit(text.format(input=taken))
-        panel.set_ylabel(f"{name} [{shown_unit(unit, panel.yaxis)}]", color=INK)
+        panel.set_ylabel(shown_label(text.format(input=taken), panel.yaxis), color=INK)
         # Of three fingers the tensions, their setpoints and limits take two rows.
         head(panel, None, _ONE_ROW if len(panel.get_legend_handles_labels()[1]) < 8 else 4)
     rest[-1].set_xlabel("time [s]", color=INK)

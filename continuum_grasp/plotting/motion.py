@@ -327,7 +327,7 @@ def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Ax
     ax.set_xlim(0.0, trajectory.length)
     ax.set_ylim(0.0, 1.05 * greatest or 1.0)
     unit = axes.length_unit(np.ptp(ax.get_xlim()), ax.xaxis)
-    axes.label(ax, f"position along the finger [{unit}]", f"tension [{axes.shown_unit('N', ax.yaxis)}]")
+    axes.label(ax, f"position along the finger [{unit}]", axes.shown_label("tension [N]", ax.yaxis))
     axes.head(ax, trajectory.name)
     return ax
 
@@ -338,6 +338,6 @@ def plot_tension_loop(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes
     ax = axes.new_axes(ax)
     for k, ((_, tensions), color) in enumerate(zip(along, axes.colors(len(along)), strict=True)):
         ax.plot(tensions[:, 0], trajectory.tip_angle, color=color, linewidth=1.5, label=f"tendon {k + 1}")
-    axes.label(ax, f"tension at the drive [{axes.shown_unit('N', ax.xaxis)}]", "angle of the tip [rad]")
+    axes.label(ax, axes.shown_label("tension at the drive [N]", ax.xaxis), "angle of the tip [rad]")
     axes.head(ax, trajectory.name)
     return ax

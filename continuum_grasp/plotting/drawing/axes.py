@@ -77,6 +77,12 @@ def shown_unit(unit: str, axis: Axis) -> str:
     return shown
 
 
+def shown_label(text: str, axis: Axis) -> str:
+    """A label ``name [unit]`` of an SI unit with the unit that its axis counts (`shown_unit`)."""
+    name, unit = split_unit(text)
+    return f"{name} [{shown_unit(unit, axis)}]" if unit else name
+
+
 def _count_parts(factor: float, *shown: Axis) -> None:
     for axis in shown:
         axis.set_major_formatter(lambda value, _: f"{factor * value + 0.0:.5g}".replace("-", "\N{MINUS SIGN}"))
@@ -97,7 +103,7 @@ def whole_numbers(*shown: Axes) -> None:
 def color_bar(ax: Axes, drawn: ScalarMappable, text: str = "time [s]") -> None:
     """A bar beside the axes for what is colored by a quantity."""
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)
-    bar.set_label(text, color=INK)
+    bar.set_label(shown_label(text, bar.ax.yaxis), color=INK)
     bar.ax.tick_params(colors=INK, labelsize=9)
     bar.outline.set_visible(False)
 
@@ -162,8 +168,7 @@ def over_time(columns: int = 4) -> Callable[[Callable[[Axes, Any], str]], Callab
         def plot(result: Any, *, ax: Axes | None = None) -> Axes:
             ax = new_axes(ax)
             ax.margins(x=0.0)
-            name, unit = split_unit(draw(ax, result))
-            label(ax, "time [s]", f"{name} [{shown_unit(unit, ax.yaxis)}]" if unit else name)
+            label(ax, "time [s]", shown_label(draw(ax, result), ax.yaxis))
             head(ax, result.name, columns)
             return ax
 
