@@ -29,10 +29,13 @@ from .interrupt import leave_interrupted as leave_interrupted
 from .interrupt import listening_for_interrupts as listening_for_interrupts
 from .labels import SHOWN_IN as SHOWN_IN
 from .labels import Summarized as Summarized
+from .labels import amount_text as amount_text
 from .labels import clipped as clipped
 from .labels import columns as columns
 from .labels import name_of as name_of
 from .labels import nearest as nearest
+from .labels import prefixed as prefixed
+from .labels import prefixes as prefixes
 from .labels import quoted as quoted
 from .labels import split_unit as split_unit
 from .labels import table as table

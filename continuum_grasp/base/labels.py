@@ -10,6 +10,36 @@ SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
 """Factor and unit in which errors are shown to people, by SI unit."""
 
 
+_PARTS = {"": 1.0, "m": 1e3, "\N{MICRO SIGN}": 1e6}
+_MULTIPLES = {"M": 1e-6, "k": 1e-3, "": 1.0}
+_PREFIXES = {**dict.fromkeys(("N", "N/s", "N m", "J"), _PARTS), **dict.fromkeys(("Pa", "Pa/s"), _MULTIPLES)}
+"""Prefixes of SI units that people are shown: fingers of a millimeter press with micronewtons, chambers have kPa."""
+
+
+def prefixes(unit: str) -> dict[str, float]:
+    """Units in which values of an SI unit are shown to people, the greatest one first, and how many make one of it."""
+    return {prefix + unit: factor for prefix, factor in _PREFIXES.get(unit, {"": 1.0}).items()}
+
+
+def prefixed(unit: str, greatest: float) -> tuple[float, str]:
+    """Factor and unit in which values of an SI unit are shown: the first one of which the greatest has a tenth."""
+    units, size = prefixes(unit), abs(greatest)
+    if not 0.0 < size < math.inf:
+        return 1.0, unit
+    shown = next((name for name, factor in units.items() if factor * size >= 0.1), [*units][-1])
+    return units[shown], shown
+
+
+def amount_text(value: float, unit: str, form: str = ".3g") -> str:
+    """Write a value with its unit (`prefixed`), in a format; three digits in place of fixed decimals where its unit is
+    not ``unit``.
+    """
+    factor, shown = prefixed(unit, value)
+    sign = "+" if form.startswith("+") else ""
+    form = f"{sign}.3g" if factor != 1.0 and form.endswith("f") else form
+    return f"{factor * value:{form}} {shown}".rstrip()
+
+
 def split_unit(label: str) -> tuple[str, str]:
     """Name and unit of a label; the unit is empty where there is none."""
     name, bracket, unit = label.partition(" [")

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.base import Array, columns, name_of, unit_of
+from continuum_grasp.base import Array, amount_text, columns, name_of, unit_of
 from continuum_grasp.closed_loop.readings import Bound, Metrics, PhaseTimes, Readings, violation_of
 from continuum_grasp.control import (
     Adapted,
@@ -170,7 +170,9 @@ class ControlRun(MotionResult):
         """Time, errors of what is tracked, times of the controller, counts."""
         metrics = self.metrics()
         errors = {
-            f"error of the {term.name}": f"{term.rms:.3g} {term.unit} r.m.s., {term.max:.3g} {term.unit} at most"
+            f"error of the {term.name}": (
+                f"{amount_text(term.rms, term.unit)} r.m.s., {amount_text(term.max, term.unit)} at most"
+            )
             for term in metrics.tracking[:2]
         }
         total = 1e3 * self.phase_times.sum(axis=1)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import Array, InputError, check_arguments, named_value
+from continuum_grasp.base import Array, InputError, amount_text, check_arguments, named_value
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
@@ -26,6 +26,7 @@ from continuum_grasp.grasp.values import (
     Sensitivity,
     contacts_of,
     force_text,
+    force_units,
     tension_of,
 )
 from continuum_grasp.model import family_class
@@ -144,8 +145,8 @@ class GraspResult(Result):
             return ""
         share = self.greatest_normal_force / self.lower_bound - 1.0 if self.lower_bound > 0.0 else 0.0
         return (
-            f"no grasp has a greatest normal force below {self.lower_bound:.4g} N, by the balance of the object alone; "
-            f"this one is {max(share, 0.0):.2%} above"
+            f"no grasp has a greatest normal force below {amount_text(self.lower_bound, 'N', '.4g')}, by the balance "
+            f"of the object alone; this one is {max(share, 0.0):.2%} above"
         )
 
     @property
@@ -192,13 +193,14 @@ class GraspResult(Result):
         if not self.verified:
             reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons[:4])}
             return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
-        rows = {"sum of tensions": f"{self.force_text(self.tension)} N"}
+        of_tensions, of_contacts = self.force_units
+        rows = {"sum of tensions": f"{self.force_text(self.tension, of_tensions)} {of_tensions}"}
         if self.contacts:
             least = min(self.contacts, key=lambda contact: contact.friction_margin)
-            rows["greatest normal force"] = f"{self.force_text(self.greatest_normal_force)} N"
+            rows["greatest normal force"] = f"{self.force_text(self.greatest_normal_force, of_contacts)} {of_contacts}"
             rows["least friction margin"] = self.margin_text(least)
         if self.lower_bound is not None:
-            rows["least in any grasp"] = f"{self.force_text(self.lower_bound)} N"
+            rows["least in any grasp"] = f"{self.force_text(self.lower_bound, of_contacts)} {of_contacts}"
         if self.certificate is not None:
             error = self.certificate.model_error.greatest
             rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
@@ -225,8 +227,9 @@ class GraspResult(Result):
             warnings.append("the grasp is unstable: small motions that the contacts allow lower the energy")
         if self._slack:
             warnings.append(
-                f"the tendons hardly pull ({self.tension:.2g} N in all): the bases press the fingers against the "
-                "object, so that slack tendons do not release it, and its forces depend on where bases and object are"
+                f"the tendons hardly pull ({amount_text(self.tension, 'N', '.2g')} in all): the bases press the "
+                "fingers against the object, so that slack tendons do not release it, and its forces depend on where "
+                "bases and object are"
             )
         if self.outline is not None and self.outline.change and abs(self.outline.change.tension_change) > ROUGH:
             warnings.append(f"the outline is rough, {self.outline.words}: take a smaller object.tolerance")
@@ -274,13 +277,18 @@ class GraspResult(Result):
         """Sum of all tensions [N]."""
         return tension_of(self.scene, self.arrays) if self.arrays else 0.0
 
-    def force_text(self, force: float) -> str:
-        """Write a force [N] with the decimals that all forces of this grasp have (`force_text`)."""
-        return force_text(self.arrays, force)
+    @property
+    def force_units(self) -> tuple[str, str]:
+        """Units in which its tensions and its contact forces are written (`force_units`)."""
+        return force_units(self.arrays)
+
+    def force_text(self, force: float, unit: str = "N") -> str:
+        """Write a force [N] in a unit, with the decimals that all forces of this grasp have (`force_text`)."""
+        return force_text(self.arrays, force, unit)
 
     def margin_text(self, contact: Contact) -> str:
         """Write the friction margin of a contact, a dash where nothing presses; the same wherever it is written."""
-        if not float(self.force_text(contact.normal_force)) or contact.friction_margin <= -9.99:
+        if not float(self.force_text(contact.normal_force, self.force_units[1])) or contact.friction_margin <= -9.99:
             return "\N{EN DASH}"
         # a contact at its limit has a margin of rounding, which would be written as -0.0%
         return f"{0.0 if abs(contact.friction_margin) < 5e-4 else contact.friction_margin:.1%}"

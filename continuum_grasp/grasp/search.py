@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun, solver_for
@@ -542,7 +543,7 @@ class GraspSearch:
     def _standing(self) -> str:
         """The best so far, what was tried, and how much longer it may take."""
         best, left, spent = self.best, self.budget.left, sum(tried.attempt.iterations for tried in self.tried)
-        held = "no grasp yet" if best is None else f"{self._tension(best):.4g} N so far"
+        held = "no grasp yet" if best is None else f"{amount_text(self._tension(best), 'N', '.4g')} so far"
         if self._first_left is not None:
             left = min(left, self._effort.iterations - (self._first_left - left))
         seconds = max(left, 0.0) * sum(tried.attempt.seconds for tried in self.tried) / max(spent, 1)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from continuum_grasp.base import Interrupted, SolverError, check_arguments, interruptible
+from continuum_grasp.base import Interrupted, SolverError, amount_text, check_arguments, interruptible
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.changes import (
     FIRST,
@@ -30,7 +30,16 @@ from continuum_grasp.grasp.search import OPEN, GraspSearch
 from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import DRIVEN_AWAY, REFUTED, STEADIER, GraspStatus, Reason, force_text, tension_of
+from continuum_grasp.grasp.values import (
+    DRIVEN_AWAY,
+    REFUTED,
+    STEADIER,
+    GraspStatus,
+    Reason,
+    force_text,
+    force_units,
+    tension_of,
+)
 from continuum_grasp.nlp import Budget, Violation, outcome_words
 from continuum_grasp.scene import ONE_TURN, TOUCHING, GraspScene, scene_of
 
@@ -114,10 +123,10 @@ def _compared(result: GraspResult, elements: bool, budget: Budget) -> GraspResul
     """The result compared with a fine model, where its ``elements`` are not compared yet, and a finer outline."""
     try:
         if result.outline is not None and result.outline.finer > result.outline.corners:
-            budget.tell(f"held with {result.tension:.4g} N; compared with a finer outline")
+            budget.tell(f"held with {amount_text(result.tension, 'N', '.4g')}; compared with a finer outline")
             result = with_finer_outline(result, result.outline, budget, lambda scene: _Verdict(scene, budget).result())
         if elements:
-            budget.tell(f"held with {result.tension:.4g} N; compared with a fine model")
+            budget.tell(f"held with {amount_text(result.tension, 'N', '.4g')}; compared with a fine model")
             result = with_fine(result, budget)
     except KeyboardInterrupt:
         return replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
@@ -132,7 +141,7 @@ def _for_errors(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
         return result
     from continuum_grasp.grasp.robust.solve import with_robust
 
-    budget.tell(f"held with {result.tension:.4g} N as it is; errors and friction states are tried")
+    budget.tell(f"held with {amount_text(result.tension, 'N', '.4g')} as it is; errors and friction states are tried")
     try:
         return with_robust(result, search, budget)
     except KeyboardInterrupt:
@@ -254,7 +263,8 @@ class _Verdict:
 
     def _solved(self, best: Tried) -> GraspResult:
         steadied = best.solver.problem.spec.steadied
-        held = f"a sum of tensions of {force_text(best.arrays, tension_of(self.scene, best.arrays))} N"
+        unit, tension = force_units(best.arrays)[0], tension_of(self.scene, best.arrays)
+        held = f"a sum of tensions of {force_text(best.arrays, tension, unit)} {unit}"
         notes = list(self._notes(best))
         status = GraspStatus.FEASIBLE if notes else GraspStatus.OPTIMAL
         if best.certificate.stability.stable:
@@ -298,7 +308,7 @@ class _Verdict:
             more = explored.best_open / tension_of(self.scene, best.arrays) - 1.0
             yield (
                 f"{explored.open} of {explored.basins} basins could not be solved, the best of which is estimated to "
-                f"take {explored.best_open:.4g} N in all ({more:+.1%})"
+                f"take {amount_text(explored.best_open, 'N', '.4g')} in all ({more:+.1%})"
             )
         if self.budget.cut:
             yield f"{self._cut()}, not all starts were tried"

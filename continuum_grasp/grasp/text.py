@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.base import columns
+from continuum_grasp.base import amount_text, columns, prefixes
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.results import yaml_text
 
@@ -104,20 +104,20 @@ def further_advice(result: GraspResult) -> str:
 
 def _fingers(result: GraspResult) -> TextPart:
     """Tensions, base and contacts of each finger, and what its drives do."""
-    rows, notes = [], []
+    rows, notes, unit = [], [], result.force_units[0]
     if result.scene.object.free is not None:
         notes.append(f"object at {_mm(result.object_pose[:2])} mm, turned by {result.object_pose[2]:.4f} rad")
     for setup in result.scene.setups:
         posture = result.fingers[setup.name]
         base = f"{_mm(posture.base[:2])}; {np.degrees(posture.base[2]):.1f}\N{DEGREE SIGN}"
         middles = _mm([c.station for c in result.contacts if c.name in setup.middle_names])
-        tensions = (result.force_text(tension) for tension in posture.tensions)
-        rows.append(
-            (setup.name, *tensions, f"{setup.max_tension:g}", base, middles, f"{1e3 * posture.lengths.sum():g}")
-        )
+        tensions = (result.force_text(tension, unit) for tension in posture.tensions)
+        most = f"{prefixes('N')[unit] * setup.max_tension:g}"
+        rows.append((setup.name, *tensions, most, base, middles, f"{1e3 * posture.lengths.sum():g}"))
         notes.append(f"{setup.name}: elements of {_mm(posture.lengths)} mm ({posture.family})")
         notes += [f"{setup.name}: {text}" for text in _drives(result, setup.name)]
-    head = ("Finger", "Left tendon [N]", "Right [N]", "At most [N]", "Base [mm]", "Middle at [mm]", "Length [mm]")
+    pulled = (f"Left tendon [{unit}]", f"Right [{unit}]", f"At most [{unit}]")
+    head = ("Finger", *pulled, "Base [mm]", "Middle at [mm]", "Length [mm]")
     return TextPart("Fingers", head, rows, (1, 2, 3), notes=notes)
 
 
@@ -137,21 +137,34 @@ def _drives(result: GraspResult, finger: str) -> list[str]:
     held = result.arrays.get(f"held.{finger}.tensions")
     if held is not None and np.ptp(held, axis=0).max() > 1e-3:
         ends = zip(("left", "right"), held.min(axis=0), held.max(axis=0), strict=True)
-        each = (f"{side} {result.force_text(low)} to {result.force_text(high)} N" for side, low, high in ends)
+        unit = result.force_units[0]
+        each = (
+            f"{side} {result.force_text(low, unit)} to {result.force_text(high, unit)} {unit}"
+            for side, low, high in ends
+        )
         lines.append(f"tensions by friction states: {', '.join(each)}")
     return lines
 
 
 def _contacts(result: GraspResult) -> TextPart:
     """Places of the contacts, and their forces."""
-    rows, lifted = [], result.scene.lifted
+    rows, lifted, unit = [], result.scene.lifted, result.force_units[1]
     for c in result.contacts:
         x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
-        forces = (result.force_text(f) for f in (c.normal_force, c.friction_force, *([c.lift] if lifted else [])))
+        forces = (result.force_text(f, unit) for f in (c.normal_force, c.friction_force, *([c.lift] if lifted else [])))
         coefficient = f"{result.scene.friction(c.name):g}"
         rows.append((c.name, f"{x:.2f}", f"{y:.2f}", *forces, result.margin_text(c), coefficient))
-    lift = ["Lift [N]"] if lifted else []
-    head = ("Contact", "x [mm]", "y [mm]", "Normal [N]", "Friction [N]", *lift, "Margin", "Friction coefficient")
+    lift = [f"Lift [{unit}]"] if lifted else []
+    head = (
+        "Contact",
+        "x [mm]",
+        "y [mm]",
+        f"Normal [{unit}]",
+        f"Friction [{unit}]",
+        *lift,
+        "Margin",
+        "Friction coefficient",
+    )
     notes = [result.bound_words] if result.bound_words else []
     return TextPart("Contacts", head, rows, range(1, len(head)), notes=notes)
 
@@ -165,7 +178,7 @@ def _disturbances(result: GraspResult) -> TextPart:
     """The scene's disturbances, as far as they are resisted."""
     held, rows = result.quality.resistance, []
     for (x, y, moment), factor, limiting in zip(held.wrenches, held.factors, held.limiting, strict=True):
-        what = f"{x:.3g} N, {y:.3g} N, {moment:.3g} N m"
+        what = ", ".join(amount_text(value, unit) for value, unit in ((x, "N"), (y, "N"), (moment, "N m")))
         rows.append((what, "no limit" if np.isinf(factor) else _short(factor), ", ".join(limiting)))
     head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
     return TextPart("Resisted disturbances", head, rows, (1,))
@@ -212,7 +225,7 @@ def _trials(robustness: Robustness) -> TextPart:
 
 def amount(value: float, unit: str) -> str:
     """Write a limit with its unit."""
-    return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
+    return amount_text(value, "" if unit == "1" else unit, ".4g")
 
 
 def _mm(lengths: Iterable[float]) -> str:

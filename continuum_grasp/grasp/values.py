@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text, prefixed, prefixes
 from continuum_grasp.scene import GraspScene
 
 NEAR, SAME = 1e-3, 1e-4
@@ -200,7 +200,7 @@ class Change:
     def words(self) -> str:
         """Changes in words."""
         return (
-            f"the tension changes by {self.tension_change:+.2%} to {self.tension:#.4g} N, "
+            f"the tension changes by {self.tension_change:+.2%} to {amount_text(self.tension, 'N', '#.4g')}, "
             f"contacts by {1e3 * self.displacement:.2g} mm at most"
         )
 
@@ -261,19 +261,36 @@ def tension_of(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
     return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
 
 
-def force_text(arrays: Mapping[str, Array], force: float) -> str:
-    """Write a force [N] of a grasp with so many decimals that its greatest one has four digits, wherever it is written.
+def force_units(arrays: Mapping[str, Array]) -> tuple[str, str]:
+    """Units in which tensions and contact forces of a grasp are written: N, mN or µN, each by the greatest of them."""
+    total, of_contacts, presses = _greatest(arrays)
+    of_tensions = prefixed("N", total or of_contacts)[1]
+    return of_tensions, prefixed("N", of_contacts)[1] if presses else of_tensions
+
+
+def force_text(arrays: Mapping[str, Array], force: float, unit: str = "N") -> str:
+    """Write a force [N] of a grasp in a unit, N, mN or µN, with so many decimals that its greatest one has four digits.
 
     The greatest is that of the sum of tensions and the components of contact forces, of which the greatest has two
-    digits at least; two to nine decimals.
+    digits at least; in newtons two to nine decimals. Contact forces in a smaller unit than that of tensions have three
+    digits.
     """
+    (total, of_contacts, presses), units = _greatest(arrays), force_units(arrays)
+    if units[0] != units[1] != "N":
+        decimals = _decimals(total, 4) if unit == units[0] else _decimals(of_contacts, 3)
+    else:
+        decimals = max(2, _decimals(max(total, of_contacts), 4), _decimals(of_contacts, 2) if presses else 0)
+    factor = prefixes("N")[unit]
+    text = f"{factor * force:.{max(min(decimals, 9) - round(math.log10(factor)), 0)}f}"
+    return text.removeprefix("-") if not text.strip("-0.") else text  # no -0.00
+
+
+def _greatest(arrays: Mapping[str, Array]) -> tuple[float, float, bool]:
+    """Sum of tensions and greatest component of the contact forces [N], and whether anything presses."""
     total = sum(float(np.sum(value)) for name, value in arrays.items() if name.endswith(".tensions"))
     of_contacts = float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0))
     # 1e-5: contact forces per tension below which they are what a solver leaves of zero
-    presses = of_contacts > 1e-5 * total
-    decimals = max(2, _decimals(max(total, of_contacts), 4), _decimals(of_contacts, 2) if presses else 0)
-    text = f"{force:.{min(decimals, 9)}f}"
-    return text.removeprefix("-") if not text.strip("-0.") else text  # no -0.00
+    return total, of_contacts, of_contacts > 1e-5 * total
 
 
 def _decimals(value: float, digits: int) -> int:

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, Indices
+from continuum_grasp.base import Array, Indices, amount_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ class Violation:
     scaled: float
 
     def __str__(self) -> str:
-        amount = f"{100.0 * self.amount:.3g} %" if self.unit == "1" else f"{self.amount:.3g} {self.unit}"
+        amount = f"{100.0 * self.amount:.3g} %" if self.unit == "1" else amount_text(self.amount, self.unit)
         words = f"off by {amount}" if math.isfinite(self.amount) else "not a finite number"
         return f"{self.name}: {words} ({self.key})"
 

@@ -12,6 +12,7 @@ from .drawing.axes import new_figure as new_figure
 from .drawing.axes import plain as plain
 from .drawing.axes import quiet as quiet
 from .drawing.axes import show_box as show_box
+from .drawing.axes import shown_label as shown_label
 from .drawing.axes import time_map as time_map
 from .drawing.axes import whole_numbers as whole_numbers
 from .drawing.axes import words as words

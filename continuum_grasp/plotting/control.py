@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import split_unit, unit_of
+from continuum_grasp.base import amount_text, split_unit, unit_of
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
@@ -38,15 +38,24 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     if bodies.shows_thickness(run.scene.finger):
         bodies.draw_thickness(ax, shapes[-1], run.scene.finger)
     if wanted is not None:
-        # a setpoint that jumps is dots, not a line: 20 times the usual step is none of a path that is followed
-        steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
-        jumps = np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
-        ax.plot(*np.insert(wanted, jumps + 1, np.nan, axis=0).T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
+        jumps = _jumps(wanted)
+        ax.plot(*_parted(wanted, jumps).T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
         ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
         ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="setpoint", zorder=5)
     ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
     axes.head(ax, run.name)
     return ax
+
+
+def _jumps(wanted: NDArray[Any]) -> NDArray[np.intp]:
+    """Indices of setpoints (K, 2) after which there is a jump: 20 times the usual step is none of a path."""
+    steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
+    return np.flatnonzero(steps > max(20.0 * float(np.median(steps)), 1e-6))
+
+
+def _parted(wanted: NDArray[Any], jumps: NDArray[np.intp]) -> NDArray[Any]:
+    """Setpoints with a row of NaN where they jump, so that no line joins them: of steps alone nothing is drawn."""
+    return np.insert(wanted, jumps + 1, np.nan, axis=0)
 
 
 @axes.over_time()
@@ -80,11 +89,11 @@ def plot_tracking(ax: Axes, run: ControlRun) -> str:
         if axis is not ax:  # the legend is of the left axes
             ax.plot([], [], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
     ax.plot([], [], color=GRAY, linewidth=1.0, linestyle="--", label="setpoint")
-    for k, axis in enumerate((ax, right)[: len(units)]):
-        if units[k] == "m":
-            units[k] = axes.length_unit(np.ptp(axis.get_ylim()), axis.yaxis)
     if right is not ax:
-        right.set_ylabel(f"tracked [{units[1]}]", color=INK)
+        axes.quiet(right).grid(False)
+        right.spines["right"].set(visible=True, color=GRAY)
+        right.margins(x=0.0)
+        right.set_ylabel(f"tracked [{axes.shown_unit(units[1], right.yaxis)}]", color=INK)
     return f"tracked [{units[0]}]"
 
 
@@ -94,7 +103,7 @@ def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
     quantity.
     """
     if run.tip_reference is not None:
-        size, name, unit = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "mm"
+        size, name, unit = np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "m"
     else:
         name, unit = split_unit(run.r_names[0])
         name = name.rstrip("0123456789_")  # entries of one quantity differ in their number
@@ -109,7 +118,7 @@ def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
 def plot_bounds(ax: Axes, run: ControlRun) -> str:
     """Draw how far each bound is away over time, in percent of what the legend says; above zero it is exceeded."""
     shares = [100.0 * bound.excess / bound.scale for bound in run.bounds]
-    names = [f"{axes.words(bound.name)} (100 %: {bound.scale:.4g} {bound.unit})" for bound in run.bounds]
+    names = [f"{axes.words(bound.name)} (100 %: {amount_text(bound.scale, bound.unit, '.4g')})" for bound in run.bounds]
     axes.curves(ax, run.t, shares, names)
     top = max(2.0, 1.1 * max(float(np.max(share)) for share in shares))
     bottom = min(-30.0, ax.get_ylim()[0])
@@ -159,7 +168,7 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
     def ahead(film: Film, at: NDArray[Any]) -> Callable[[int], list[Artist]]:
         cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
         if wanted is not None:
-            film.ax.plot(*wanted.T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
+            film.ax.plot(*_parted(wanted, _jumps(wanted)).T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
             film.ax.plot([], [], "+", markersize=9, label="setpoint", **cross)
         film.ax.plot([], [], color=GREEN, linewidth=1.4, label="predicted")
         path = film.line(color=GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE)

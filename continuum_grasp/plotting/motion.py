@@ -307,9 +307,9 @@ def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Ax
     for k in range(len(along)):
         ax.plot([], [], color=INK, linestyle=_STYLES[k % len(_STYLES)], label=f"tendon {k + 1}")
     ax.set_xlim(0.0, trajectory.length)
-    ax.set_ylim(0.0, 1.05 * max(greatest, 1e-3))
+    ax.set_ylim(0.0, 1.05 * greatest or 1.0)
     unit = axes.length_unit(np.ptp(ax.get_xlim()), ax.xaxis)
-    axes.label(ax, f"position along the finger [{unit}]", "tension [N]")
+    axes.label(ax, f"position along the finger [{unit}]", axes.shown_label("tension [N]", ax.yaxis))
     axes.head(ax, trajectory.name)
     return ax
 
@@ -320,6 +320,6 @@ def plot_tension_loop(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes
     ax = axes.new_axes(ax)
     for k, ((_, tensions), color) in enumerate(zip(along, axes.colors(len(along)), strict=True)):
         ax.plot(tensions[:, 0], trajectory.tip_angle, color=color, linewidth=1.5, label=f"tendon {k + 1}")
-    axes.label(ax, "tension at the drive [N]", "angle of the tip [rad]")
+    axes.label(ax, axes.shown_label("tension at the drive [N]", ax.xaxis), "angle of the tip [rad]")
     axes.head(ax, trajectory.name)
     return ax

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.grasp.view import turned, unloaded
 from continuum_grasp.scene import CircleReference, Finger, FingerSetup, GraspScene, Palm, RowSamples
@@ -140,7 +140,7 @@ class SceneView:
         if load.kind == "moment":
             values = np.atleast_1d(getattr(load.moment, "values", load.moment))
             moment = float(values[np.abs(values).argmax()])
-            return AppliedLoad(at, np.zeros(2), f"moment {moment:.3g} N m") if moment else None
+            return AppliedLoad(at, np.zeros(2), f"moment {amount_text(moment, 'N m')}") if moment else None
         values = np.reshape(getattr(load.force, "values", load.force), (-1, 2))
         force = values[np.hypot(*values.T).argmax()]
         if not force.any():
@@ -148,7 +148,7 @@ class SceneView:
         if load.follows:
             line = self.backbones["finger"]
             turn = float(np.interp(load.at, line[:, 0], line[:, 3]))
-        return AppliedLoad(at, turned(force, turn), f"force {np.hypot(*force):.3g} N")
+        return AppliedLoad(at, turned(force, turn), f"force {amount_text(float(np.hypot(*force)), 'N')}")
 
     def on(self, finger: str, places: Any) -> Array:
         """World points (n, 2) at positions along an unloaded finger [m]."""

@@ -568,7 +568,7 @@ def test_pictures_show_the_arrays():
     tracking = lines(plotting.plot_tracking(found))
     assert np.array_equal(tracking["tip y"][:, 1], found.tracked[:, 1])
     error = plotting.plot_tracking_error(found).get_lines()[0].get_ydata()
-    assert error == pytest.approx(1e3 * np.linalg.norm(found.tip - ON_CURVE, axis=1))
+    assert error == pytest.approx(np.linalg.norm(found.tip - ON_CURVE, axis=1))
     inputs = plotting.plot_inputs(found)
     assert [np.array_equal(steps.get_data().values, found.u[:, k]) for k, steps in enumerate(inputs.patches)] == [
         True

@@ -82,7 +82,7 @@ def test_tilt_balance_is_named_with_the_moment_that_is_missing():
     reason = next(r for r in result.reasons if r.key == "gravity.tilt")
     assert reason.needed == pytest.approx(least, rel=1e-4)
     assert reason.unit == "N m"
-    assert f"{least:.3g} N m" in reason.text
+    assert f"{1e3 * least:.3g} mN m" in reason.text
     assert "gravity.tilt: ignore" in result.advice
     ignoring = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81, tilt="ignore")
     assert optimize_grasp(middle_only(1.5, ignoring)).solved
@@ -392,5 +392,5 @@ def test_violated_constraints_are_reported_in_newtons_and_newton_meters():
     weak = reported(**{"finger.tendons.max_tension": greatest - 2.0})
     assert weak["tendon tension, finger"] == "tendon tension, finger: off by 2 N (finger.tendons.max_tension)"
     aside = reported(**{"object.center_of_mass": [0.003, 0.0]})
-    moment = f"{0.3 * 9.81 * 0.003:.3g} N m"
+    moment = f"{1e3 * 0.3 * 9.81 * 0.003:.3g} mN m"
     assert aside["object moment balance"] == f"object moment balance: off by {moment} (object)"

@@ -20,12 +20,13 @@ import continuum_grasp.plotting
 from continuum_grasp.grasp import GraspResult, GraspStatus, Reason, certify
 from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
-from continuum_grasp.grasp.values import Change, OutlineError, force_text
+from continuum_grasp.grasp.values import Change, OutlineError, force_text, force_units
 from continuum_grasp.plotting import plot_grasp
 from continuum_grasp.plotting.grasp.margins import plot_friction, plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run, yaml_text
 from continuum_grasp.scene import GraspScene, load
+from continuum_grasp.scene.units import to_si
 from tests.commands import run
 from tests.made_up_grasps import REASON, bent, failed, held, made_up, scene_of
 from tests.marks import few
@@ -290,10 +291,37 @@ def test_the_greatest_force_has_four_digits(most, force, text):
 def test_contact_forces_have_two_digits_beside_tensions_unless_nothing_presses():
     """Of a gripper of millimeters, whose tensions bend its fingers; and of an attempt that touches nothing."""
     tensions = {"left.tensions": np.array([0.0193, 0.005]), "right.tensions": np.array([0.005, 0.0193])}
-    pressed = {**tensions, "contact_forces": np.array([[3.68e-5, 1.5e-5, 0.0]])}
-    assert force_text(pressed, 3.68e-5) == "0.000037"
+    pressed = {**tensions, "contact_forces": np.array([[0.0368, 1.5e-5, 0.0]])}
+    assert force_text(pressed, 0.0368, "mN") == "36.80"
+    weakly = {**tensions, "finger.tensions": np.array([38.6, 0.0]), "contact_forces": np.array([[0.123, 0.0, 0.0]])}
+    assert force_units(weakly) == ("N", "N")
+    assert (force_text(weakly, 0.123), force_text(weakly, 38.6)) == ("0.12", "38.60")
     idle = {**tensions, "contact_forces": np.array([[2e-9, 0.0, 0.0]])}
     assert (force_text(idle, 2e-9), force_text(idle, 0.0193)) == ("0.00000", "0.01930")
+
+
+def test_forces_of_a_gripper_of_millimeters_are_in_millinewtons_and_micronewtons():
+    """In report, summary and picture alike: units by the greatest tension and contact force."""
+    scene = scene_of("micro_pinch")
+    arrays = made_up(scene)
+    arrays |= {f"{name}.tensions": np.array([0.0193, 0.005]) for name in ("left", "right")}
+    rows = len(arrays["contact_forces"])
+    arrays["contact_forces"] = np.tile([3.68e-5, 1.47e-5, 0.0], (rows, 1))
+    result = GraspResult(scene, GraspStatus.OPTIMAL, "held", arrays)
+    assert result.force_units == ("mN", "µN")
+    drawn = plot_grasp(result, resisted=False).figure.axes
+    pictured = " ".join(text.get_text() for ax in drawn for text in ax.texts)
+    for text in (result_text(result), pictured):
+        assert "19.30" in text
+        assert "36.8" in text
+        assert "14.7" in text
+        assert re.search(r"(Normal|contact) \[µN\]", text)
+        assert re.search(r"(Left tendon|tendons) \[mN\]", text)
+        assert "[N]" not in text
+        assert "e-05" not in text
+    assert "weight 29.4 µN" in pictured  # 3 mg x 9.81 m/s2
+    assert result.pairs()["sum of tensions"] == "48.60 mN"
+    assert result.pairs()["greatest normal force"] == "36.8 µN"
 
 
 def test_lift_is_drawn_beside_friction_in_the_plane():
@@ -386,16 +414,17 @@ def test_resisted_forces_are_drawn():
     assert ax.patches[0].get_xy()[0] == pytest.approx([2.0, 0.0])
 
 
-@pytest.mark.parametrize("size", [1e-3, 0.1, 2.0, 300.0])
-def test_axes_of_resisted_forces_count_newtons(size):
-    """Ticks say where they are, times what matplotlib writes beside the axis."""
+@pytest.mark.parametrize(("size", "unit"), [(1e-5, "µN"), (1e-3, "mN"), (0.1, "N"), (2.0, "N"), (300.0, "N")])
+def test_axes_of_resisted_forces_count_what_they_say(size, unit):
+    """Ticks say where they are, in the unit of the label, times what matplotlib writes beside the axis."""
     ax = plot_resistance(size * CIRCLE)
     ax.figure.canvas.draw()
     for axis in (ax.xaxis, ax.yaxis):
         written = [
             float(text.replace("\N{MINUS SIGN}", "-")) for text in map(Text.get_text, axis.get_ticklabels()) if text
         ]
-        factor = float(axis.get_offset_text().get_text() or 1.0)
+        factor = float(axis.get_offset_text().get_text() or 1.0) * to_si(f"1 {unit}", "N")
+        assert axis.get_label_text() == f"force {'x' if axis is ax.xaxis else 'y'} [{unit}]"
         assert factor * np.array(written) == pytest.approx(axis.get_majorticklocs(), abs=1e-9 * size)
 
 

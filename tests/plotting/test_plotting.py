@@ -141,6 +141,19 @@ def quivers(ax: object) -> list:
     return [one for one in ax.collections if isinstance(one, Quiver)]  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize(("size", "unit", "factor"), [(1.0, "J", 1.0), (1e-3, "mJ", 1e3), (1e-6, "µJ", 1e6)])
+def test_an_axis_counts_in_the_unit_of_its_label(motion: Motion, size: float, unit: str, factor: float) -> None:
+    motion.kinetic, motion.potential = size * motion.kinetic, size * motion.potential
+    ax = plotting.plot_energy(motion)
+    assert ax.get_ylabel() == f"energy [{unit}]"
+    ax.figure.canvas.draw()
+    assert not ax.yaxis.get_offset_text().get_text()
+    for tick, label in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True):
+        assert float(label.get_text().replace("\N{MINUS SIGN}", "-")) == pytest.approx(factor * tick)
+    lines = {line.get_label(): line for line in ax.lines}
+    np.testing.assert_array_equal(lines["kinetic"].get_ydata(), motion.kinetic)
+
+
 def test_snapshots_draw_finger_forces_masses_and_clamp(motion: Motion) -> None:
     ax = plotting.plot_snapshots(motion, times=[0.0, 0.25, 1.0])
     lines = ax.collections[0]

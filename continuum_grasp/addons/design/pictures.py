@@ -41,6 +41,10 @@ def plot_design(result: DesignResult) -> list[Axes]:
     return [grasp, costs, bars]
 
 
+_PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+"""Behind names, which lie on the line of no change."""
+
+
 def _draw_grasp(ax: Axes, result: DesignResult) -> None:
     decisive = "" if result.best is None else result.best.worst.case
     name = decisive if decisive in result.grasps else next(iter(result.grasps))
@@ -52,7 +56,8 @@ def _draw_grasp(ax: Axes, result: DesignResult) -> None:
             text = "at the start" if k == 0 else None
             ax.plot(*line.T, color=GRAY, linewidth=1.4, linestyle=(0, (4, 2)), zorder=Z.LABEL, label=text)
             (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
-            low, high = line.min(axis=0) - 5e-3, line.max(axis=0) + 5e-3  # a margin of 5 mm
+            margin = 0.03 * float(np.ptp(line, axis=0).max())
+            low, high = line.min(axis=0) - margin, line.max(axis=0) + margin
             ax.set_xlim(min(left, low[0]), max(right, high[0]))
             ax.set_ylim(min(bottom, low[1]), max(top, high[1]))
     ax.set_title("", loc="left")
@@ -98,7 +103,9 @@ def _draw_influences(ax: Axes, result: DesignResult) -> None:
     ax.axvline(0.0, color=GRAY, linewidth=0.8)
     for at, influence in zip(places, influences, strict=True):
         name = influence.key + (f" (at its {influence.at})" if influence.at else "")
-        ax.text(0.01, at - 0.09, name, transform=ax.get_yaxis_transform(), fontsize=8, color=INK, va="bottom")
+        ax.text(
+            0.01, at - 0.09, name, transform=ax.get_yaxis_transform(), fontsize=8, color=INK, va="bottom", bbox=_PAPER
+        )
     ax.set_yticks([])
     ax.set_ylim(len(influences) - 0.45, -0.45)
     label(ax, "change of the cost per +1 % of the range", "")

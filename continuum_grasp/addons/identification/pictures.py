@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import SHOWN_IN, name_of, unit_of
+from continuum_grasp.base import SHOWN_IN, name_of, prefixed, unit_of
 from continuum_grasp.plotting import (
     BLUE,
     GRAY,
@@ -136,7 +136,7 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
     series = [(key, of) for key, of in every.items() if key in by_miss[:most]]
     panels = _panels(len(series), ax, 4.6, 4.4, ratios=(2.0, 1.0))
     for ((name, what), (column, moves, rows)), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
-        factor, unit = SHOWN_IN.get(column.unit, (1.0, column.unit))
+        factor, unit = _shown_in(column.unit, result.measured[rows])
         at, inside = result.at[rows], result.fitted[rows]
         measured, predicted = factor * result.measured[rows], factor * result.predictions[rows]
         dense = len(rows) > _DENSE
@@ -157,6 +157,12 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         label(below, "time [s]" if moves else "row", f"error [{unit}]")
         head(above, name, 3)
     return panels
+
+
+def _shown_in(unit: str, values: NDArray[Any]) -> tuple[float, str]:
+    """Factor and unit in which values of an SI unit are drawn."""
+    finite = np.abs(values[np.isfinite(values)])
+    return SHOWN_IN.get(unit) or prefixed(unit, float(finite.max(initial=0.0)))
 
 
 def _scale(above: Axes, below: Axes, measured: NDArray[Any], predicted: NDArray[Any]) -> None:
@@ -192,7 +198,8 @@ def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> lis
     names = [*replay.compared_names, *replay.u_names]
     panels = _panels(len(names), ax, 4.6, 3.0)
     for k, (panel, name) in enumerate(zip(panels, names, strict=False)):
-        factor, unit = SHOWN_IN.get(unit_of(name), (1.0, unit_of(name)))
+        j = k - len(replay.compared_names)
+        factor, unit = _shown_in(unit_of(name), replay.innovation[:, k] if j < 0 else replay.logged[:, j])
         if k < len(replay.compared_names):
             band = 3.0 * factor * replay.innovation_std[:, k]
             panel.fill_between(replay.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
@@ -204,7 +211,6 @@ def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> lis
             if reach > 0.0:
                 panel.set_ylim(-reach, reach)
         else:
-            j = k - len(replay.compared_names)
             panel.step(replay.t, factor * replay.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
             panel.step(replay.t, factor * replay.u[:, j], where="post", color=ORANGE, linewidth=1.0, label="replay")
         label(panel, "time [s]", f"{name_of(name)} [{unit}]")

@@ -13,7 +13,7 @@ import numpy as np
 from continuum_grasp.addons.mission.budget import CertifiedContact, Lowered, bodies, certified_contact, lowered_by_pulls
 from continuum_grasp.addons.mission.plant import Span
 from continuum_grasp.addons.mission.record import MissionRecord
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text
 
 CLEAR = 0.003
 """Distance from the object at which the approach ends, and to which fingers open again [m]."""
@@ -41,10 +41,10 @@ class SlippedContact:
         way = {"slipped": "slipped at", "parted": "parted from", "absent": "not held at"}[self.how]
         head = f"{way} {self.contact} at {self.time:.2f} s: "
         if (certified := self.certified) is None:
-            return f"{head}friction {self.friction:.2f}, pressed by {self.normal_force:.2f} N; not in the certificate"
+            return f"{head}friction {self.friction:.2f}, pressed by {_force(self.normal_force)}; not in the certificate"
         cone = f"friction {self.friction:.2f}, certificate needs {certified.friction:.2f}; "
-        pressed = f"pressed by {self.normal_force:.2f} N, certificate {certified.normal_force:.2f} N; "
-        return f"{head}{cone}{pressed}bears {self.shear:.2f} N across, certificate {certified.shear:.2f} N"
+        pressed = f"pressed by {_force(self.normal_force)}, certificate {_force(certified.normal_force)}; "
+        return f"{head}{cone}{pressed}bears {_force(self.shear)} across, certificate {_force(certified.shear)}"
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ class Touching:
     @property
     def text(self) -> str:
         """Contacts, forces, where the object stands, and advice."""
-        each = ", ".join(f"{name} presses with {force:.2g} N" for name, force in self.forces)
+        each = ", ".join(f"{name} presses with {amount_text(force, 'N', '.2g')}" for name, force in self.forces)
         where = f"{each} in the end; the object stands {1e3 * self.away:.2g} mm from where the grasp has it"
         if self.away < CLEAR:
             return f"{where}: try more time (phases.release)"
@@ -249,7 +249,7 @@ def _short(record: MissionRecord, span: Span, short: float) -> str:
     last = float(run.t[during][pushing[-1]])
     if last < 0.5 * (span.start + span.end):
         return f"{name} lost it at {last:.2f} s"
-    pressed = f"{name} presses with {normal[pushing[-1]]:.2f} N"
+    pressed = f"{name} presses with {_force(normal[pushing[-1]])}"
     # 0.98: share of the drive's limit from which on it has no more to give: an estimate of the tension ripples by as
     # much
     if np.any(run.u[during[:-1]][-1] >= 0.98 * run.u_max):
@@ -262,8 +262,12 @@ def _short(record: MissionRecord, span: Span, short: float) -> str:
     groups = bodies(contacts.names, [record.assignments[0].name]).items()
     forces = {body: contacts.normal_force[during][:, rows] for body, rows in groups}
     held = {body: float(force.max(initial=0.0)) for body, force in forces.items() if not contacts.on_finger(body)}
-    bears = "".join(f", {body} bears {force:.2f} N" for body, force in held.items() if force > 0.0)
+    bears = "".join(f", {body} bears {_force(force)}" for body, force in held.items() if force > 0.0)
     return f"it stood still, or needs more time: {pressed}{bears}"
+
+
+def _force(size: float) -> str:
+    return amount_text(size, "N", ".2f")
 
 
 def _at(t: Array, values: Array, instant: float) -> float:

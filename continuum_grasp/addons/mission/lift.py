@@ -28,7 +28,7 @@ from continuum_grasp.addons.mission.plan import (
     doubt,
 )
 from continuum_grasp.addons.mission.plant import Timetable, reserve
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text, prefixed
 from continuum_grasp.control import Stages
 
 
@@ -59,11 +59,12 @@ class Shortfall:
     @property
     def text(self) -> str:
         """Normal force of the contact, and those certified and needed, in words."""
-        spread = f" +- {self.std:.2f}" if self.std else ""
-        return (
-            f"{self.contact} bears {self.normal_force:.2f}{spread} N of {self.certified:.2f} N certified "
-            f"({self.needed:.2f} N needed)"
+        factor, unit = prefixed("N", self.certified)
+        borne, std, certified, needed = (
+            f"{factor * force:.2f}" for force in (self.normal_force, self.std, self.certified, self.needed)
         )
+        spread = f" +- {std}" if self.std else ""
+        return f"{self.contact} bears {borne}{spread} {unit} of {certified} {unit} certified ({needed} {unit} needed)"
 
 
 def shortfalls(
@@ -239,9 +240,11 @@ class LiftCheck:
                 # 0.999: share of the greatest tension from which on a drive is at its limit: commands reach it to
                 # solver accuracy
                 if (command.u >= 0.999 * limits).any():
-                    return f"the drive of {assignment.name} is at its limit of {limits.max():.3g} N"
+                    return f"the drive of {assignment.name} is at its limit of {amount_text(limits.max(), 'N')}"
             normal = command.contact_forces.force[names.index(assignment.contact)]
-            reached.append(f"{normal:.2f} N of {assignment.force:.2f} N at {assignment.own_name(assignment.contact)}")
+            followed, unit = prefixed("N", assignment.force)
+            forces = f"{followed * normal:.2f} {unit} of {followed * assignment.force:.2f} {unit}"
+            reached.append(f"{forces} at {assignment.own_name(assignment.contact)}")
         return (
             f"the forces that are followed are {', '.join(reached)}: the object stands elsewhere, or gave way on its "
             "contacts, or a finger lies elsewhere than in the grasp"

@@ -13,7 +13,7 @@ from continuum_grasp.addons.mission.assignment import Assignment
 from continuum_grasp.addons.mission.lift import Shortfall, shortfalls
 from continuum_grasp.addons.mission.plan import NOTICES
 from continuum_grasp.addons.mission.plant import MOVES, mission_plant_model, reserve
-from continuum_grasp.base import Array, SolverError
+from continuum_grasp.base import Array, SolverError, amount_text
 from continuum_grasp.closed_loop import PlantModel, SharedModel
 from continuum_grasp.scene import PlantDifferences
 
@@ -172,9 +172,9 @@ def check_pads(assignments: Sequence[Assignment]) -> None:
         k = best.names.index(shortfall.contact)
         touch = f"{1e3 * best.gap[k]:.3g} mm short of the object, " if best.gap[k] > 0.0 else ""
         where.append(
-            f"{shortfall.text} with {best.tension:.3g} N of tension: it comes to lie {touch}{1e3 * best.away[k]:.3g} "
-            f"mm from its place in the grasp; on pads of {_STIFFER * law.stiffness:g} N/m it bears "
-            f"{firm.normal_force[k]:.2f} N"
+            f"{shortfall.text} with {amount_text(best.tension, 'N')} of tension: it comes to lie {touch}"
+            f"{1e3 * best.away[k]:.3g} mm from its place in the grasp; on pads of "
+            f"{_STIFFER * law.stiffness:g} N/m it bears {amount_text(firm.normal_force[k], 'N', '.2f')}"
         )
     raise SolverError(
         f"the grasp is not reached on pads of {law.stiffness:g} N/m, on which the object gives way by "

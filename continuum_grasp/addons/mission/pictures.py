@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text
 from continuum_grasp.plotting import (
     BLUE,
     EDGE,
@@ -38,6 +38,7 @@ from continuum_grasp.plotting import (
     plain,
     quiet,
     show_box,
+    shown_label,
     words,
 )
 from continuum_grasp.scene import COMMANDS
@@ -80,9 +81,10 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     chosen = _instants(mission)
     at = np.array(list(chosen))
     shapes, poses = _backbones(mission, at), mission.object_pose[at, :3]
-    box = _box_of(mission, shapes, poses, 0.06 * mission.length)
     forces = [_acting_forces(mission, int(k)) for k in at]
     scale = force_scale(chain(*forces), 0.25 * mission.length)
+    ends = [point + scale * force for point, force, _ in chain(*forces)]
+    box = _box_of(mission, shapes, poses, 0.09 * mission.length, ends)
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
     high = _WIDE * (box[3] - box[2]) / (box[1] - box[0])
@@ -154,15 +156,15 @@ def _instants(mission: MissionRun) -> dict[int, str]:
 
 def _pull_words(wrench: Array) -> str:
     """A wrench (3) [N, N m] in a few words."""
-    parts = [f"{value:+.1f} N in {axis}" for value, axis in zip(wrench[:2], "xy", strict=True) if value]
+    parts = [f"{amount_text(v, 'N', '+.1f')} in {axis}" for v, axis in zip(wrench[:2], "xy", strict=True) if v]
     if wrench[2]:
-        parts.append(f"{1e3 * wrench[2]:+.0f} mN m")
+        parts.append(amount_text(wrench[2], "N m", "+.2g"))
     return "pull " + (", ".join(parts) or "of nothing").replace("-", "\N{MINUS SIGN}")
 
 
-def _box_of(mission: MissionRun, shapes: Array, poses: Array, margin: float) -> Box:
-    """Limits around finger and object in some of their poses."""
-    return bend_box([shapes, *chain(*(object_outlines(mission.body, pose) for pose in poses))], margin)
+def _box_of(mission: MissionRun, shapes: Array, poses: Array, margin: float, seen: Sequence[Array] = ()) -> Box:
+    """Limits around finger and object in some of their poses, and further points that are seen."""
+    return bend_box([shapes, *seen, *chain(*(object_outlines(mission.body, pose) for pose in poses))], margin)
 
 
 def _backbones(mission: MissionRun, at: Array) -> Array:
@@ -214,7 +216,9 @@ def _draw_moment(ax: Axes, mission: MissionRun, t: float, pose: Array, **style: 
     if not moment:
         return []
     turn = np.sign(moment) * np.linspace(-0.5 * np.pi, 0.9 * np.pi, 60)
-    arc = pose[:2] + 0.12 * mission.length * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    # 0.1: radius per side of the picture: there is place for the head
+    radius = 0.1 * max(np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim()))
+    arc = pose[:2] + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
     arrow = draw_arrow(ax, arc[-6], arc[-1], ORANGE, width=1.8, **{"zorder": Z.MOMENT, **style})
     return [*ax.plot(*arc[:-4].T, color=ORANGE, linewidth=1.8, zorder=Z.MOMENT, **style), arrow]
 
@@ -238,7 +242,7 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
         for span in mission.spans:
             panel.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
         draw(panel, mission)
-        panel.set_ylabel(text.format(input=taken), color=INK)
+        panel.set_ylabel(shown_label(text.format(input=taken), panel.yaxis), color=INK)
         # Of three fingers the tensions, their setpoints and limits take two rows.
         head(panel, None, _ONE_ROW if len(panel.get_legend_handles_labels()[1]) < 8 else 4)
     rest[-1].set_xlabel("time [s]", color=INK)

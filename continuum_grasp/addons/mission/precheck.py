@@ -23,7 +23,7 @@ from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.on_pads import check_pads
 from continuum_grasp.addons.mission.plant import PlantVariation
 from continuum_grasp.addons.mission.scene import MissionScene
-from continuum_grasp.base import Array, BeyondCertificate, SolverError, check_arguments
+from continuum_grasp.base import Array, BeyondCertificate, SolverError, amount_text, check_arguments
 from continuum_grasp.grasp import GraspResult
 from continuum_grasp.scene import scene_of
 
@@ -233,8 +233,8 @@ class _OnPlant:
                 continue
             key = "drive_tension" if self.mission.tendons is None else "tendons.max_tension"
             whose = f"the drive of {finger.name}" if len(self.fingers) > 1 else "the drive"
-            takes = f"the certified grasp takes {needed:.3g} N: it is not reached"
-            text = f"{whose} pulls with {limit:.3g} N at most, {takes}"
+            takes = f"the certified grasp takes {amount_text(needed, 'N')}: it is not reached"
+            text = f"{whose} pulls with {amount_text(limit, 'N')} at most, {takes}"
             yield Exceeded("tension", key, "N", limit, needed, needed, False, text)
 
     # -- a turn -------------------------------------------------------------------------------------------------------
@@ -252,8 +252,9 @@ class _OnPlant:
         if held <= tip * (1.0 + ROUNDING):
             return
         text = (
-            f"the table holds the object with {held:.3g} N against sliding (friction {self.table_friction:.3g}, "
-            f"{self.mass:.3g} kg), the fingertip presses with {tip:.3g} N in the certified grasp"
+            f"the table holds the object with {amount_text(held, 'N')} against sliding "
+            f"(friction {self.table_friction:.3g}, {self.mass:.3g} kg), the fingertip presses "
+            f"with {amount_text(tip, 'N')} in the certified grasp"
         )
         yield Exceeded("turn", "table_friction", "N", held, float(tip), float(tip), False, text)
 
@@ -273,8 +274,8 @@ class _OnPlant:
             pull, as_certified, resisted = (float(size * factor) for factor in (asked, *factors))
             why = ", ".join(there.limiting[k]) or "nothing limits it"
             text = (
-                f"pull {k + 1} is {pull:.3g} {unit}, the grasp resists {as_certified:.3g} {unit} as certified and "
-                f"{resisted:.3g} {unit} on this plant ({why})"
+                f"pull {k + 1} is {amount_text(pull, unit)}, the grasp resists {amount_text(as_certified, unit)} as "
+                f"certified and {amount_text(resisted, unit)} on this plant ({why})"
             )
             yield Exceeded(f"pull {k + 1}", "pull_share", unit, pull, as_certified, resisted, False, text)
 

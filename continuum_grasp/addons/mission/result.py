@@ -18,7 +18,7 @@ from continuum_grasp.addons.mission.plant import Span
 from continuum_grasp.addons.mission.precheck import Exceeded, exceeded
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.verdict import MissionVerdict, force_estimate, judge
-from continuum_grasp.base import Array, InputError, columns
+from continuum_grasp.base import Array, InputError, amount_text, columns
 from continuum_grasp.closed_loop import ControlRun
 from continuum_grasp.control import Stages
 from continuum_grasp.results import (
@@ -297,10 +297,10 @@ def verdict_data(verdict: MissionVerdict) -> dict[str, Any]:
 
 def wrench_text(wrench: Array) -> str:
     """A wrench in words, without what is zero."""
-    units = (("N", "in x", 1.0), ("N", "in y", 1.0), ("mN m", "about z", 1e3))
+    units = (("N", "in x"), ("N", "in y"), ("N m", "about z"))
     words = [
-        f"{scale * value:+.3g} {unit} {along}"
-        for value, (unit, along, scale) in zip(wrench, units, strict=True)
+        f"{amount_text(value, unit, '+.3g')} {along}"
+        for value, (unit, along) in zip(wrench.tolist(), units, strict=True)
         if value
     ]
     return ", ".join(words) or "nothing"

@@ -16,7 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from continuum_grasp.addons.planning.motion import parameters_over_time
 from continuum_grasp.addons.planning.scene import PlanScene
-from continuum_grasp.base import Array, unit_of
+from continuum_grasp.base import Array, prefixed, unit_of
 from continuum_grasp.control import Prediction
 from continuum_grasp.model import System
 from continuum_grasp.results import TIME, XY, Dimension, MotionResult, Picture, Stored
@@ -228,7 +228,7 @@ class MotionPlan(MotionResult):
             "objective": f"{self.objective:.6g} {self.objective_unit} ({self.scene.objective})",
             "duration": f"{self.duration:.6g} s in {len(self.t) - 1} intervals",
             "tip at the end": f"({x:.4f}, {y:.4f}) m",
-            "contact forces": f"{_listed(self.contact_forces[-1])} N at the end{asked}",
+            "contact forces": f"{_listed(self.contact_forces[-1])} at the end{asked}",
             "active constraints": ", ".join(self.active_constraints) or "nothing",
             "solver": f"{self.iterations} iterations; {self.times.get('total', 0.0):.2f} s in all",
         }
@@ -415,4 +415,6 @@ class MotionPlan(MotionResult):
 
 
 def _listed(forces: ArrayLike) -> str:
-    return ", ".join(f"{force:.3g}" for force in np.asarray(forces))
+    """Write forces [N] in one unit."""
+    factor, unit = prefixed("N", float(np.abs(forces).max(initial=0.0)))
+    return ", ".join(f"{factor * force:.3g}" for force in np.asarray(forces)) + f" {unit}"

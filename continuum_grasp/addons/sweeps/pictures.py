@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
-from continuum_grasp.plotting import BLUE, GRAY, ORANGE, color_bar, head, label, new_axes, plain, time_map
+from continuum_grasp.plotting import BLUE, GRAY, ORANGE, color_bar, head, label, new_axes, plain, shown_label, time_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ def plot_map(table: SweepTable, *, x: str, y: str, color: str, reduce: str = "me
     shown = draw(ax, across, upwards, colors, {kind: reasons == kind for kind in kinds})
     if np.isfinite(colors).any():
         color_bar(ax, shown, table.label(color))
-    label(ax, table.label(x), table.label(y))
+    label(ax, shown_label(table.label(x), ax.xaxis), shown_label(table.label(y), ax.yaxis))
     head(ax, None if kinds else table.label(color), columns=2)
     return ax
 
@@ -69,7 +69,7 @@ def plot_front(
         "markeredgewidth": 1.6,
     }
     ax.plot(*front, "o", zorder=4, label=text, **ring)
-    label(ax, table.label(x), table.label(y))
+    label(ax, shown_label(table.label(x), ax.xaxis), shown_label(table.label(y), ax.yaxis))
     head(ax, None, columns=2)
     return ax
 

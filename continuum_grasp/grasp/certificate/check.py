@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
+from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.certificate.recomputed import (
     RecomputedContact,
     RecomputedFinger,
@@ -52,7 +53,7 @@ class Check:
     @classmethod
     def part(cls, name: str, off: float, size: float, unit: str, limit: float = EXACT) -> Check:
         """The check of what is off as a part of a size with its unit."""
-        return cls(name, off / size, limit, f"{size:.4g} {unit}".rstrip())
+        return cls(name, off / size, limit, amount_text(size, unit, ".4g"))
 
     @property
     def passed(self) -> bool:
@@ -88,7 +89,7 @@ def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         over = float(np.hypot(f, lift)) - c.held_friction * n
         yield Check.part(f"friction cone, {c.name}", over, scale, "N")
         limit = c.normal_force_max  # pulls count against the forces in play, however high the limit is
-        yield Check(f"normal force, {c.name}", worst(-n / scale, n / limit - 1), EXACT, f"{limit:.4g} N")
+        yield Check(f"normal force, {c.name}", worst(-n / scale, n / limit - 1), EXACT, amount_text(limit, "N", ".4g"))
         if not grasp.scene.lifted:
             yield Check.part(f"no lift in the plane, {c.name}", abs(lift), scale, "N")
         yield from _geometry(grasp, c)

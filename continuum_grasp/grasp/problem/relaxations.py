@@ -22,7 +22,7 @@ class RelaxedLimit:
     name: str
     key: str  # YAML key of the limit
     unit: str
-    needed: str  # sentence for a reason; ``{limit}``, ``{needed}`` and ``{digits}`` stand for numbers
+    needed: str  # sentence for a reason; ``{limit}``, ``{needed}``, ``{digits}``, ``{unit}`` stand for these
     start: Callable[[GraspScene], float]  # an amount to begin the search with; well inside what it may be
     limit: Callable[[GraspScene], float] | None = None
     """The limit of a scene. None: no key of the scene holds one, and the amount itself is the number to report."""
@@ -182,7 +182,7 @@ RELAXATIONS = (
         "tension",
         "finger.tendons.max_tension",
         "N",
-        "the tendon is too weak: {limit:.{digits}g} N at most, {needed:.{digits}g} N needed",
+        "the tendon is too weak: {limit:.{digits}g} {unit} at most, {needed:.{digits}g} {unit} needed",
         start=_max_tension,
         limit=_max_tension,
         relaxed=_tension,
@@ -203,7 +203,7 @@ RELAXATIONS = (
         "normal force",
         "contacts.normal_force_max",
         "N",
-        "a contact must bear more: {limit:.{digits}g} N allowed, {needed:.{digits}g} N needed",
+        "a contact must bear more: {limit:.{digits}g} {unit} allowed, {needed:.{digits}g} {unit} needed",
         start=_normal_max,
         limit=_normal_max,
         relaxed=lambda s, amount: with_contacts_changed(s, "normal_force_max", lambda force: force + amount),
@@ -227,7 +227,7 @@ RELAXATIONS = (
         "tilt balance",
         "gravity.tilt",
         "N m",
-        "the object would tip over: the contacts leave a moment of {needed:.3g} N m at least",
+        "the object would tip over: the contacts leave a moment of {needed:.3g} {unit} at least",
         start=lambda s: s.weight * s.object.size,  # moment of the weight about the rim
         relaxed=lambda s, amount: _may_tilt(s),
         without=_may_tilt,

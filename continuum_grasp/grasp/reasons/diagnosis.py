@@ -17,6 +17,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+from continuum_grasp.base import prefixed
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit, changed_numbers
@@ -90,7 +91,8 @@ def part_of(elastic: Elastic, limit: RelaxedLimit, repair: Repair) -> Reason:
     bound, needed = limit.value(scene, 0.0), limit.value(scene, amount)
     # As many digits as tell the two apart.
     digits = next(digits for digits in range(4, 17) if digits == 16 or f"{bound:.{digits}g}" != f"{needed:.{digits}g}")
-    text = limit.needed.format(limit=bound, needed=needed, digits=digits)
+    factor, shown = prefixed(limit.unit, max(bound, needed))
+    text = limit.needed.format(limit=factor * bound, needed=factor * needed, digits=digits, unit=shown)
     eased = limit.relaxed(scene, amount if limit.limit is None else limit.enough(scene, amount))
     changed = dict(changed_numbers(scene, eased))
     # The key whose number is the limit; fingers and supports may have limits of their own, which go with it.

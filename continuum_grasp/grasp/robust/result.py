@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.base import Array, Summarized
+from continuum_grasp.base import Array, Summarized, amount_text
 from continuum_grasp.grasp.starts.values import ContactStart
 
 ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
@@ -141,7 +141,7 @@ class Robustness(Summarized):
             return name, nominal, robust
 
         return [
-            row("sum of tensions", lambda trials: f"{trials.tension:.2f} N"),
+            row("sum of tensions", lambda trials: amount_text(trials.tension, "N", ".2f")),
             row("draws held, tensions fixed", lambda trials: f"{trials.held} of {trials.margins.size}"),
             row("least margin, draws and corners", lambda trials: _margin(trials.least)),
             *(

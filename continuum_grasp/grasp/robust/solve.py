@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -70,7 +70,7 @@ def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
     robustness = Robustness(errors, nominal, robust, exchange.errors, result.arrays, exchange.touching)
     if robust is None:
         return _none(result, robustness, exchange, bounds, budget)
-    held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
+    held = f"held with {amount_text(robust.tension, 'N', '.4g')} of tension in all whatever {_whatever(scene)}"
     effort = {
         "corners": len(exchange.responses),
         "corners_in_problem": len(exchange.errors),
@@ -79,7 +79,7 @@ def with_robust(result: GraspResult, search: GraspSearch, budget: Budget) -> Gra
     }
     # Why the search may have missed a better one.
     notes = [*result.message.split("; ")[1:], *([] if exchange.optimal else ["the solver stopped early"])]
-    without = f"{nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}"
+    without = f"{amount_text(nominal.tension, 'N', '.4g')} {'without errors' if scene.robust else 'as they are pulled'}"
     changed = replace(
         result,
         status=GraspStatus.OPTIMAL
@@ -169,8 +169,8 @@ def _none(
     failing = [response for response in exchange.responses if not response.holds]
     worst = min(failing, key=lambda response: response.reserve, default=None)
     text = (
-        f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found that holds "
-        f"whatever {_whatever(result.scene)}"
+        f"the object can be held as it is ({amount_text(robustness.nominal.tension, 'N', '.4g')}), but no grasp was "
+        f"found that holds whatever {_whatever(result.scene)}"
     )
     violated: tuple[str, ...] = ()
     if worst is not None:

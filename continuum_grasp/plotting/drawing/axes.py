@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.base import name_of
+from continuum_grasp.base import name_of, prefixed, split_unit
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
 
 if TYPE_CHECKING:
@@ -62,9 +62,30 @@ def length_unit(extent: float, *shown: Axis) -> str:
     """Unit of axes of lengths [m] that show an extent [m]: below a meter they count mm."""
     if extent >= 1.0:
         return "m"
-    for axis in shown:
-        axis.set_major_formatter(lambda value, _: f"{1e3 * value + 0.0:.5g}".replace("-", "\N{MINUS SIGN}"))
+    _count_parts(1e3, *shown)
     return "mm"
+
+
+def shown_unit(unit: str, axis: Axis) -> str:
+    """Unit that an axis counts of values in an SI unit: mm below a meter, and mN or µN of small forces."""
+    low, high = axis.get_view_interval()
+    if unit == "m":
+        return length_unit(high - low, axis)
+    factor, shown = prefixed(unit, max(abs(low), abs(high)))
+    if factor != 1.0:
+        _count_parts(factor, axis)
+    return shown
+
+
+def shown_label(text: str, axis: Axis) -> str:
+    """A label ``name [unit]`` of an SI unit with the unit that its axis counts (`shown_unit`)."""
+    name, unit = split_unit(text)
+    return f"{name} [{shown_unit(unit, axis)}]" if unit else name
+
+
+def _count_parts(factor: float, *shown: Axis) -> None:
+    for axis in shown:
+        axis.set_major_formatter(lambda value, _: f"{factor * value + 0.0:.5g}".replace("-", "\N{MINUS SIGN}"))
 
 
 def label(ax: Axes, x: str, y: str, **style: Any) -> None:
@@ -82,7 +103,7 @@ def whole_numbers(*shown: Axes) -> None:
 def color_bar(ax: Axes, drawn: ScalarMappable, text: str = "time [s]") -> None:
     """A bar beside the axes for what is colored by a quantity."""
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)
-    bar.set_label(text, color=INK)
+    bar.set_label(shown_label(text, bar.ax.yaxis), color=INK)
     bar.ax.tick_params(colors=INK, labelsize=9)
     bar.outline.set_visible(False)
 
@@ -147,7 +168,7 @@ def over_time(columns: int = 4) -> Callable[[Callable[[Axes, Any], str]], Callab
         def plot(result: Any, *, ax: Axes | None = None) -> Axes:
             ax = new_axes(ax)
             ax.margins(x=0.0)
-            label(ax, "time [s]", draw(ax, result))
+            label(ax, "time [s]", shown_label(draw(ax, result), ax.yaxis))
             head(ax, result.name, columns)
             return ax
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text
 from continuum_grasp.plotting.drawing.axes import head
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
 
@@ -63,7 +63,7 @@ def force_keys(forces: Sequence[Force], names: Mapping[str, str] | None = None) 
     entries = []
     for kind in _kinds(forces):
         greatest = _greatest(force for force in forces if force[2] == kind)
-        label = rf"{(names or {}).get(kind, kind)} $\leq$ {greatest:.3g} N"
+        label = rf"{(names or {}).get(kind, kind)} $\leq$ {amount_text(greatest, 'N')}"
         look = {"color": _color(kind), "marker": r"$\rightarrow$", "markersize": 13, "linestyle": ""}
         entries.append({"label": label, **look})
     return entries

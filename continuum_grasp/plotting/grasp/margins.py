@@ -11,8 +11,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError
-from continuum_grasp.plotting.drawing.axes import bend_box, head, label, new_axes, new_figure, quiet, show_box
+from continuum_grasp.base import Array, InputError, amount_text, prefixed
+from continuum_grasp.plotting.drawing.axes import (
+    bend_box,
+    head,
+    label,
+    new_axes,
+    new_figure,
+    quiet,
+    show_box,
+    shown_unit,
+)
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
 from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, SLATE
@@ -47,7 +56,8 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     reach = 0.56 * float(np.ptp(corners, axis=0).max()) or 1.0  # half, and a margin of 6 %
     ax.set(aspect="equal", xlim=center[0] + np.array([-reach, reach]), ylim=center[1] + np.array([-reach, reach]))
     ax.locator_params(nbins=5)
-    label(ax, "force x [N]", "force y [N]", fontsize=8)
+    units = (shown_unit("N", axis) for axis in (ax.xaxis, ax.yaxis))
+    label(ax, *(f"force {name} [{unit}]" for name, unit in zip("xy", units, strict=True)), fontsize=8)
     ax.tick_params(labelsize=8)
     return ax
 
@@ -62,9 +72,10 @@ def resistance_words(resisted: ArrayLike) -> str:
     """Meaning of the outline of the resisted forces, in a sentence of two lines."""
     least, greatest = resistance_extremes(resisted)
     unlimited = np.isinf(np.asarray(resisted, dtype=float)).any()
-    best = "without limit in the best" if unlimited else f"up to {greatest:.2g} N in the best"
+    factor, unit = prefixed("N", greatest)
+    best = "without limit in the best" if unlimited else f"up to {factor * greatest:.2g} {unit} in the best"
     least = least if least > 1e-4 * greatest else 0.0  # less is the optimizer's tolerance
-    return f"resisted force: {least:.2g} N in any direction,\n{best}"
+    return f"resisted force: {factor * least:.2g} {unit} in any direction,\n{best}"
 
 
 def _finite(resisted: ArrayLike) -> Array:
@@ -104,7 +115,9 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
         ax.add_patch(Circle((x, y), 1.0, facecolor="none", edgecolor=color, linewidth=0.8))
         ax.plot([x - 1.0, x + 1.0], [y, y], color=GRAY, linewidth=0.5)
         ax.plot([x, x], [y - 1.0, y + 1.0], color=GRAY, linewidth=0.5)
-        if limit > 0.0 and float(result.force_text(contact.normal_force)):  # else of two roundings
+        if limit > 0.0 and float(
+            result.force_text(contact.normal_force, result.force_units[1])
+        ):  # else of two roundings
             across, lift = contact.friction_force / limit, contact.lift / limit
             beyond = max(1.0, math.hypot(across, lift))  # what rounding puts beyond the rim
             end = x + across / beyond, y + lift / beyond
@@ -174,7 +187,7 @@ def _margins(ax: Axes, robustness: Robustness) -> Axes:
     for trial, color, name in trials:
         margins = np.clip(np.nan_to_num(trial.margins, nan=_LOWEST, neginf=_LOWEST), _LOWEST, 1.0)
         share = np.full(margins.size, 100.0 / margins.size)
-        text = f"{name}: {trial.held} of {margins.size} draws hold, {trial.tension:.4g} N"
+        text = f"{name}: {trial.held} of {margins.size} draws hold, {amount_text(trial.tension, 'N', '.4g')}"
         ax.hist(margins, edges.tolist(), weights=share, color=color, alpha=0.55, label=text)
     ax.axvline(0.0, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
     label(ax, "least friction margin of a draw [1]", "draws [%]")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import textwrap
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array
+from continuum_grasp.base import Array, amount_text, prefixes
 from continuum_grasp.plotting.drawing.axes import label, new_figure, plain, quiet, show_box, wrapped
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
@@ -153,10 +154,11 @@ def _title_style(result: GraspResult) -> dict[str, Any]:
 def _labels(view: GraspView, forces: bool) -> list[Label]:
     """Labels of contacts and weight; with the forces where they do not stand beside the picture."""
     labels, nowhere, scene = [], np.zeros(2), view.scene
-    written = view.result.force_text
+    unit = view.result.force_units[1]
+    written = partial(view.result.force_text, unit=unit)
     for contacts in view.places:
         lines = [
-            f"{each.name}\n{written(each.normal_force)} N, friction {written(abs(each.friction_force))} N"
+            f"{each.name}\n{written(each.normal_force)} {unit}, friction {written(abs(each.friction_force))} {unit}"
             if forces
             else each.name
             for each in contacts
@@ -165,7 +167,7 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
         labels.append(Label("\n".join(lines), view.color(first.name), first.position, first.normal))
     if scene.gravity.mode != "none":
         into = "\ninto plane" if scene.lifted else ""
-        text = f"weight {scene.weight:.2f} N{into}" if scene.weight >= 0.1 else f"weight {scene.weight:.2g} N{into}"
+        text = f"weight {amount_text(scene.weight, 'N', '.2f')}{into}"
         labels.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:
         labels += [Label(name, view.color(name), base[0, 1:3], nowhere) for name, base in view.backbones.items()]
@@ -263,7 +265,7 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
     unit, length = 0.01 * max(right - left, top - bottom), size * view.force_scale
     x, y = right - 2.5 * unit, bottom + 2.5 * unit
     draw_arrow(ax, np.array([x - length, y]), np.array([x, y]), SLATE)
-    ax.text(x, y + unit, f"{size:g} N", fontsize=8, color=SLATE, ha="right", va="bottom", zorder=Z.SCALE)
+    ax.text(x, y + unit, amount_text(size, "N", "g"), fontsize=8, color=SLATE, ha="right", va="bottom", zorder=Z.SCALE)
     begin, end = x - max(length, 9 * unit) - unit, y + 6 * unit
     return [np.array([[begin, bottom], [right, bottom], [right, end], [begin, end]])]
 
@@ -284,20 +286,23 @@ def _panel_rows(view: GraspView) -> list[Row]:
         repairs = [textwrap.wrap(reason.repair, int(_LETTERS * _PANEL)) for reason in result.reasons[:6]]
         head: list[Row] = [(("any one of these repairs it", SLATE),)] if repairs else []
         return [*head, *(((line, INK),) for lines in repairs for line in ("", *lines))]
-    written = result.force_text
+    of_tensions, of_contacts = result.force_units
+    written, pulled = (partial(result.force_text, unit=unit) for unit in (of_contacts, of_tensions))
     heads = ["normal", "friction", *(["lift"] if view.scene.lifted else []), "margin"]
-    rows: list[Row] = [(("contact [N]", SLATE), *((word, SLATE) for word in heads))]
+    rows: list[Row] = [((f"contact [{of_contacts}]", SLATE), *((word, SLATE) for word in heads))]
     for c in view.contacts:
         forces = (c.normal_force, abs(c.friction_force), *((c.lift,) if view.scene.lifted else ()))
         words = (*map(written, forces), result.margin_text(c))
         rows.append(((c.name, view.color(c.name)), *((word, INK) for word in words)))
-    rows += [(("", INK),), (("tendons [N]", SLATE), ("left", SLATE), ("right", SLATE), ("of", SLATE))]
+    rows += [(("", INK),), ((f"tendons [{of_tensions}]", SLATE), ("left", SLATE), ("right", SLATE), ("of", SLATE))]
     for name, finger in result.fingers.items():
         tendons = view.scene.named_fingers[name].tendon_list
-        limits = " / ".join(dict.fromkeys(f"{tendon.max_tension:.4g}" for tendon in tendons))
-        left, right = map(written, finger.tensions)
+        limits = " / ".join(
+            dict.fromkeys(f"{prefixes('N')[of_tensions] * tendon.max_tension:.4g}" for tendon in tendons)
+        )
+        left, right = map(pulled, finger.tensions)
         rows.append(((name, view.color(name)), (left, INK), (right, INK), (limits, INK)))
-    rows.append((("sum", SLATE), (written(result.tension), INK), ("", INK), ("", INK)))
+    rows.append((("sum", SLATE), (pulled(result.tension), INK), ("", INK), ("", INK)))
     return rows
 
 
