@@ -33,11 +33,16 @@ def _units(annotation: Any) -> Iterator[Unit]:
 
 
 def larger(value: Any, sizes: Mapping[str, int], *, unit: str | None = None, of_input: str = "N") -> Any:
-    """A part of a scene in other units; ``of_input`` is that of the commands."""
+    """A part of a scene in other units; ``of_input`` is that of the commands.
+
+    What a scene leaves open stays open: defaults have no units of their own.
+    """
     if isinstance(value, Value):
         fields = type(value).model_fields
         changed = {}
         for name, entry in value:
+            if name not in value.model_fields_set:
+                continue
             found = [*fields[name].metadata, *_units(fields[name].annotation)]
             own = next((one.si for one in found if isinstance(one, Unit)), None)
             changed[name] = larger(entry, sizes, unit=_in_words(own, unit, of_input), of_input=of_input)
