@@ -243,9 +243,9 @@ class Estimator(Value):
     """A sensor further than this many standard deviations from its expected value [1] is rejected, unless that happens
     too often: then the model is wrong, and the sensor is used with bounded influence."""
     frozen: bool = True
-    """Whether a reading at rest for 2.6 natural times of the finger (20 samples at least) and its delay is missing while
-    the command moves.
-    False: for sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
+    """Whether a reading at rest for 2.6 natural times of the finger (20 samples at least) and its delay is missing
+    while the command moves. False: for sensors whose resolution is coarser than their noise, which repeat a number
+    while the finger rests."""
 
     def _check(self) -> None:
         if self.adapt and self.adapt.bending_stiffness is not None and self.disturbances.tip_moment is not None:
