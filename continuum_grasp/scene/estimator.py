@@ -162,7 +162,7 @@ class Adapt(Value):
 
     bending_stiffness: Annotated[Positive, Field(le=1.0, examples=["30 %"]), Unit("1")] | None = None
     """Drift of the bending stiffness, relative [1]."""
-    tip_mass: Annotated[Positive, Field(le=10.0, examples=["5 g"]), Unit("kg")] | None = None
+    tip_mass: Annotated[Positive, Field(examples=["5 g"]), Unit("kg")] | None = None
     """Drift of the mass at the tip, a payload [kg]; it is never below zero."""
     drive_time_constant: Annotated[Positive, Field(le=1.0, examples=["40 %"]), Unit("1")] | None = None
     """Drift of the time constant T of the drive, relative [1]. Only the dead time, 2 T and the delay of measurements,
