@@ -162,14 +162,15 @@ class Adapt(Value):
 
     bending_stiffness: Annotated[Positive, Field(le=1.0, examples=["30 %"]), Unit("1")] | None = None
     """Drift of the bending stiffness, relative [1]."""
-    tip_mass: Annotated[Positive, Field(le=10.0, examples=["5 g"]), Unit("kg")] | None = None
+    tip_mass: Annotated[Positive, Field(examples=["5 g"]), Unit("kg")] | None = None
     """Drift of the mass at the tip, a payload [kg]; it is never below zero."""
     drive_time_constant: Annotated[Positive, Field(le=1.0, examples=["40 %"]), Unit("1")] | None = None
     """Drift of the time constant T of the drive, relative [1]. Only the dead time, 2 T and the delay of measurements,
     shows: a delay other than ``delay`` is found as half of it in T."""
-    forgetting_time: Annotated[Duration, Field(ge=0.1, examples=["60 s"])] = 60.0
+    forgetting_time: Annotated[Duration, Field(examples=["60 s"])] | None = None
     """Time in which variances return to those of the start where nothing is measured that tells [s]: shorter follows
-    parameters that change, longer averages over more noise."""
+    parameters that change, longer averages over more noise. None: 785 natural times of the finger, sqrt(m L^3 / E I);
+    60 s of one with 76 ms."""
 
     @property
     def spreads(self) -> dict[str, float]:
@@ -200,8 +201,9 @@ class ContactDetection(Value):
     history_known: bool = True
     """Whether the finger came to where it starts as ``initial`` states, for tendons with friction. False: the threshold
     contains the whole loop until motions have passed through it."""
-    time_constant: TimeConstant = 0.02
-    """Time constant of the residual's low-pass filter [s]."""
+    time_constant: Annotated[TimeConstant, Field(examples=["20 ms"])] | None = None
+    """Time constant of the residual's low-pass filter [s]. None: 0.2617 natural times of the finger, sqrt(m L^3 / E I);
+    20 ms of one with 76 ms."""
     places: ListOf[Length] = ()
     """Positions along the finger where a contact may be [m], for which forces are reported; none: the middle and the
     tip."""
@@ -226,11 +228,12 @@ class EstimatorSettings(Value):
     """Model parameters that are estimated while it runs; None: none."""
     contact_detection: ContactDetection | None = None
     """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
-    acceleration_std: Annotated[Positive, Unit("rad/s2 s^0.5")] = 10.0
-    """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]."""
-    object_acceleration_std: Annotated[Positive, Unit("m/s2 s^0.5")] = 0.1
+    acceleration_std: Annotated[Positive, Field(examples=[1.0]), Unit("rad/s2 s^0.5")] | None = None
+    """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]. None: 0.2113 T^-1.5, with the natural time of the
+    finger T = sqrt(m L^3 / E I); 10 of one with 76 ms."""
+    object_acceleration_std: Annotated[Positive, Field(examples=[0.1]), Unit("m/s2 s^0.5")] | None = None
     """Unmodeled acceleration of an object that moves, each coordinate [m/s2 s^0.5]; of its turning, as much at its
-    radius of gyration."""
+    radius of gyration. None: 0.01174 L T^-1.5, with length and natural time of the finger; 0.1 of 180 mm and 76 ms."""
     initial_std: Annotated[Positive, Unit("rad")] = 0.05
     """Standard deviation of each bending angle at the start [rad]; of their rates 0.76 times that per natural
     time of the finger, sqrt(m L^3 / E I)."""
@@ -240,8 +243,9 @@ class EstimatorSettings(Value):
     """A sensor further than this many standard deviations from its expected value [1] is rejected, unless that happens
     too often: then the model is wrong, and the sensor is used with bounded influence."""
     frozen: bool = True
-    """Whether a reading at rest for 0.2 s (20 samples at least) and its delay is missing while the command moves.
-    False: for sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
+    """Whether a reading at rest for 2.6 natural times of the finger (20 samples at least) and its delay is missing
+    while the command moves. False: for sensors whose resolution is coarser than their noise, which repeat a number
+    while the finger rests."""
 
     def _check(self) -> None:
         if self.adapt and self.adapt.bending_stiffness is not None and self.disturbances.tip_moment is not None:

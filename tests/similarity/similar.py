@@ -9,6 +9,8 @@ from typing import Any, get_args
 from continuum_grasp.scene import Unit, Value
 
 BASE = {"m": "L", "kg": "M", "s": "T", "N": "LM/TT", "Pa": "M/LTT", "Hz": "/T", "rad": "", "1": ""}
+OF_MATERIALS = {"dissipation"}
+"""Keys whose default has a unit: 1 s/m is rubber's, in fingers of all sizes."""
 
 
 def power(unit: str, sizes: Mapping[str, int]) -> float:
@@ -32,11 +34,16 @@ def _units(annotation: Any) -> Iterator[Unit]:
 
 
 def larger(value: Any, sizes: Mapping[str, int], *, unit: str | None = None, of_input: str = "N") -> Any:
-    """A part of a scene in other units; ``of_input`` is that of the commands."""
+    """A part of a scene in other units; ``of_input`` is that of the commands.
+
+    What a scene leaves open stays open: defaults but those of ``OF_MATERIALS`` have no units of their own.
+    """
     if isinstance(value, Value):
         fields = type(value).model_fields
         changed = {}
         for name, entry in value:
+            if name not in value.model_fields_set | OF_MATERIALS:
+                continue
             found = [*fields[name].metadata, *_units(fields[name].annotation)]
             own = next((one.si for one in found if isinstance(one, Unit)), None)
             changed[name] = larger(entry, sizes, unit=_in_words(own, unit, of_input), of_input=of_input)

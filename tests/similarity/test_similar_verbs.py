@@ -64,10 +64,14 @@ def test_a_grasp_is_that_of_another_size(name, sizes):
 @pytest.mark.parametrize("sizes", [{**SMALL, "T": -4}, {**LARGE, "T": 2}], ids=["small", "large"])
 @pytest.mark.parametrize(
     ("name", "of_input", "flat"),
-    [("tip_to_point", "N", 1e-3), ("past_a_post", "m", 2e-4), ("release", "N m", 4e-3)],
+    [("tip_to_point", "N", 1e-3), ("past_a_post", "N", 2e-4), ("release", "m", 4e-3), ("close_on_mug", "N", 1e-9)],
 )
 def test_a_plan_is_that_of_another_size(name, of_input, flat, sizes):
-    """As far as its solver goes: an optimum is flat, of the share ``flat`` of the greatest input."""
+    """As far as its solver goes: an optimum is flat, of the share ``flat`` of the greatest input.
+
+    Rounding decides which plan closes on the mug: starts that differ by 1e-15 end 0.14 % apart in effort. In other
+    units no number of its problem and its start differs, nor does its plan.
+    """
     scene = load(ROOT / f"configs/plan/{name}.yaml")
     one, other = cg.plan(scene), cg.plan(larger(scene, sizes, of_input=of_input))
     assert other.status == one.status

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.addons.planning.guess import Path, first_state_of_plan
-from continuum_grasp.addons.planning.motion import PlannedMotion, parameters_over_time
+from continuum_grasp.addons.planning.motion import PlannedMotion, parameters_over_time, reach_of, state_scales
 from continuum_grasp.addons.planning.result import Deviation, MotionPlan, PlanStatus
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.base import Array, NumericalError
@@ -64,6 +64,8 @@ def simulated(
         # 5: longest step of the implicit method, for what is too stiff, per that of one that is so in part
         step = partial_step(scene.finger) * (1.0 if INTEGRATORS[method].partial else 5.0)
         substeps = finer * max(math.ceil(4 * share), math.ceil(h / step))
+    # Powers of two, which round nothing: linear systems of steps are then alike in all units of length, mass and time.
+    units = np.exp2(np.frexp(state_scales(model, reach_of(model), path.duration))[1])
     run = _rollout(model, method, intervals * parts * substeps)
     at = np.linspace(0.0, 1.0, 2 * substeps * parts + 1)  # half steps, at which the methods evaluate their slopes
     states = [x0[None]]
@@ -72,10 +74,10 @@ def simulated(
         last = path.u[k + 1] if scene.input.form == "linear" else path.u[k]
         u = path.u[k] + (last - path.u[k]) * at[:, None]
         w = np.ascontiguousarray(parameters_over_time(scene, model, (k + at) * interval))
-        begin = np.ascontiguousarray(path.x[k : k + 1] if afresh else states[-1][-1:])
+        begin = np.ascontiguousarray((path.x[k : k + 1] if afresh else states[-1][-1:]) / units)
         signals = HalfStepSignal(u[None], model.nu, 0), HalfStepSignal(w[None], model.np, 0)
-        interval_states, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))
-        states.append(interval_states[0, 1 : count[0] + 1])
+        interval_states, count = run(begin, parts, substeps, h / substeps, *signals, units)
+        states.append(interval_states[0, 1 : count[0] + 1] * units)
         if count[0] < parts:
             # A linearly implicit step does not see what it meets within it, such as a tension that rises at once.
             if method != "rk4" and finer < 16:
@@ -87,18 +89,21 @@ def simulated(
 
 
 def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
-    """Rollouts in which parameters take the place of forces, since they may vary over time."""
-    none = ca.SX.sym("none", 0)
-    inputs, names = [model.x, model.u, model.p, none], ["x", "u", "w", "p"]
-    rate, part = model.dynamics(model.x, model.u, model.p), ca.SX.sym("part")
+    """Rollouts in which parameters take the place of forces, since they may vary over time, and units of the states
+    (nx) that of parameters: the code of all units is one, and rounds alike.
+    """
+    units, part = ca.SX.sym("units", model.nx), ca.SX.sym("part")
+    inputs, names = [model.x, model.u, model.p, units], ["x", "u", "w", "p"]
+    rate = model.dynamics(model.x * units, model.u, model.p) / units
     dynamics = ca.Function("forward_dynamics", inputs, [rate], names, ["xd"])
     functions = SimpleNamespace(forward_dynamics=dynamics)
     if method == "rodas":
         slopes = [ca.densify(ca.jacobian(rate, v)) for v in (model.x, model.u)]
         functions.linearization = ca.Function("linearization", inputs, slopes, names, ["A", "B"])
     elif INTEGRATORS[method].partial:
-        slowed = model.rates(model.system.implicit()(*model.arguments, part))
-        implicit = ca.Function("implicit", [*inputs, part], [ca.cse(slowed)], [*names, "part"], ["k"])
+        slowed = ca.Function("slowed", [*inputs, part], [model.rates(model.system.implicit()(*model.arguments, part))])
+        scaled = slowed(model.x * units, *inputs[1:], part) / units
+        implicit = ca.Function("implicit", [*inputs, part], [ca.cse(scaled)], [*names, "part"], ["k"])
         functions.implicit = lambda: implicit
     # Four evaluations per step of rk4.
     # 20_000_000: instructions of a whole motion from which on it is compiled

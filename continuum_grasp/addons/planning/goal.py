@@ -10,6 +10,7 @@ import numpy as np
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
 from continuum_grasp.base import Array, InputError, name_of
+from continuum_grasp.control import LEAST_FORCE
 from continuum_grasp.scene import check_reach
 
 MET = 1e-5
@@ -87,7 +88,7 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
         parts.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
 
     check_reach(motion.scene.finger, "goal", goal.targets, ranges=model.system.finger_model.ranges)
-    # Scales make errors of different kinds comparable: a tenth of the length, half a radian, at least a newton.
+    # Scales make errors of different kinds comparable: a tenth of the length, half a radian, the greatest force.
     if goal.tip is not None:
         add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))
     if goal.bending is not None:
@@ -98,8 +99,9 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
         names = tuple(f"{axis} at {at:g} m" for at in goal.shape.at for axis in "xy")
         add("shape", "m", names, goal.targets["shape"], 0.1 * length, where)
     if goal.contact_force is not None:
-        aim = goal.contact_force.value
-        add("contact_force", "N", model.contact_names, aim, max(1.0, *map(abs, aim)), model.contact_force(x, u, p))
+        aim, rod = goal.contact_force.value, motion.scene.finger.rod
+        greatest = max(LEAST_FORCE * rod.stiffness / rod.length**2, *map(abs, aim))
+        add("contact_force", "N", model.contact_names, aim, greatest, model.contact_force(x, u, p))
     if goal.input is not None:
         names = tuple(map(name_of, model.u_names))
         add("input", motion.input_unit, names, goal.input.value, motion.scales.u, u)

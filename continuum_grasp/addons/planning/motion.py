@@ -71,8 +71,7 @@ class PlannedMotion:
         self.input_unit = unit_of(model.u_names[0])
         self.ns = self.nx + (self.nu if self.linear else 0)
         self.first_duration = first_duration(scene)
-        # Greatest coordinates (n) of shapes within half the bending range; 16 shapes for its order of magnitude.
-        self.reach = np.abs(model.shapes(16)).max(axis=0)
+        self.reach = reach_of(model)
         self.scales = scales = self._scales()
         self.s_scale = np.concatenate([scales.x, scales.u]) if self.linear else scales.x
         self.units = np.concatenate([scales.x, scales.u, [scales.time, scales.objective]])
@@ -80,20 +79,7 @@ class PlannedMotion:
     def _scales(self) -> _Scales:
         """Scales by which unknowns, defects and objective are of the order of one, as IPOPT's tolerances assume."""
         time, u, objective = self.first_duration, input_scale(self.scene), objective_scale(self.scene)
-        x = np.array([self._unit(k, time) for k in range(self.nx)])
-        for drive in self.prediction.driven:
-            x[[drive.state, *drive.rate]] = drive.most, *[drive.most / drive.lag] * len(drive.rate)
-        return _Scales(x, u, u / time, time, objective)
-
-    def _unit(self, k: int, time: float) -> float:
-        n, unit = len(self.reach), unit_of(self.prediction.x_names[k])
-        if k < n:
-            return float(self.reach[k])
-        if k < 2 * n:
-            # Greatest rate of an oscillation over the reach whose period is the duration.
-            return float(self.reach[k - n]) * 2.0 * np.pi / time
-        length = 0.1 * self.length
-        return {"m": length, "m/s": length / time, "rad/s": 1.0 / time}.get(unit, 1.0)
+        return _Scales(state_scales(self.prediction, self.reach, time), u, u / time, time, objective)
 
     def numbers(self, shares: ArrayLike) -> Array:
         """Parameters, setpoints and units (..., nd) that the functions read, at shares of the duration."""
@@ -272,6 +258,24 @@ class PlannedMotion:
         if cost.input_rate and self.linear:
             return ca.vertcat(weighted, np.sqrt(cost.input_rate) * rate)
         return weighted
+
+
+def reach_of(model: Prediction) -> Array:
+    """Greatest coordinates (n) of shapes within half the bending range."""
+    # 16: shapes for its order of magnitude
+    return np.asarray(np.abs(model.shapes(16)).max(axis=0))
+
+
+def state_scales(model: Prediction, reach: Array, time: float) -> Array:
+    """Sizes of the states (nx) of a motion over a time [s]."""
+    n, length = len(reach), 0.1 * model.scene.finger.rod.length
+    by_unit = {"m": length, "m/s": length / time, "rad/s": 1.0 / time}
+    scales = np.array([by_unit.get(unit_of(name), 1.0) for name in model.x_names])
+    # Greatest rate of an oscillation over the reach whose period is that time.
+    scales[:n], scales[n : 2 * n] = reach, reach * 2.0 * np.pi / time
+    for drive in model.driven:
+        scales[[drive.state, *drive.rate]] = drive.most, *[drive.most / drive.lag] * len(drive.rate)
+    return scales
 
 
 def first_duration(scene: PlanScene) -> float:

@@ -26,6 +26,9 @@ _NOISE = 6.0
 """Standard deviations that noise reaches [1]: one sample of normal noise in 5e8 exceeds them."""
 _SURE = 4.0
 """Standard deviations of a speed by differences from which on its direction is known [1]."""
+_FILTER = 0.2617
+"""Time constant of the filter where the scene states none, in natural times of the finger [1]: 20 ms of the hand
+finger."""
 _FADING = 5.0
 """Time constant of what a member deviated by before, in those of the filter [1]: 0.1 s, over half a period of the hand
 finger's first mode. Without it one of nine random plants in motion
@@ -166,7 +169,8 @@ def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
         raise InputError("this needs `estimator.contact_detection`", key="estimator.contact_detection")
     asked, period = scene.estimator.contact_detection, scene.controller.step
     finger = model.finger
-    blend = -math.expm1(-period / asked.time_constant)
+    lag = asked.time_constant or _FILTER * scene.finger.rod.natural_time
+    blend = -math.expm1(-period / lag)
     motors = winches_of(scene.finger)
     prediction = model.prediction
     friction: Friction | None = None
@@ -184,7 +188,7 @@ def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
         "period": period,
         "substeps": finger.substeps(model.members, period),
         "blend": blend,
-        "fade": math.exp(-period / (_FADING * asked.time_constant)),
+        "fade": math.exp(-period / (_FADING * lag)),
         **{name: [each[name] for each in frictions] for name in _OF_MOTORS},
         "single": [int(len(winch.tendons) == 1) for winch in motors],
         "dry_error": asked.coulomb_friction,

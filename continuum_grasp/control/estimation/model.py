@@ -21,6 +21,9 @@ from continuum_grasp.scene import INTEGRATORS, ControlScene, EstimatorSettings, 
 
 _DRIFTING = 100.0
 """Control periods over which a disturbance drifts as far as it may be off at the start by default [1]."""
+_FORGETTING = 785.0
+"""Time in which variances of adapted parameters return where the scene states none, in natural times of the finger [1]:
+60 s of the hand finger."""
 _DISTURBANCES = (
     ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),
     ("tip_force", r"(tip_[xy]) \[N\]", r"unknown_\1 [N]"),
@@ -103,7 +106,7 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     """Build the model of a scene's estimator, with the integrator of the stages by name."""
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
-    disturbances = _disturbances(scene.estimator, model, scene.controller.step)
+    disturbances = _disturbances(scene.estimator, model, scene)
     d = ca.SX.sym("d", len(disturbances))
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
     full = ca.SX(p)
@@ -206,15 +209,16 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     )
 
 
-def _disturbances(asked: EstimatorSettings, model: Prediction, period: float) -> list[_Disturbance]:
+def _disturbances(asked: EstimatorSettings, model: Prediction, scene: ControlScene) -> list[_Disturbance]:
     """List the disturbances that are estimated."""
-    root = math.sqrt(_DRIFTING * period)  # [s^0.5]
+    root = math.sqrt(_DRIFTING * scene.controller.step)  # [s^0.5]
     relative = ("bending_stiffness", "tendon_friction", "drive_time_constant")
     drifts, spreads, adapted = dict(asked.disturbances), dict(asked.spread), {}
     if asked.adapt is not None:
         adapted = asked.adapt.spreads
         # The variance grows by that of the start in the time that is given, less as it approaches it.
-        drifts |= {name: std / math.sqrt(asked.adapt.forgetting_time) for name, std in adapted.items()}
+        forgetting = asked.adapt.forgetting_time or _FORGETTING * scene.finger.rod.natural_time
+        drifts |= {name: std / math.sqrt(forgetting) for name, std in adapted.items()}
         spreads |= adapted
     return [
         _Disturbance(

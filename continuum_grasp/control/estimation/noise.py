@@ -24,6 +24,11 @@ _DRIVE_AT_START = 0.1
 _SWINGING = 0.764
 """Rate of a bend at the start, per its deviation and in a natural time of the finger [1]: a fifth of the angular
 frequency of the first mode of a uniform rod, 10 per second of the hand finger."""
+_ACCELERATION = 0.2113
+"""Unmodeled acceleration of a bend where the scene states none, in natural times of the finger to the power of -1.5
+[1]: 10 rad/s2 s^0.5 of the hand finger."""
+_OBJECT_ACCELERATION = 0.01174
+"""That of an object, in finger lengths too [1]: 0.1 m/s2 s^0.5 of the hand finger."""
 _MARGIN = 1.5
 """Limits of estimates and measurements as multiples of those of the model [1]: an estimate may overshoot by noise, but
 the model's series are accurate within its range only."""
@@ -75,7 +80,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     White noise drives the rate of each coordinate so that the bending angles (root of the sum of squares over the
     elements) have the acceleration of ``acceleration_std``, and a lagging drive so that it differs from its model by a
     hundredth of its greatest moment. Disturbances are random walks; their variance at the start is that of
-    ``estimator.spread``, or that after one second.
+    ``estimator.spread``, or that after 100 control periods.
     """
     if scene.estimator is None:
         raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
@@ -87,9 +92,11 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     j = np.array(slope(np.zeros(model.nx), np.zeros(model.nu), model.p_nominal))[:, :n]
     # Coordinates differ in unit and effect between families; the bending angles, to which noise refers, do not.
     per_angle = 1.0 / np.sqrt((j**2).sum(axis=0))
-    process[n : 2 * n] = (asked.acceleration_std * per_angle) ** 2
+    rod = scene.finger.rod
+    per_time = rod.natural_time**-1.5
+    process[n : 2 * n] = ((asked.acceleration_std or _ACCELERATION * per_time) * per_angle) ** 2
     initial[:n] = (asked.initial_std * per_angle) ** 2
-    swinging = _SWINGING / scene.finger.rod.natural_time
+    swinging = _SWINGING / rod.natural_time
     initial[n : 2 * n] = (swinging * asked.initial_std * per_angle) ** 2
     for drive in model.driven:
         # Under white noise s a lag of time T has the variance s^2 T / 2, a critically damped one s^2 T^3 / 4.
@@ -106,7 +113,8 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         rates = slice(pose.stop, pose.stop + count)
         gyration = math.sqrt(body.inertia / body.object.mass)
         per_rate = np.array([1.0, 1.0, 1.0 / gyration, *[0.0] * (count - 3)])
-        process[rates] = (asked.object_acceleration_std * per_rate) ** 2
+        pushed = asked.object_acceleration_std or _OBJECT_ACCELERATION * rod.length * per_time
+        process[rates] = (pushed * per_rate) ** 2
         seen = [measurement_std(scene, name) for name in OBJECT_POSE]
         # It is where the scene has it but for what a camera would show, and nearly at rest: an acceleration of that
         # size acts on it for a period.
