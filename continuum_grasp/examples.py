@@ -74,11 +74,13 @@ def shipped_folder() -> Path:
 
 @cache
 def examples() -> dict[str, Example]:
-    """All shipped examples by name, in the order of their kinds."""
+    """All shipped examples by name, in the order of the verbs that run them, fingers last."""
     from continuum_grasp.scene import kinds
 
+    verbs = [kind.command for kind in kinds().values() if kind.command is not None]
+    order = {name: verbs.index(kind.command) if kind.command else len(verbs) for name, kind in kinds().items()}
     shipped = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
-    return {entry.name: entry for entry in sorted(shipped, key=lambda entry: list(kinds()).index(entry.kind))}
+    return {entry.name: entry for entry in sorted(shipped, key=lambda entry: order[entry.kind])}
 
 
 def example(name: str) -> Example:

@@ -16,8 +16,8 @@ OF_POSIX = re.compile(
 )
 """Attributes that Windows has not."""
 GUARDED = {
-    "workers.py": "hasattr in the same expression",
-    "interrupt.py": "hasattr before",
+    "base/workers.py": "hasattr in the same expression",
+    "base/interrupt.py": "hasattr before",
     "closed_loop/drivers.py": "hasattr before, or AttributeError is an answer",
     "core/cache.py": "hasattr in the same expression",
     "grasp/problem/equations.py": "hasattr before",

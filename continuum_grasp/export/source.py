@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 from continuum_grasp.accuracy import resolve_fidelity
 from continuum_grasp.base import InputError, named_value
@@ -16,17 +16,14 @@ from continuum_grasp.export.control.loop import ExportedPhases
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
 from continuum_grasp.model import ROUNDING, FingerModel, ModelOptions
-from continuum_grasp.results import Result
 from continuum_grasp.scene import (
     Consumer,
     ControlScene,
     Scene,
     Surroundings,
-    Value,
     beside,
     doubt,
-    kind_of_scene,
-    kinds,
+    exported_by,
     load,
 )
 
@@ -36,7 +33,8 @@ _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 _CUT = 0.25
 """Share of the rounding below which the terms of an arc's series are left out in single precision."""
 
-Given = FingerModel | Value | Result | Controller | Estimator | RtiSolver | str | os.PathLike[str]
+Given: TypeAlias = Any
+"""A model, a scene of the core or of an add-on, a run of one, a controller, an estimator, a solver, or a path."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +82,8 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     otherwise. SolverError if no model keeps the scene's tolerance.
     """
     if isinstance(given, (str, os.PathLike)):
-        given = load(given)  # type: ignore[arg-type]
-    scene_given = getattr(given, "scene", given)
-    if isinstance(scene_given, Value) and (loop := kinds()[kind_of_scene(scene_given)].loop):
+        given = load(os.fspath(given))
+    if loop := exported_by(getattr(given, "scene", given)):
         exported: ExportedLoop = named_value(loop)(given, finger)
         of_loop = _of_loop(exported.control, real)
         return replace(of_loop, configuration=exported.configuration, phases=exported.phases)
@@ -104,7 +101,8 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     if not isinstance(given, Scene):
         raise InputError(
             "expected a FingerModel, a Scene, a closed loop, a mission, a solver or the path of its file, got "
-            f"{given!r:.80}"
+            f"{given!r:.80}",
+            key="given",
         )
     scene, _ = resolve_fidelity(given)
     model = _of_precision(FingerModel(scene), real)

@@ -6,6 +6,7 @@ from .assembly import path_of as path_of
 from .assembly import placed as placed
 from .assembly import validated as validated
 from .config_kinds import DEFINITIONS as DEFINITIONS
+from .config_kinds import exported_by as exported_by
 from .config_kinds import kind_of as kind_of
 from .config_kinds import kind_of_scene as kind_of_scene
 from .config_kinds import kinds as kinds

@@ -83,5 +83,10 @@ def kind_of_scene(loaded: BaseModel) -> str:
     return next(name for name, kind in kinds().items() if _class_name(kind) == type(loaded).__name__)
 
 
+def exported_by(scene: Any) -> str:
+    """Function by which exports take a scene as a closed loop, as an add-on announces it; empty where none does."""
+    return next((kind.loop for kind in kinds().values() if _class_name(kind) == type(scene).__name__), "")
+
+
 def _class_name(kind: ConfigurationKind) -> str:
     return kind.model.partition(":")[2]

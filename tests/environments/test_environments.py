@@ -193,7 +193,7 @@ def test_scenes_that_are_no_environment(scene, message):
 
 
 def test_sweeps_of_closed_loops_are_for_environments(tmp_path):
-    with pytest.raises(InputError, match=r"are for continuum_grasp\.environments"):
+    with pytest.raises(InputError, match=r"are for continuum_grasp\.addons\.learning"):
         cg.sweep(SWEEP, folder=tmp_path)
 
 

@@ -432,7 +432,7 @@ def test_a_name_means_nothing_to_a_language(tmp_path):
         ({"real": "float", "error": 1e-9}, "relative error of"),
         # Before anything is computed: else the error would come first.
         ({"measured": True, "real": "float", "error": 1e-9}, "no emulated board"),
-        ({"given": 17}, "given: expected a FingerModel or a Scene or .* or a path, got 17"),
+        ({"given": 17}, "given: expected a FingerModel, a Scene, .* or the path of its file, got 17"),
         *[
             ({"given": scene("friction"), "ranges": {"tip_mass": values}}, message)
             for values, message in (

@@ -258,7 +258,7 @@ def test_certificate_shares_nothing_with_the_optimizer():
             if name.startswith(("continuum_grasp.grasp.", "continuum_grasp.rod.")):
                 pending += {name} - seen
             elif name.startswith("continuum_grasp."):
-                known = {"grasp", "rod", "scene", "errors", "arguments", "arrays", "labels"}
+                known = {"grasp", "rod", "scene", "base"}
                 assert inside(name) in known, f"{module}: {name}"
     own = "certificate check drives friction held model_error recomputed shape stability surfaces"
     assert {name.rpartition(".")[2] for name in seen if ".grasp." in name} == {*own.split()}

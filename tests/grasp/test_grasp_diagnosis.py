@@ -143,7 +143,7 @@ def test_only_a_given_bending_range_is_ever_a_reason(monkeypatch, given):
         needed = setup.bending_range + 0.5
         return [Reason("bending range", "fidelity.bending_range", "rad", setup.bending_range, needed, "", "")]
 
-    monkeypatch.setattr(solve.Search, "run", lambda search: None)
+    monkeypatch.setattr(solve.GraspSearch, "run", lambda search: None)
     monkeypatch.setattr(solve._Verdict, "_reasons", reasons)
     result = optimize_grasp(scene, raise_on_failure=False)
     if given:
@@ -380,7 +380,7 @@ def test_what_was_tried_in_vain_is_counted():
 def test_violated_constraints_are_reported_in_newtons_and_newton_meters():
     """A grasp in scenes that ask for more: a tendon 2 N weaker, and a mass that lies 3 mm farther out."""
     scene = make_scene("arc", PLANAR, max_tension=60.0)
-    search = solve.Search(scene, Budget())
+    search = solve.GraspSearch(scene, Budget())
     search.run()
     tried = search.best
     greatest = tried.arrays["finger.tensions"].max()

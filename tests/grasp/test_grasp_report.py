@@ -487,9 +487,3 @@ def test_command_begins_with_the_verdict(tmp_path, monkeypatch):
     done = run("grasp", ROOT / "configs" / "grasp" / "mug.yaml", "--out", tmp_path, "--no-pictures")
     assert done.output.startswith("optimal: held\n")
     assert "warning: the search was cut short" in done.output
-
-
-def test_names_that_left_say_what_is_in_their_place():
-    for package, name in ((continuum_grasp.grasp, "closing_path"), (continuum_grasp.plotting, "plot_closing")):
-        with pytest.raises(AttributeError, match=f"no attribute '{name}': .*simulate"):
-            getattr(package, name)

@@ -488,7 +488,7 @@ def test_pictures_and_values_at_instants(tmp_path):
 def test_command(tmp_path):
     import typer
 
-    from continuum_grasp.cli.motions import plan as verb
+    from continuum_grasp.addons.planning.verbs import plan as verb
 
     app = typer.Typer()
     app.command()(verb)

@@ -28,7 +28,7 @@ _ACCELERATION = 0.2113
 """Unmodeled acceleration of a bend where the scene states none, in natural times of the finger to the power of -1.5
 [1]: 10 rad/s2 s^0.5 of the hand finger."""
 _OBJECT_ACCELERATION = 0.01174
-"""That of an object, in finger lengths too [1]: 0.1 m/s2 s^0.5 of the hand finger."""
+"""Deviation of an object, in finger lengths too [1]: 0.1 m/s2 s^0.5 of the hand finger."""
 _MARGIN = 1.5
 """Limits of estimates and measurements as multiples of those of the model [1]: an estimate may overshoot by noise, but
 the model's series are accurate within its range only."""
