@@ -184,6 +184,7 @@ def test_stiffness_chooses_method_and_steps_of_the_fine_simulation(monkeypatch, 
         return np.zeros((1, parts + 1, 1)), [parts]
 
     monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
+    monkeypatch.setattr(fine, "_units", lambda *_: np.ones(1))
     system = SimpleNamespace(structure=SimpleNamespace(has_law=lambda kind: False))
     model = SimpleNamespace(fastest_rate=lambda *_: rate, nu=1, np=0, system=system)
     # A natural time of 76 ms, as of a hand's finger: steps of 0.5 ms.

@@ -64,8 +64,7 @@ def simulated(
         # 5: longest step of the implicit method, for what is too stiff, per that of one that is so in part
         step = partial_step(scene.finger) * (1.0 if INTEGRATORS[method].partial else 5.0)
         substeps = finer * max(math.ceil(4 * share), math.ceil(h / step))
-    # Powers of two, which round nothing: linear systems of steps are then alike in all units of length, mass and time.
-    units = np.exp2(np.frexp(state_scales(model, reach_of(model), path.duration))[1])
+    units = _units(model, path.duration)
     run = _rollout(model, method, intervals * parts * substeps)
     at = np.linspace(0.0, 1.0, 2 * substeps * parts + 1)  # half steps, at which the methods evaluate their slopes
     states = [x0[None]]
@@ -86,6 +85,14 @@ def simulated(
             message = f"the simulated state is not finite after t = {time:g} s"
             raise NumericalError(message, time=time, result=np.concatenate(states))
     return np.concatenate(states)
+
+
+def _units(model: Prediction, time: float) -> Array:
+    """Units of the states (nx) of a motion over a time [s].
+
+    Powers of two round nothing: linear systems of steps are then the same in all units of length, mass and time.
+    """
+    return np.asarray(np.exp2(np.frexp(state_scales(model, reach_of(model), time))[1]))
 
 
 def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
