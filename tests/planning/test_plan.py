@@ -520,7 +520,7 @@ def test_plan_presses_on_an_object():
         object=obstacle,
         contact_law=law,
         fidelity=cg.Fidelity(family="clothoid", elements=1),
-        goal={"contact_force": {"value": (0.3,), "weight": 1e3}, "end": "held"},
+        goal={"contact_force": {"value": (0.3,), "weight": 2e3}, "end": "held"},
         method="collocation",
         duration=0.4,
         intervals=50,

@@ -49,7 +49,8 @@ class _Aim(Value):
     """Weight of half the squared error [per square of the error's unit]; None: reached exactly."""
     tolerance: Annotated[Positive, Field(examples=[1e-3]), Unit("unit of the error")] | None = None
     """Greatest error with which a goal that has a weight counts as reached [unit of the error]; None: 1 % of the
-    finger's length of a point, 0.05 rad of an angle, and of forces and inputs a tenth of the greatest, or of 1 N."""
+    finger's length of a point, 0.05 rad of an angle, and of forces and inputs a tenth of the greatest, of forces at
+    least of 5 E I / L^2."""
 
 
 class RowAim(_Aim):
