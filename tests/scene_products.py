@@ -149,7 +149,7 @@ def page(scene: Scene) -> Iterator[object]:
 
 def lanes(scene: ControlScene) -> Iterator[object]:
     """What environments make of a closed loop."""
-    with patch.object(sensing, "Periods", lambda *given: given):
+    with patch.object(sensing, "ControlPeriods", lambda *given: given):
         plants = plants_of((scene,))
         sensed = sensing.sensing_of(plants, None)
     yield from (plants.p, plants.start, plants.forces, plants.setpoints, plants.periods, plants.period)
@@ -187,7 +187,7 @@ def units_of_loop(scene: ControlScene) -> Iterator[object]:
     """What functional mock-up units of a closed loop have: the controller by its first setpoints, and the plant."""
     first = Loop.of(scene, REALS["double"], ["mpc"])
     yield from (names_of(scene), replace(first, setpoints=first.setpoints.rows(_INSTANTS[:1]), duration=0.0))
-    with patch.object(plants, "Unit", _given):
+    with patch.object(plants, "UnitContents", _given):
         yield {key: made for key, made in plants.loop_plant_unit(scene, "unit").items() if key != "manifest"}
 
 
@@ -196,7 +196,7 @@ def unit(scene: Scene) -> Iterator[object]:
     scene = resolve_fidelity(scene)[0]
     with (
         patch.object(plants, "library_of", _library),
-        patch.object(plants, "Unit", _given),
+        patch.object(plants, "UnitContents", _given),
         patch.object(plants, "variables_of", _variables),
     ):
         made = plants.finger_unit(scene, "unit", step=None, substeps=None, ranges=None)

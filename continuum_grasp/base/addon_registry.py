@@ -44,6 +44,8 @@ class ConfigurationKind:
     """Function (scene, document, path) -> scene that reads what else the file names, as ``module:name``."""
     loop: str = ""
     """Function (scene or its result, name of a finger) -> what an export takes as a closed loop, as ``module:name``."""
+    result: str = ""
+    """Class name of the results that ``loop`` takes, too."""
 
     @property
     def expected(self) -> str:

@@ -83,7 +83,7 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     """
     if isinstance(given, (str, os.PathLike)):
         given = load(os.fspath(given))
-    if loop := exported_by(getattr(given, "scene", given)):
+    if loop := exported_by(given):
         exported: ExportedLoop = named_value(loop)(given, finger)
         of_loop = _of_loop(exported.control, real)
         return replace(of_loop, configuration=exported.configuration, phases=exported.phases)

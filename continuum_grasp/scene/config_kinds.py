@@ -83,9 +83,13 @@ def kind_of_scene(loaded: BaseModel) -> str:
     return next(name for name, kind in kinds().items() if _class_name(kind) == type(loaded).__name__)
 
 
-def exported_by(scene: Any) -> str:
-    """Function by which exports take a scene as a closed loop, as an add-on announces it; empty where none does."""
-    return next((kind.loop for kind in kinds().values() if _class_name(kind) == type(scene).__name__), "")
+def exported_by(given: Any) -> str:
+    """Function by which exports take a scene, or its result, as a closed loop, as an add-on announces it.
+
+    Empty where none does.
+    """
+    of = type(given).__name__
+    return next((kind.loop for kind in kinds().values() if of in (_class_name(kind), kind.result)), "")
 
 
 def _class_name(kind: ConfigurationKind) -> str:

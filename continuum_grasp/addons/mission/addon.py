@@ -8,6 +8,7 @@ ADDON = Addon(
             *("mission", "continuum_grasp.addons.mission:MissionScene", "a mission", "grasp, controller", "mpc"),
             required=("controller", "grasp"),
             loop="continuum_grasp.addons.mission:exported_loop",
+            result="MissionRun",
         ),
     ),
 )
