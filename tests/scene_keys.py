@@ -447,6 +447,8 @@ CHANGES: dict[type[BaseModel], dict[str, tuple[str, dict[str, Any]]]] = {
 """Scenes beside the shipped ones, by kind: name of one of these, and changes."""
 NOT_ALONE = {
     "schema_version": "there is one",
+    "contact_law.law": "an add-on announces it: see tests/addons",
+    "contact_law.law_numbers": "they are of contact_law.law",
     "object.free": "scenes of simulation refuse it",
     "fidelity.tolerance": "it excludes other keys",
     "initial.motor_angles": "it needs an equilibrium",

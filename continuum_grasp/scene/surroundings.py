@@ -62,8 +62,8 @@ class ContactLaw(Value):
     ``friction`` and in its direction against the slip."""
     law: Annotated[str | None, Field(examples=["adhesive"])] = None
     """Law of an add-on, by the name that it announces. None: the one that is described here."""
-    law_numbers: Annotated[ListOf[float], Field(examples=[[0.5]])] = ()
-    """Numbers of that law, in the order and the units that its add-on states."""
+    law_numbers: Annotated[ListOf[float], Field(examples=[[0.5]]), Unit(None)] = ()
+    """Numbers of that law, in the order and each in the unit of what its add-on states."""
 
     def _check(self) -> None:
         stiffness_why = "N/m is that of no fingertip (expected: N/m)"

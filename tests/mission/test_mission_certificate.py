@@ -72,8 +72,9 @@ def test_mass_and_friction_are_compared_with_what_contact_forces_carry(grasp, ma
         low = max(abs(contact.friction_force) / contact.normal_force for contact in grasp.contacts)
         assert one.resisted == pytest.approx(brentq(lambda mu: carried(grasp, mu) - mass, low * (1.0 + 1e-9), 2.0))
     for one in warned.values():
-        assert f"{one.given:.3g}" in one.text
-        assert f"{one.certified:.3g}" in one.text
+        for amount in (one.given, one.certified):
+            in_millis = one.unit == "N m" and abs(amount) < 0.1
+            assert f"{amount * (1e3 if in_millis else 1.0):.3g}" in one.text
 
 
 def test_pulls_are_compared_with_what_is_resisted_as_certified_and_there(grasp):
