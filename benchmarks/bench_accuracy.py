@@ -18,12 +18,12 @@ import numpy as np
 
 from benchmarks.report import Report, begun
 from benchmarks.rod_shapes import RODS, ShapeRod
-from continuum_grasp.accuracy.choice import Choice, Errors, errors_of
-from continuum_grasp.accuracy.motion import TipMotion, evaluation_ns, pace, reference_motion, rms
-from continuum_grasp.accuracy.truth import find_truth
 from continuum_grasp.base import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
+from continuum_grasp.simulation.accuracy.choice import Choice, Errors, errors_of
+from continuum_grasp.simulation.accuracy.motion import TipMotion, evaluation_ns, pace, reference_motion, rms
+from continuum_grasp.simulation.accuracy.truth import find_truth
 from tests.rods import HANGING, HORIZONTAL, NITINOL, UNIT, UPRIGHT, force, rod_scene
 
 MODELS = (

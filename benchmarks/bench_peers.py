@@ -18,9 +18,9 @@ from benchmarks.baselines.release_ours import OwnRun, front, own_runs, rms_error
 from benchmarks.baselines.release_peers import HINGES, ChainRun, ReleasePeers, describe_rod
 from benchmarks.harness import CONFIGS, Timing, one_core, quartiles, race
 from benchmarks.report import Report, begun
-from continuum_grasp.accuracy.motion import TipMotion, reference_motion
-from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.scene import Actuation, Initial, Rod, Scene, Tendon, load
+from continuum_grasp.simulation.accuracy.motion import TipMotion, reference_motion
+from continuum_grasp.simulation.accuracy.truth import Truth, find_truth
 
 FRAME = 0.2
 """Span that counts as one evaluation [s]; whole numbers of all steps."""

@@ -8,12 +8,11 @@ import numpy as np
 
 from benchmarks.report import begun
 from continuum_grasp import equilibrium, modes
-from continuum_grasp.accuracy import motion_within
-from continuum_grasp.accuracy.space import apart
 from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.scene import Scene
-from continuum_grasp.simulation import simulate
+from continuum_grasp.simulation import integrate
+from continuum_grasp.simulation.accuracy.space import apart, motion_within
 
 _FINE = 8
 """Free clothoids of the motions that are taken as true: their error is that of two over 4^4 where the order holds."""
@@ -113,7 +112,7 @@ def motion_errors(given: Scene) -> tuple[tuple[float, float]]:
         elements = tuple(h / 4 for h in given.fidelity.elements for _ in range(4))
     reach = 1.5 if given.finger.winches else 10.0
     fine = given.fidelity.replaced(family="clothoid", elements=elements, bending_range=reach)
-    exact = simulate(given.replaced(fidelity=fine))
+    exact = integrate(given.replaced(fidelity=fine))
     return ((found.space_error, apart(found, exact)),)
 
 

@@ -1,7 +1,5 @@
 __version__: str
 
-from .accuracy import accuracy_report as accuracy_report
-from .accuracy import choose_fidelity as choose_fidelity
 from .addons.chains import export_mjcf as export_mjcf
 from .addons.design import optimize_design as optimize_design
 from .addons.fmu import export_fmu as export_fmu
@@ -53,6 +51,8 @@ from .scene import Tendons as Tendons
 from .scene import Timing as Timing
 from .scene import VectorSamples as VectorSamples
 from .scene import load as load
-from .verbs import equilibrium as equilibrium
-from .verbs import modes as modes
-from .verbs import simulate as simulate
+from .simulation import accuracy_report as accuracy_report
+from .simulation import choose_fidelity as choose_fidelity
+from .simulation import equilibrium as equilibrium
+from .simulation import modes as modes
+from .simulation import simulate as simulate

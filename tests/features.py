@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.accuracy import resolve_fidelity
 from continuum_grasp.addons.identification import Poses, Reading
 from continuum_grasp.addons.identification.path_block import block_of
 from continuum_grasp.addons.identification.scene import IdentifyScene
@@ -26,6 +25,7 @@ from continuum_grasp.grasp import ProblemSpec
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.scene import ControlScene, GraspScene, Scene, Value
 from continuum_grasp.scene.consumer import CONSUMERS
+from continuum_grasp.simulation import resolve_fidelity
 from tests import scene_products as products
 
 CONFIGS = Path(__file__).parents[1] / "configs"

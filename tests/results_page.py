@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from continuum_grasp.accuracy import AccuracyReport
 from continuum_grasp.addons.design import DesignResult
 from continuum_grasp.addons.identification import Commissioning, Comparison, ExperimentPlan, Fit, Replay
 from continuum_grasp.addons.mission import MissionRun, TrialsResult
@@ -13,7 +12,7 @@ from continuum_grasp.addons.sweeps import SweepTable
 from continuum_grasp.closed_loop import ControlRun
 from continuum_grasp.grasp import GraspResult
 from continuum_grasp.results import Dimension, Result, Stored
-from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
+from continuum_grasp.simulation import AccuracyReport, Equilibrium, Modes, Trajectory
 
 PAGE = Path(__file__).parents[1] / "docs" / "results.md"
 BEGIN = "<!-- What follows is written by `python -m tests.results_page`. -->\n"

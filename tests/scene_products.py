@@ -14,9 +14,6 @@ import casadi as ca
 import numpy as np
 from pydantic import BaseModel
 
-from continuum_grasp.accuracy import resolve_fidelity
-from continuum_grasp.accuracy.motion import timing_of_comparison
-from continuum_grasp.accuracy.truth import load_cases
 from continuum_grasp.addons.chains.write import export_mjcf
 from continuum_grasp.addons.design import Design
 from continuum_grasp.addons.design.space import design_space_of
@@ -58,7 +55,9 @@ from continuum_grasp.scene import (
     Surroundings,
     placed_scene_of,
 )
-from continuum_grasp.simulation import Signals, initial_state, modes
+from continuum_grasp.simulation import Signals, initial_state, modes, resolve_fidelity
+from continuum_grasp.simulation.accuracy.motion import timing_of_comparison
+from continuum_grasp.simulation.accuracy.truth import load_cases
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 _AROUND = tuple(Surroundings.model_fields)

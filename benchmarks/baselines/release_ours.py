@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from continuum_grasp.accuracy.choice import Choice, choices
-from continuum_grasp.accuracy.motion import TipMotion
-from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.base import NumericalError
 from continuum_grasp.core import Core
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Signals, initial_state
+from continuum_grasp.simulation.accuracy.choice import Choice, choices
+from continuum_grasp.simulation.accuracy.motion import TipMotion
+from continuum_grasp.simulation.accuracy.truth import Truth
 
 FRAMES = 200
 """Instants of a reference motion in its second."""

@@ -18,10 +18,10 @@ import numpy as np
 from benchmarks.baselines import Peer
 from benchmarks.baselines.release_ours import rms_error
 from benchmarks.report import Table
-from continuum_grasp.accuracy.motion import TipMotion
-from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.addons.chains.write import export_mjcf
 from continuum_grasp.scene import Scene
+from continuum_grasp.simulation.accuracy.motion import TipMotion
+from continuum_grasp.simulation.accuracy.truth import Truth
 
 _SHEAR_RATIO = 1.0 / 2.6
 _PLACES = 2001

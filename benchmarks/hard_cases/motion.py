@@ -27,7 +27,7 @@ from benchmarks.hard_cases import (
 from continuum_grasp.base import Array
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Samples, Scene, VectorSamples
-from continuum_grasp.simulation import Signals, Trajectory, initial_state, modes, simulate
+from continuum_grasp.simulation import Signals, Trajectory, initial_state, integrate, modes
 from tests.rods import HANGING, UPRIGHT
 
 METHODS = ("auto", "rk4", "rodas", "reference")
@@ -38,7 +38,7 @@ Measure = Callable[[Trajectory], float]
 def moved(scene: Scene, method: str, measure: Measure) -> Found:
     """Simulate a scene, and measure the error."""
     timing = scene.time.model_copy(update={"method": method})
-    path = simulate(scene.model_copy(update={"time": timing}))
+    path = integrate(scene.model_copy(update={"time": timing}))
     steps = (len(path.t) - 1) * int(path.statistics["substeps"])
     return Found(measure(path), steps, path.warnings)
 

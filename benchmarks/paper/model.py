@@ -13,13 +13,13 @@ from benchmarks.paper import appendix, closed_forms
 from benchmarks.paper.coefficients import Reading
 from benchmarks.paper.kinematics import Terms, TwoArcs
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
-from continuum_grasp.accuracy.choice import Errors, errors_of
-from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.base import InputError
 from continuum_grasp.model import Equations, FingerModel, Scalar, Structure, Vec
 from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.planar import Rotation
 from continuum_grasp.scene import Finger, ForceLoad, Scene
+from continuum_grasp.simulation.accuracy.choice import Errors, errors_of
+from continuum_grasp.simulation.accuracy.truth import Truth
 
 _CLOSED: dict[str, frozenset[str]] = {"closed_printed": DYNAMIC, "closed_corrected": frozenset()}
 _APPENDIX: dict[str, Reading] = {

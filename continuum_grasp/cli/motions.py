@@ -20,7 +20,7 @@ def simulate(output: Output) -> None:
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(output.config), key="time")
 
-    from continuum_grasp.verbs import simulate as run
+    from continuum_grasp.simulation import simulate as run
 
     trajectory, files = output.run("simulating", lambda report: run(scene, progress=report))
     energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
@@ -89,7 +89,7 @@ def accuracy(
 
     scene = output.scene(Scene)
 
-    from continuum_grasp.accuracy import COUNTS, accuracy_report
+    from continuum_grasp.simulation import COUNTS, accuracy_report
 
     counts = [count for count in COUNTS if count <= most]
     comparison, files = output.run("measuring", lambda report: accuracy_report(scene, counts=counts, progress=report))

@@ -71,13 +71,14 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
 def resolved_scene(output: Output, *others: type, vibrates: bool = False) -> tuple[Any, str]:
     """A scene of ``simulate``, its tolerance turned into a model, or one of other kinds; what was chosen and why."""
     from continuum_grasp.scene import Scene
-    from continuum_grasp.verbs import resolved
 
     scene = output.scene(Scene, *others)
-    if not isinstance(scene, Scene):
+    if not isinstance(scene, Scene) or scene.fidelity.tolerance is None:
         return scene, ""
+    from continuum_grasp.simulation import resolve_fidelity
+
     with output.busy("choosing the model"):
-        scene, note = resolved(scene, vibrates=vibrates)
+        scene, note = resolve_fidelity(scene, vibrates=vibrates)
     if note:
         output.say(f"fidelity: {note}")
     return scene, note

@@ -24,7 +24,7 @@ from continuum_grasp.core import precision_of
 from continuum_grasp.model import Remade
 
 _STATUS = tuple(CommandStatus)
-CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
+CHANGEABLE: tuple[str, ...] = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
 """Members of ``rti_settings`` that may be changed between calls, in the order of exported C."""
 _CHUNK = 128
 """Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and

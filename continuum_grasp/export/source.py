@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from continuum_grasp.accuracy import resolve_fidelity
 from continuum_grasp.base import InputError, named_value
 from continuum_grasp.control import Controller, Estimator, Prediction, RtiSolver, Stages
 from continuum_grasp.export.control.loop import ExportedPhases
@@ -26,6 +25,7 @@ from continuum_grasp.scene import (
     exported_by,
     load,
 )
+from continuum_grasp.simulation import resolve_fidelity
 
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 """Characters that may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""

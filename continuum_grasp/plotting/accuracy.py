@@ -14,7 +14,7 @@ from continuum_grasp.scene import FAMILIES
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.accuracy import AccuracyReport
+    from continuum_grasp.simulation import AccuracyReport
 
 _LOOKS = ((BLUE, "o"), (GREEN, "s"), (ORANGE, "D"), (INK, "^"))
 """Color and marker of the families, in the order of their table."""

@@ -58,8 +58,8 @@ _MOST_WORK = {_FAST: 4_000_000, "rodas": 400_000, "extrapolated_euler": 400_000}
 
 @interruptible()
 @check_arguments
-def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
-    """Simulate a scene without ``fidelity.tolerance``; see `continuum_grasp.simulate`."""
+def integrate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
+    """Integrate the motion of a scene without ``fidelity.tolerance``; see `continuum_grasp.simulate`."""
     if scene.time is None:
         raise InputError("a simulation needs time: {duration: ..., step: ...}", key="time")
     model = FingerModel(scene)

@@ -235,7 +235,7 @@ _PATH = Consumer("statics of a path", {"initial.motor_angles": _STOOD})
 
 
 @check_arguments
-def equilibrium(
+def equilibrium_of(
     scene: Scene,
     *,
     extra_loads: Sequence[Load] = (),

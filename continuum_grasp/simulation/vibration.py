@@ -25,7 +25,7 @@ from continuum_grasp.scene import Scene, nodes_of
 from continuum_grasp.simulation.slack import least_pull
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
 from continuum_grasp.simulation.static_shape import Equilibrium
-from continuum_grasp.simulation.statics import equilibrium
+from continuum_grasp.simulation.statics import equilibrium_of
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class Modes(Result):
 
         As `Equilibrium.space_error`; of frequencies that are zero with halved elements, per the highest.
         """
-        return np.asarray(named_value("continuum_grasp.accuracy.space:error_of_modes")(self))
+        return np.asarray(named_value("continuum_grasp.simulation.accuracy.space:error_of_modes")(self))
 
     @property
     def status(self) -> str:
@@ -124,9 +124,9 @@ class Modes(Result):
 
 
 @check_arguments
-def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
+def modes_of(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
     """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
-    rest = equilibrium(scene) if about is None else about
+    rest = equilibrium_of(scene) if about is None else about
     model, q, u, p = rest.model, rest.q, rest.u, rest.p
     core, small = Core(model, compiled=False), small_motions(rest)
     values, right, left = _eigen(small.mass, small.stiffness)

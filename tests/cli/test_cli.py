@@ -215,7 +215,7 @@ def pretend(monkeypatch, tmp_path):
 
 def test_simulate_saves_and_reports(pretend):
     seen = []
-    pretend("continuum_grasp.verbs", simulate=lambda scene, progress=None: seen.append(scene) or FakeTrajectory())
+    pretend("continuum_grasp.simulation", simulate=lambda scene, progress=None: seen.append(scene) or FakeTrajectory())
     result = run("simulate", RELEASE, "--no-pictures", "--set", "time.duration=0.5", "-v")
     assert result.exit_code == 0, result.output
     assert seen[0].time.duration == 0.5
@@ -236,7 +236,7 @@ def test_numerical_failure_exits_with_1_and_saves_what_there_is(pretend):
     def simulate(scene, progress=None):
         raise NumericalError("not finite at 0.1 s", time=0.1, result=FakeTrajectory())
 
-    pretend("continuum_grasp.verbs", simulate=simulate)
+    pretend("continuum_grasp.simulation", simulate=simulate)
     result = run("simulate", RELEASE)
     assert result.exit_code == 1
     assert "error: not finite at 0.1 s" in result.stderr

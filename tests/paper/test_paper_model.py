@@ -12,11 +12,11 @@ import pytest
 import continuum_grasp as cg
 from benchmarks.paper import VARIANTS, PaperModel, TwoArcs, appendix, paper_errors
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
-from continuum_grasp.accuracy.truth import find_truth
 from continuum_grasp.base import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import BasePose, Finger, ForceLoad, MomentLoad, PointMass
 from continuum_grasp.scene.finger import Damping, Rod, Tendons
+from continuum_grasp.simulation.accuracy.truth import find_truth
 from tests.arc_quadrature import relative
 from tests.errata_page import number, table
 from tests.rods import NITINOL, rod_scene

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.accuracy import choose_fidelity
 from continuum_grasp.base import InputError
 from continuum_grasp.rod import solve_elastica
-from continuum_grasp.simulation import equilibrium
+from continuum_grasp.simulation import choose_fidelity, equilibrium
 from tests.marks import few
 
 LENGTH, STIFFNESS, OFFSET, AXIAL, SERIES, FRICTION = 0.18, 6.11e-3, 0.005, 1e4, 3e-5, 0.1

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.accuracy import accuracy_report
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import Damping, Finger, Rod, Scene
-from continuum_grasp.simulation import equilibrium_path, equilibrium_under, initial_state
+from continuum_grasp.simulation import accuracy_report, equilibrium_path, equilibrium_under, initial_state
 from tests.finger_cases import energy_rate
 from tests.truth.bending_friction_chain import Chain, stop
 

@@ -18,7 +18,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import MomentLoad, Scene, load
 from continuum_grasp.scene.finger import Tendons
-from continuum_grasp.simulation import equilibrium, initial_state, simulate, stepping
+from continuum_grasp.simulation import equilibrium, initial_state, integrate, stepping
 from tests.marks import but, few
 from tests.rods import (  # noqa: F401
     HANGING,
@@ -84,7 +84,7 @@ def rich(side):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_mirrored_scene_moves_like_its_mirror_image(family):
-    left, right = (simulate(nitinol(family, duration=0.2, **keys)) for keys in (rich(1.0), rich(-1.0)))
+    left, right = (integrate(nitinol(family, duration=0.2, **keys)) for keys in (rich(1.0), rich(-1.0)))
     assert np.abs(left.tip[-1] - left.tip[0]).max() > 0.05
     assert np.abs(left.x + right.x).max() <= 1e-11 * np.abs(left.x).max()
     assert left.tip == pytest.approx(right.tip * [-1.0, 1.0], abs=1e-12)
@@ -106,7 +106,7 @@ RELEASES = {
 
 @cache
 def fine_release(tip_mass: float):
-    return simulate(nitinol("clothoid", 8, tip_mass=tip_mass, method="rk4"))
+    return integrate(nitinol("clothoid", 8, tip_mass=tip_mass, method="rk4"))
 
 
 @pytest.mark.deep
@@ -114,7 +114,7 @@ def fine_release(tip_mass: float):
 def test_release_has_the_errors_of_the_table(family, elements):
     for tip_mass, expected in zip((0.0, 0.02, 0.05), RELEASES[family, elements], strict=True):
         reach = {"bending_range": 6.0 if elements == 1 else 4.0}
-        found = simulate(nitinol(family, elements, tip_mass=tip_mass, method="rk4", tolerance=1e-3, fidelity=reach))
+        found = integrate(nitinol(family, elements, tip_mass=tip_mass, method="rk4", tolerance=1e-3, fidelity=reach))
         assert found.warnings == ()
         digit = 0.01 if expected < 1.0 else 0.1  # the last one of the table, which is cut, not rounded
         error = distance(found.tip, fine_release(tip_mass).tip)
@@ -191,12 +191,12 @@ def test_moving_inputs_and_forces_against_an_independent_integration(family):
     scale = np.abs(truth).max(axis=0)
     for method in ("rk4", "rodas"):
         errors = [
-            np.abs((simulate(scene(step, method)).x[:: round(4e-3 / step)] - truth) / scale).max()
+            np.abs((integrate(scene(step, method)).x[:: round(4e-3 / step)] - truth) / scale).max()
             for step in (2e-3, 1e-3, 5e-4)
         ]
         assert errors[-1] < 2e-4, method
         assert np.all(order(errors) > 3.3), (method, errors)
-    reference = simulate(scene(1e-3, "reference")).x[::4]
+    reference = integrate(scene(1e-3, "reference")).x[::4]
     assert np.abs((reference - truth) / scale).max() < 1e-6
 
 
@@ -208,7 +208,7 @@ def test_a_slow_force_is_followed_in_equilibrium(family):
     """
     lifted = {"times": [0.0, 60.0], "values": [[0.0, 0.0], [0.0, 0.6]]}
     keys = {"finger": {"damping": {"material": 5e-3}}, "initial": {"pose": "equilibrium"}}
-    found = simulate(nitinol(family, duration=60.0, step=0.1, loads=[force(0.6, lifted)], **keys))
+    found = integrate(nitinol(family, duration=60.0, step=0.1, loads=[force(0.6, lifted)], **keys))
     delay = 5e-3 / found.scene.finger.rod.stiffness
     for k in (0, 150, 300, 450, 600):
         value = 0.6 * float(smoothstep(max(found.t[k] - delay, 0.0), 60.0)[0])
@@ -227,7 +227,7 @@ def test_a_tension_step_ends_in_equilibrium(family):
     finger = {"tendons": TENDONS, "damping": {"material": 3e-3}}
     step = {"times": [0.0, 1e-6], "values": [2.0, 12.0], "interpolation": "linear"}
     keys = {"finger": finger, "initial": {"pose": "equilibrium"}}
-    found = simulate(nitinol(family, duration=3.0, actuation={"tensions": [step, 2.0]}, **keys))
+    found = integrate(nitinol(family, duration=3.0, actuation={"tensions": [step, 2.0]}, **keys))
     assert found.status == "finished"
     assert found.warnings == ()
     still = equilibrium(nitinol(family, finger=finger, actuation={"tensions": [12.0, 2.0]}))
@@ -246,7 +246,7 @@ def test_a_very_short_element(family, monkeypatch):
     """1 % of the length, no damping: modes of tens of kilohertz, and a motion that is hardly disturbed by them."""
     monkeypatch.setenv("CC", "cc")
     found = {
-        method: simulate(nitinol(family, (0.594, 0.006), duration=0.3, step=1e-3, method=method))
+        method: integrate(nitinol(family, (0.594, 0.006), duration=0.3, step=1e-3, method=method))
         for method in ("auto", "rk4")
     }
     assert found["rk4"].statistics["method"] == "rk4"
@@ -264,7 +264,7 @@ def test_a_tip_mass_of_a_hundred_rods(family):
     """Drawn aside while hanging, 3 s: finite, no energy lost, and about the pendulum of the rod's length."""
     mass = 100 * NITINOL["length"] * NITINOL["density"] * math.pi * 1e-6
     initial = {"pose": "equilibrium", "held_by": [force(0.6, (1.0, 0.0))]}
-    found = simulate(nitinol(family, duration=3.0, angle=HANGING, tip_mass=mass, initial=initial))
+    found = integrate(nitinol(family, duration=3.0, angle=HANGING, tip_mass=mass, initial=initial))
     assert found.warnings == ()
     energy = found.kinetic + found.potential
     assert np.abs(energy - energy[0]).max() < 1e-4 * found.kinetic.max()
@@ -276,10 +276,10 @@ def test_a_tip_mass_of_a_hundred_rods(family):
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_starting_exactly_straight_is_as_smooth_as_starting_nearly_straight(family):
-    straight = simulate(nitinol(family, duration=0.2, tip_mass=0.02))
+    straight = integrate(nitinol(family, duration=0.2, tip_mass=0.02))
     n = straight.n
     for tiny in (1e-300, 1e-12, 1e-8):
-        nearly = simulate(nitinol(family, duration=0.2, tip_mass=0.02, initial={"q": [tiny] * n}))
+        nearly = integrate(nitinol(family, duration=0.2, tip_mass=0.02, initial={"q": [tiny] * n}))
         assert np.abs(nearly.x - straight.x).max() <= 1e3 * tiny + 1e-11 * np.abs(straight.x).max()
     assert np.all(straight.x[0] == 0.0)
     assert np.all(np.isfinite(straight.x))
@@ -293,7 +293,7 @@ def test_starting_exactly_straight_is_as_smooth_as_starting_nearly_straight(fami
 @pytest.mark.parametrize("family", FAMILIES)
 def test_above_its_buckling_load_the_straight_finger_stands_and_a_disturbed_one_falls(family):
     keys = {"angle": UPRIGHT, "tip_mass": 0.05}
-    standing = simulate(nitinol(family, duration=1.0, **keys))
+    standing = integrate(nitinol(family, duration=1.0, **keys))
     assert np.all(standing.x == 0.0)
     still = equilibrium(nitinol(family, **keys), stable=False)
     growth = math.sqrt(-still.margin)
@@ -303,10 +303,10 @@ def test_above_its_buckling_load_the_straight_finger_stands_and_a_disturbed_one_
     direction = vectors[:, np.argmin(values.real)].real
     direction *= np.sign(direction[0]) * 1e-6 / np.abs(direction).max()
     duration = round(3.0 / growth, 3)
-    leaning = simulate(nitinol(family, duration=duration, initial={"q": direction.tolist()}, **keys))
+    leaning = integrate(nitinol(family, duration=duration, initial={"q": direction.tolist()}, **keys))
     expected = direction * math.cosh(growth * leaning.t[-1])
     assert leaning.x[-1, : leaning.n] == pytest.approx(expected, rel=1e-5)
-    falling = simulate(nitinol(family, duration=4.0, initial={"q": (1e3 * direction).tolist()}, **keys))
+    falling = integrate(nitinol(family, duration=4.0, initial={"q": (1e3 * direction).tolist()}, **keys))
     assert falling.tip[:, 1].min() < equilibrium(nitinol(family, **keys)).tip[1]
     energy = falling.kinetic + falling.potential
     assert np.abs(energy - energy[0]).max() < 1e-4 * falling.kinetic.max()
@@ -314,13 +314,13 @@ def test_above_its_buckling_load_the_straight_finger_stands_and_a_disturbed_one_
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_near_the_declared_range_all_is_well_and_beyond_it_is_said(family):
-    free = simulate(nitinol(family, duration=0.4, tip_mass=0.02))
+    free = integrate(nitinol(family, duration=0.4, tip_mass=0.02))
     use = np.array([np.array(free.model.range_use(q, [0.0], [])).ravel() for q in free.q])
     peak = 4.0 * use.max()
-    near = simulate(nitinol(family, duration=0.4, tip_mass=0.02, fidelity={"bending_range": 1.001 * peak}))
+    near = integrate(nitinol(family, duration=0.4, tip_mass=0.02, fidelity={"bending_range": 1.001 * peak}))
     assert near.warnings == ()
     assert distance(near.tip, free.tip) < 0.05
-    beyond = simulate(nitinol(family, duration=0.4, tip_mass=0.02, fidelity={"bending_range": 0.8 * peak}))
+    beyond = integrate(nitinol(family, duration=0.4, tip_mass=0.02, fidelity={"bending_range": 0.8 * peak}))
     (warning, *_) = beyond.warnings
     assert beyond.status == "finished"
     assert warning.startswith(f"element 1 is bent beyond its declared range of {0.8 * peak:.3g} rad at t = 0.")
@@ -331,10 +331,10 @@ def test_near_the_declared_range_all_is_well_and_beyond_it_is_said(family):
 def test_exceeding_the_strain_limit_is_said():
     """The clamp of the falling rod is its most strained place: strain = curvature times the radius."""
     scene = nitinol("arc", duration=0.4, tip_mass=0.02)
-    strain = np.abs(simulate(scene).q).max() / 0.3 * 0.001
+    strain = np.abs(integrate(scene).q).max() / 0.3 * 0.001
     for limit, warned in ((1.01 * strain, False), (0.5 * strain, True)):
         limited = scene.model_copy(update={"finger": scene.finger.model_copy(update={"strain_limit": limit})})
-        warnings = simulate(limited).warnings
+        warnings = integrate(limited).warnings
         assert bool(warnings) == warned
         if warned:
             assert warnings[0].startswith("element 1 exceeds the strain limit at t = 0.")
@@ -343,9 +343,9 @@ def test_exceeding_the_strain_limit_is_said():
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_far_beyond_the_range_the_run_stops_and_keeps_what_it_has(family):
-    whole = simulate(nitinol(family, duration=0.4, tip_mass=0.02))
+    whole = integrate(nitinol(family, duration=0.4, tip_mass=0.02))
     with pytest.raises(NumericalError, match=r"beyond 3 times its declared range of 0\.1 rad") as caught:
-        simulate(nitinol(family, duration=0.4, tip_mass=0.02, fidelity={"bending_range": 0.1}))
+        integrate(nitinol(family, duration=0.4, tip_mass=0.02, fidelity={"bending_range": 0.1}))
     error, partial = caught.value, caught.value.result
     assert "raise fidelity.bending_range" in str(error)
     assert partial.status == "stopped"
@@ -360,7 +360,7 @@ def test_far_beyond_the_range_the_run_stops_and_keeps_what_it_has(family):
 
 def test_a_start_beyond_the_range_says_what_to_do():
     with pytest.raises(InputError, match=r"3\.75 times its range: take more elements, raise fidelity\.bending_range"):
-        simulate(nitinol("arc", duration=0.01, initial={"q": (15.0, 0.0)}))
+        integrate(nitinol("arc", duration=0.01, initial={"q": (15.0, 0.0)}))
 
 
 @pytest.mark.deep
@@ -368,7 +368,7 @@ def test_a_start_beyond_the_range_says_what_to_do():
 def test_a_motion_that_blows_up_is_stopped_with_time_and_state(method):
     pushed = {"times": [0.0, 0.05, 0.06], "values": [[0.0, 0.0], [0.0, 0.0], [0.0, 1e12]]}
     with pytest.raises(NumericalError) as caught:
-        simulate(nitinol("clothoid", duration=0.2, method=method, loads=[force(0.6, pushed)]))
+        integrate(nitinol("clothoid", duration=0.2, method=method, loads=[force(0.6, pushed)]))
     error = caught.value
     assert 0.04 <= error.time <= 0.1
     assert f"t = {error.time:g} s" in str(error)
@@ -379,12 +379,12 @@ def test_a_motion_that_blows_up_is_stopped_with_time_and_state(method):
 
 
 def test_too_stiff_for_rk4_is_reported_with_its_result(monkeypatch):
-    monkeypatch.setattr(sys.modules[simulate.__module__], "_MOST_SUBSTEPS", 100)
+    monkeypatch.setattr(sys.modules[integrate.__module__], "_MOST_SUBSTEPS", 100)
     keys = {"duration": 0.02, "step": 2e-3, "tip_mass": 0.02, "finger": {"damping": {"material": 8e-3}}}
     with pytest.raises(NumericalError, match=r"too stiff for rk4.*time\.method: rodas") as caught:
-        simulate(nitinol("clothoid", 4, method="rk4", **keys))
+        integrate(nitinol("clothoid", 4, method="rk4", **keys))
     assert caught.value.result.status == "stopped"
-    assert simulate(nitinol("clothoid", 4, **keys)).statistics["method"] == "rodas"
+    assert integrate(nitinol("clothoid", 4, **keys)).statistics["method"] == "rodas"
 
 
 @pytest.mark.parametrize("method", ["rk4", "rodas", "reference"])
@@ -397,17 +397,17 @@ def test_an_interrupted_motion_comes_with_its_error(method, monkeypatch):
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(Interrupted, match=r"interrupted after t = 0\.0\d+ s of 0\.1 s") as caught:
-        simulate(scene, progress=stop)
+        integrate(scene, progress=stop)
     partial = caught.value.result
     assert partial.status == "stopped"
     assert 40 <= len(partial.t) <= 100
-    assert np.array_equal(partial.x, simulate(scene).x[: len(partial.t)])
+    assert np.array_equal(partial.x, integrate(scene).x[: len(partial.t)])
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_an_output_step_far_above_the_stability_limit_is_divided(family):
-    fine = simulate(nitinol(family, duration=1.0, step=1e-3, method="rk4"))
-    coarse = simulate(nitinol(family, duration=1.0, step=0.1, method="rk4"))
+    fine = integrate(nitinol(family, duration=1.0, step=1e-3, method="rk4"))
+    coarse = integrate(nitinol(family, duration=1.0, step=0.1, method="rk4"))
     substeps, radius = coarse.statistics["substeps"], coarse.statistics["spectral_radius"]
     assert substeps >= 3
     assert radius * 0.1 / substeps < 2.7
@@ -440,7 +440,7 @@ def circle(curvature: float) -> np.ndarray:
 )
 def test_the_default_family_can_have_the_initial_pose(keys, family):
     scene = nitinol(None, None, duration=0.01, gravity=FREE, angle=UPRIGHT, **keys)
-    motion = simulate(scene)
+    motion = integrate(scene)
     assert motion.model.family == family
     assert motion.warnings == ()
     rest = keys.get("finger", {}).get("rest_curvature", 0.0)
@@ -463,7 +463,7 @@ def test_a_model_of_other_elements_starts_in_its_own_equilibrium(family):
 
 def test_a_held_moment_is_in_the_initial_shape():
     held = {"pose": "equilibrium", "held_by": [{"kind": "moment", "at": 0.6, "moment": MOMENT}]}
-    motion = simulate(nitinol(None, None, duration=0.01, gravity=FREE, angle=UPRIGHT, initial=held))
+    motion = integrate(nitinol(None, None, duration=0.01, gravity=FREE, angle=UPRIGHT, initial=held))
     curvature = MOMENT / motion.model.finger.rod.stiffness
     assert motion.tip[0] == pytest.approx(circle(curvature), abs=1e-6)
 
@@ -471,7 +471,7 @@ def test_a_held_moment_is_in_the_initial_shape():
 def test_an_impossible_start_of_matched_clothoids_that_were_asked_for_is_said():
     keys = {"duration": 0.01, "actuation": {"tip_moment": MOMENT}}
     for initial in ({"pose": "straight"}, {"q": [0.0, 0.0]}):
-        (warning,) = simulate(nitinol("matched_clothoid", initial=initial, **keys)).warnings
+        (warning,) = integrate(nitinol("matched_clothoid", initial=initial, **keys)).warnings
         assert "fidelity.family: clothoid" in warning
 
 
@@ -481,8 +481,8 @@ def test_an_impossible_start_of_matched_clothoids_that_were_asked_for_is_said():
 def test_a_kink_in_the_input_of_a_matched_tip_is_refused():
     kinked = {"tip_moment": {"times": [0.0, 0.1], "values": [0.0, 0.05], "interpolation": "linear"}}
     with pytest.raises(InputError, match=r"interpolation: smooth, tendons\.time_constant, or fidelity\.family"):
-        simulate(nitinol("matched_clothoid", duration=0.1, actuation=kinked))
-    assert simulate(nitinol("clothoid", duration=0.1, actuation=kinked)).status == "finished"
+        integrate(nitinol("matched_clothoid", duration=0.1, actuation=kinked))
+    assert integrate(nitinol("clothoid", duration=0.1, actuation=kinked)).status == "finished"
 
 
 @pytest.mark.parametrize("at_once", ["couple", "tendon", "chamber"])
@@ -505,7 +505,7 @@ def test_a_matched_tip_moves_with_the_rates_of_what_bends_it_at_once_beside_a_la
 
     def run(family, elements):
         keys = {"gravity": [0.0, -9.81], "fidelity": {"family": family, "elements": elements}}
-        return simulate(Scene.model_validate(
+        return integrate(Scene.model_validate(
             {"schema_version": 1, "finger": finger, **keys, **moved, "time": {"duration": 0.15, "step": 0.005}}
         ))  # fmt: skip
 
@@ -515,14 +515,14 @@ def test_a_matched_tip_moves_with_the_rates_of_what_bends_it_at_once_beside_a_la
 
 def test_a_scene_without_time_is_refused():
     with pytest.raises(InputError, match="time"):
-        simulate(rod_scene(UNIT))
+        integrate(rod_scene(UNIT))
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 @pytest.mark.parametrize("curvature", [0.7, 1.3, 2.1, 3.0])
 def test_the_rest_pose_is_the_preshape(family, curvature):
     keys = {"finger": {"rest_curvature": curvature}, "initial": {"pose": "rest"}}
-    found = simulate(nitinol(family, duration=2e-3, **keys))
+    found = integrate(nitinol(family, duration=2e-3, **keys))
     bends = found.model.bending(found.q[0], found.acting[0], found.model.p_nominal)
     assert np.array(bends).ravel() == pytest.approx([0.3 * curvature] * 2, rel=1e-12)
 
@@ -530,7 +530,7 @@ def test_the_rest_pose_is_the_preshape(family, curvature):
 @pytest.mark.parametrize("family", ["arc", "matched_clothoid"])
 def test_one_unknown_is_enough(family):
     """The period of small swings follows from mass and stiffness."""
-    found = simulate(nitinol(family, 1, duration=0.1, gravity=FREE, initial={"q": [1e-4]}))
+    found = integrate(nitinol(family, 1, duration=0.1, gravity=FREE, initial={"q": [1e-4]}))
     model = found.model
     mass = float(model.mass_matrix([0.0], [0.0], []))
     stiffness = float(model.elastic([1.0], [0.0], [])) - float(model.elastic([0.0], [0.0], []))
@@ -542,7 +542,7 @@ COSTLY = [path for path in CONFIGS if path.stem in ("hold_mug", "spirob", "spiro
 
 @pytest.mark.parametrize("config", but(COSTLY, CONFIGS), ids=lambda path: path.stem)
 def test_shipped_scenes_run_without_warnings(config):
-    found = simulate(load(config, {"time.duration": 0.5, "time.step": 0.002}))
+    found = integrate(load(config, {"time.duration": 0.5, "time.step": 0.002}))
     assert found.status == "finished"
     assert found.warnings == ()
     assert np.all(np.isfinite(found.x))
@@ -575,7 +575,7 @@ def test_the_reference_starts_anew_at_every_knot_of_inputs_and_loads(kind, wide)
         loads=[{"kind": "force", "at": 0.18, "force": pushed}],
         time={"duration": 0.05, "step": 0.01, "method": "reference"},
     )
-    found, model = simulate(given), FingerModel(given)
+    found, model = integrate(given), FingerModel(given)
 
     def at(values, t):
         k = int(np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2))

@@ -13,7 +13,7 @@ from continuum_grasp.base import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.model import System
 from continuum_grasp.scene import Finger, Scene, load
-from continuum_grasp.simulation import ContactHistory, equilibrium, modes, simulate
+from continuum_grasp.simulation import ContactHistory, equilibrium, integrate, modes
 from tests.rods import ROOT, without_compiler  # noqa: F401
 from tests.truth.differences import differences
 
@@ -41,7 +41,7 @@ def body(shape=BALL, law=None, *, duration=1.0, step=1e-3, **keys):
         "time": {"duration": duration, "step": step},
         **keys,
     }
-    return simulate(Scene.model_validate(data))
+    return integrate(Scene.model_validate(data))
 
 
 # an object and its supports
@@ -205,7 +205,7 @@ def truth(stiffness, moment=0.06):
 
 
 def test_a_finger_pressed_on_a_disc_comes_to_rest_where_the_energy_is_least():
-    found = simulate(pressing(3e3))
+    found = integrate(pressing(3e3))
     bend, force = truth(3e3)
     assert found.contacts.normal_force[-1] == pytest.approx([force], rel=1e-4)
     assert force > 0.1
@@ -235,7 +235,7 @@ def test_stiffer_contacts_come_to_the_rigid_answer_with_order_one():
 def test_methods_agree_where_the_finger_hits_and_slides(method):
     keys = {"friction": 0.3, "family": "matched_clothoid", "duration": 0.5}
     explicit, other = (
-        simulate(pressing(3e3, **keys, time={"duration": 0.5, "step": 1e-3, "method": m})) for m in ("rk4", method)
+        integrate(pressing(3e3, **keys, time={"duration": 0.5, "step": 1e-3, "method": m})) for m in ("rk4", method)
     )
     assert explicit.contacts.normal_force.max() > 0.1
     assert other.tip == pytest.approx(explicit.tip, abs=3e-5)
@@ -244,7 +244,7 @@ def test_methods_agree_where_the_finger_hits_and_slides(method):
 
 def test_a_stiffer_contact_is_given_more_steps():
     time = {"duration": 0.1, "step": 2e-3, "method": "rk4"}
-    soft, hard = (simulate(pressing(k, time=time, damping=0.0)).statistics for k in (1e3, 1e6))
+    soft, hard = (integrate(pressing(k, time=time, damping=0.0)).statistics for k in (1e3, 1e6))
     assert hard["spectral_radius"] > 5 * soft["spectral_radius"]
     assert hard["substeps"] > soft["substeps"]
 
@@ -273,7 +273,7 @@ def test_a_grasp_that_was_found_holds_in_motion():
         "initial": {"q": [*planned.q.tolist(), planned.tip_curvature]},
         "time": {"duration": 0.4, "step": 1e-3},
     }
-    found = simulate(Scene.model_validate(data))
+    found = integrate(Scene.model_validate(data))
     contacts, expected = found.contacts, [contact.normal_force for contact in grasp.contacts]
     assert contacts.names == ("finger.1", "finger.tip", "palm")
     assert contacts.normal_force[-1] == pytest.approx(expected, rel=0.1)
@@ -286,7 +286,7 @@ def test_a_grasp_that_was_found_holds_in_motion():
 
 @pytest.mark.deep
 def test_without_tension_the_same_mug_drops():
-    found = simulate(
+    found = integrate(
         load(ROOT / "configs/simulate/hold_mug.yaml", {"actuation.tensions": [1.0, 1.0], "time.duration": 0.3})
     )
     assert found.object_pose[-1, 3] < -0.1
@@ -298,7 +298,7 @@ def test_without_tension_the_same_mug_drops():
 def test_a_finger_that_passes_through_between_its_stations_is_reported():
     body_data = {"shape": "circle", "diameter": 0.08, "mass": 0.3, "position": [0.12, 0.06]}
     changed = {"object": body_data, "time.duration": 0.3, "time.step": 0.002}
-    (warning,) = simulate(load(ROOT / "configs/simulate/swing_against_disc.yaml", changed)).warnings
+    (warning,) = integrate(load(ROOT / "configs/simulate/swing_against_disc.yaml", changed)).warnings
     assert "overlaps the object by 1" in warning
     assert "mm" in warning
 
@@ -330,7 +330,7 @@ def test_no_contact_has_more_friction_than_its_cone(side):
     pulled, slack = {"times": [0.0, 0.4], "values": [1.0, 45.0]}, 1.0
     base = {"position": [0.0, -0.055 * side], "angle": -math.pi / 2}
     tensions = [pulled, slack] if side > 0.0 else [slack, pulled]
-    motion = simulate(scene.changed({"finger.base": base, "actuation.tensions": tensions, "time.duration": 0.5}))
+    motion = integrate(scene.changed({"finger.base": base, "actuation.tensions": tensions, "time.duration": 0.5}))
     contacts = motion.contacts
     names, force = list(contacts.names), np.moveaxis(contacts.force, 1, 2)
     out = contacts.point - motion.object_pose[:, :2, None]

@@ -11,7 +11,7 @@ from continuum_grasp.base import InputError, NumericalError
 from continuum_grasp.core import Core, signal
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene, Timing, load
-from continuum_grasp.simulation import simulate
+from continuum_grasp.simulation import integrate
 from tests.marks import few
 from tests.rods import NITINOL, ROOT, force, integrated, order, rod_scene, without_compiler  # noqa: F401
 
@@ -52,7 +52,7 @@ def test_the_error_stays_within_the_tolerance_and_the_estimate_covers_it(case):
     family, elements, step = CASES[case]
     truth = None
     for tolerance in (1e-3, 1e-4, 1e-6):
-        found = simulate(released(family, elements, step, tolerance=tolerance))
+        found = integrate(released(family, elements, step, tolerance=tolerance))
         truth = integrated(found.scene) if truth is None else truth
         error = true_error(found, truth)
         assert found.warnings == ()
@@ -61,7 +61,7 @@ def test_the_error_stays_within_the_tolerance_and_the_estimate_covers_it(case):
 
 
 def test_ten_seconds_without_damping_keep_the_tolerance():
-    found = simulate(released("matched_clothoid", 2, 1e-2, duration=10.0))
+    found = integrate(released("matched_clothoid", 2, 1e-2, duration=10.0))
     assert true_error(found, integrated(found.scene)) <= found.time_error <= 1e-4
 
 
@@ -72,7 +72,7 @@ def test_fixed_steps_report_an_error_of_order_4_and_warn(method, steps, without_
     scene = released("arc", 2, steps[0], method=method)
     truth, reported, true = None, [], []
     for step in steps:
-        found = simulate(released("arc", 2, step, method=method, tolerance=1e-10))
+        found = integrate(released("arc", 2, step, method=method, tolerance=1e-10))
         truth = integrated(scene) if truth is None else truth
         every = round(steps[0] / step)
         reported.append(found.time_error)
@@ -82,7 +82,7 @@ def test_fixed_steps_report_an_error_of_order_4_and_warn(method, steps, without_
     assert np.all(np.array(reported) <= 8.0 * np.array(true))
     assert np.all(np.abs(order(reported) - 4.0) < 0.8)
     limit = float(np.sqrt(reported[1] * reported[2]))
-    coarse, fine = (simulate(released("arc", 2, step, method=method, tolerance=limit)) for step in steps[1:])
+    coarse, fine = (integrate(released("arc", 2, step, method=method, tolerance=limit)) for step in steps[1:])
     assert fine.warnings == ()
     (warning,) = coarse.warnings
     assert warning.startswith(
@@ -95,9 +95,9 @@ def test_fixed_steps_report_an_error_of_order_4_and_warn(method, steps, without_
 def test_a_stiff_scene_is_controlled_too():
     """Implicit steps, against the variable-step method."""
     keys = {"duration": 0.2, "tip_mass": 0.02, "finger": {"damping": {"material": 8e-3}}}
-    exact = simulate(released("clothoid", 4, 1e-2, method="reference", **keys))
+    exact = integrate(released("clothoid", 4, 1e-2, method="reference", **keys))
     for tolerance in (1e-4, 1e-7):
-        found = simulate(released("clothoid", 4, 1e-2, tolerance=tolerance, **keys))
+        found = integrate(released("clothoid", 4, 1e-2, tolerance=tolerance, **keys))
         assert found.statistics["method"] == "rodas"
         assert found.warnings == ()
         assert true_error(found, exact.x) <= 4.0 * found.time_error
@@ -111,8 +111,8 @@ def test_loads_and_inputs_that_vary_are_followed_within_the_tolerance(interpolat
     """Kinks and jumps within a step too, with no order 4; truth in steps that end at them."""
     push = {"times": [0.013, 0.0517, 0.12], "values": [[0.0, 0.0], [0.3, 0.2], [0.0, 0.0]]}
     loads = [force(0.6, {**push, "interpolation": interpolation})]
-    found = simulate(released("clothoid", 2, 1e-2, duration=0.2, loads=loads))
-    exact = simulate(released("clothoid", 2, 1e-4, duration=0.2, loads=loads, method="reference"))
+    found = integrate(released("clothoid", 2, 1e-2, duration=0.2, loads=loads))
+    exact = integrate(released("clothoid", 2, 1e-4, duration=0.2, loads=loads, method="reference"))
     assert found.warnings == ()
     assert true_error(found, exact.x[::100]) <= found.time_error <= 1e-4
 
@@ -121,15 +121,15 @@ def test_loads_and_inputs_that_vary_are_followed_within_the_tolerance(interpolat
 def test_contacts_are_followed_within_the_tolerance():
     changes = {"time.duration": 0.4, "time.step": 0.002}
     config = ROOT / "configs/simulate/swing_against_disc.yaml"
-    found, finer = (simulate(load(config, {**changes, "time.tolerance": size})) for size in (1e-4, 2e-6))
+    found, finer = (integrate(load(config, {**changes, "time.tolerance": size})) for size in (1e-4, 2e-6))
     assert found.warnings == ()
     assert np.hypot(*(found.tip - finer.tip).T).max() / found.length <= found.time_error <= 1e-4
     assert finer.statistics["substeps"] > found.statistics["substeps"]
 
 
 def test_a_tolerance_out_of_reach_is_reported(monkeypatch):
-    monkeypatch.setattr(sys.modules[simulate.__module__], "_MOST_WORK", {"rk4": 600, "rodas": 60})
-    found = simulate(released("arc", 4, 1e-2, tolerance=1e-9))
+    monkeypatch.setattr(sys.modules[integrate.__module__], "_MOST_WORK", {"rk4": 600, "rodas": 60})
+    found = integrate(released("arc", 4, 1e-2, tolerance=1e-9))
     (warning,) = found.warnings
     assert "the motion is too sensitive for more" in warning
     assert found.time_error > 1e-9
@@ -166,8 +166,8 @@ def test_quadratic_damping_at_rest_is_met(quadratic):
     finger = {"damping": {"quadratic": quadratic}}
     held = {"pose": "equilibrium", "held_by": [{"kind": "moment", "at": 0.6, "moment": 0.2}]}
     scene = released("arc", 2, 5e-3, duration=0.1, initial=held, finger=finger)
-    found = simulate(scene)
-    exact = simulate(released("arc", 2, 5e-3, 0.1, "reference", initial=held, finger=finger))
+    found = integrate(scene)
+    exact = integrate(released("arc", 2, 5e-3, 0.1, "reference", initial=held, finger=finger))
     assert found.warnings == ()
     assert true_error(found, exact.x) <= found.time_error <= 1e-4
     # It moves far faster at first than later.
@@ -180,7 +180,7 @@ def test_a_motion_that_is_not_finite_is_advised_another_method(method):
     held = {"pose": "equilibrium", "held_by": [{"kind": "moment", "at": 0.6, "moment": 0.2}]}
     scene = released("arc", 2, 0.05, 0.05, method, initial=held, finger={"damping": {"quadratic": 1.0}})
     with pytest.raises(NumericalError, match=r"time\.method: auto;"):
-        simulate(scene)
+        integrate(scene)
 
 
 def test_quadratic_damping_needs_no_shorter_steps_on_winches():
@@ -211,7 +211,7 @@ def test_quadratic_damping_needs_no_shorter_steps_on_winches():
     }
     time = {"duration": 0.06, "step": 2e-3}
     found, exact = (
-        simulate(Scene.model_validate({**made, "time": {**time, "method": m}})) for m in ("auto", "reference")
+        integrate(Scene.model_validate({**made, "time": {**time, "method": m}})) for m in ("auto", "reference")
     )
     assert true_error(found, exact.x) <= found.time_error <= 1e-4
     assert found.statistics["method"] == "extrapolated_euler"

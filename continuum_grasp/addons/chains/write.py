@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.accuracy import resolve_fidelity
 from continuum_grasp.addons.chains.controls import Control, cable_springs, controls_of
 from continuum_grasp.addons.chains.text import written
 from continuum_grasp.base import Array, InputError, check_arguments, whole
@@ -20,7 +19,7 @@ from continuum_grasp.export import check_file, is_marked, names_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results import write_text
 from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, Scene, csv_text, refusals, scene_of, unknown_to
-from continuum_grasp.simulation import Signals, initial_state
+from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
 
 _LEAST_INERTIA = 1e-15
 """Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""

@@ -18,7 +18,6 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.accuracy import refined
 from continuum_grasp.addons.identification.data import KIND_OF, Data
 from continuum_grasp.addons.identification.inference import FALSE_ALARMS, Inference, correlated, surely
 from continuum_grasp.addons.identification.numbers import MeasuredColumn
@@ -28,6 +27,7 @@ from continuum_grasp.addons.identification.unknowns import Unknown, read_unknown
 from continuum_grasp.base import Array, ContinuumGraspError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
+from continuum_grasp.simulation import refined
 
 Further = tuple[Unknown, Array]
 

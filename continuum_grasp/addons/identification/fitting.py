@@ -11,7 +11,6 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from continuum_grasp.accuracy import resolve_fidelity
 from continuum_grasp.addons.identification.blocks import MeasuredBlock
 from continuum_grasp.addons.identification.comparison import Comparison
 from continuum_grasp.addons.identification.data import Data, Poses, TipPath
@@ -33,6 +32,7 @@ from continuum_grasp.addons.identification.searches import LawTrial, choose_law,
 from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError, NumericalError, SolverError, check_arguments, interruptible
 from continuum_grasp.scene import Scene, scene_of
+from continuum_grasp.simulation import resolve_fidelity
 
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 

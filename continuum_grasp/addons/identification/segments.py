@@ -12,7 +12,7 @@ from continuum_grasp.addons.identification.scene import Excitation
 from continuum_grasp.base import Array, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import MotorDrive, Scene, by_key
-from continuum_grasp.simulation import Signals, Trajectory, equilibrium_under, modes, simulate
+from continuum_grasp.simulation import Signals, Trajectory, equilibrium_under, integrate, modes
 
 _BASE = 0.03
 """Tension at which tendons stay in tension, per greatest tension [1]."""
@@ -168,10 +168,10 @@ class CommandDesign:
 
     def excited(self, allowed: Callable[[Trajectory], bool] | None = None) -> Excited:
         """Commands as large as the motion that they cause is allowed to be."""
-        scale, tries, rehearsal = 1.0, _TRIES, simulate(self.scene(1.0))
+        scale, tries, rehearsal = 1.0, _TRIES, integrate(self.scene(1.0))
         while tries and not (allowed or self.within)(rehearsal):
             scale, tries = _LESS * scale, tries - 1
-            rehearsal = simulate(self.scene(scale))
+            rehearsal = integrate(self.scene(scale))
         return Excited(self.segments, rehearsal, scale)
 
     def within(self, motion: Trajectory) -> bool:

@@ -13,7 +13,6 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.accuracy import resolve_fidelity
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.control import Prediction, Stages, stages_of
@@ -30,7 +29,7 @@ from continuum_grasp.scene import (
     Scene,
     default_family,
 )
-from continuum_grasp.simulation import Signals, initial_state
+from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
 
 PUSHED = (0.25, 0.5, 0.75, 1.0)
 """Places where a finger can be pushed, as parts of its length."""

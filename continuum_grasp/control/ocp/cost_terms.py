@@ -134,7 +134,7 @@ class CostTerm:
         return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, None)
 
 
-TERMS = (
+TERMS: tuple[CostTerm, ...] = (
     CostTerm("tip", "tip_{axis} [m]", lambda q, _: q.tip(), reference="tip", limits=_near_base),
     CostTerm("bending", "bending_{place} [rad]", lambda q, _: q.bending(), _elements, "bending"),
     CostTerm(

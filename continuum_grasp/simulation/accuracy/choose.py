@@ -20,11 +20,11 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.accuracy.choice import ACCURACIES, Assessment, Choice, assess, choices, open_families
-from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.base import InputError, SolverError, Summarized, check_arguments, interruptible, quoted
 from continuum_grasp.core import entry_for, hash_of_code
 from continuum_grasp.scene import Fidelity, Initial, Scene, Timing, scene_of
+from continuum_grasp.simulation.accuracy.choice import ACCURACIES, Assessment, Choice, assess, choices, open_families
+from continuum_grasp.simulation.accuracy.truth import Truth, find_truth
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
 
     maker = f"{__version__} {ca.CasadiMeta.version()}"
     # The code of what measures too: another version may find other errors. Not the name, which changes nothing.
-    code = hash_of_code("accuracy", "rod", "model", "scene", "simulation")
+    code = hash_of_code("rod", "model", "scene", "simulation")
     identity = "\n".join([maker, code, asked.model_copy(update={"name": None}).model_dump_json()])
     entry = entry_for(identity, ".choice", choose, maker, kind="choices")
     known, note = json.loads(entry.read_text(encoding="utf-8"))

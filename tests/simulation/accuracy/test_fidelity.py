@@ -8,12 +8,13 @@ import pytest
 import continuum_grasp as cg
 from benchmarks.bench_fidelity import again, cheaper, random_scene
 from benchmarks.rod_shapes import RODS
-from continuum_grasp.accuracy import choose, choose_fidelity, motion
-from continuum_grasp.accuracy.choice import RANGES, _bending_range
-from continuum_grasp.accuracy.truth import load_cases
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod import natural_frequencies, solve_elastica
+from continuum_grasp.simulation import choose_fidelity
+from continuum_grasp.simulation.accuracy import choose, motion
+from continuum_grasp.simulation.accuracy.choice import RANGES, _bending_range
+from continuum_grasp.simulation.accuracy.truth import load_cases
 from tests.marks import few
 from tests.rods import NITINOL, ROOT, UNIT, force, rod_scene, without_compiler  # noqa: F401
 

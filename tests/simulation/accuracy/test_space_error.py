@@ -9,13 +9,12 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp import equilibrium, modes
-from continuum_grasp.accuracy import motion_within, refined
-from continuum_grasp.accuracy.space import translated
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.scene import Scene
-from continuum_grasp.simulation import simulate
+from continuum_grasp.simulation import integrate, refined
+from continuum_grasp.simulation.accuracy.space import motion_within, translated
 
 PLACES = 21
 
@@ -84,7 +83,7 @@ def test_what_is_not_known_at_rest_is_not_stated():
 def test_the_error_of_a_motion_covers_that_against_four_clothoids():
     time = {"duration": 0.2, "step": 0.005, "space_error": True}
     found = motion_within(soft(**model_of("arc", 1, time=time)), None)
-    exact = simulate(soft(**model_of("clothoid", 4, time=time)))
+    exact = integrate(soft(**model_of("clothoid", 4, time=time)))
     at = np.arange(len(found.t))
     off = np.linalg.norm(found.backbone(at, PLACES) - exact.backbone(at, PLACES), axis=-1).max() / 0.2
     assert off <= found.space_error <= 2.5 * off

@@ -13,7 +13,7 @@ import numpy as np
 from continuum_grasp.base import Array, SolverError
 from continuum_grasp.rod import Elastica, natural_frequencies, solve_elastica
 from continuum_grasp.scene import SEVERAL_MODELS, Actuation, ForceLoad, Load, Samples, Scene, VectorSamples
-from continuum_grasp.simulation import interpolate, value_of
+from continuum_grasp.simulation.signals import interpolate, value_of
 
 _HELD = "held"
 """Name of the load case that holds the initial pose."""

@@ -12,12 +12,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.accuracy.choice import Choice, assess, choices, open_families
-from continuum_grasp.accuracy.motion import TipMotion, evaluation_ns, pace, reference_motion, rms
-from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.base import ContinuumGraspError, InputError, check_arguments, interruptible, unit_of, whole
 from continuum_grasp.results import File, Picture, Result, Stored, begin_run, pareto
 from continuum_grasp.scene import EXACT_ROD, Fidelity, Scene, scene_of
+from continuum_grasp.simulation.accuracy.choice import Choice, assess, choices, open_families
+from continuum_grasp.simulation.accuracy.motion import TipMotion, evaluation_ns, pace, reference_motion, rms
+from continuum_grasp.simulation.accuracy.truth import Truth, find_truth
 
 FRONTS = (
     ("evaluation [ns]", "tip / L"),
@@ -84,8 +84,8 @@ class AccuracyReport(Result):
 
     kind: ClassVar[str] = "accuracy"
     texts: ClassVar[tuple[File, ...]] = (
-        File("accuracy.md", "continuum_grasp.accuracy.report:AccuracyReport.markdown"),
-        File("accuracy.json", "continuum_grasp.accuracy.report:AccuracyReport.table_json"),
+        File("accuracy.md", "continuum_grasp.simulation.accuracy.report:AccuracyReport.markdown"),
+        File("accuracy.json", "continuum_grasp.simulation.accuracy.report:AccuracyReport.table_json"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("accuracy", "continuum_grasp.plotting.accuracy:plot_accuracy", panels=True),

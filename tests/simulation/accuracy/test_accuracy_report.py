@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.accuracy.motion import pace, reference_motion
-from continuum_grasp.accuracy.truth import find_truth
+from continuum_grasp.simulation.accuracy.motion import pace, reference_motion
+from continuum_grasp.simulation.accuracy.truth import find_truth
 from tests.rods import NITINOL, order, rod_scene
 
 COSTLY_FIXTURES = ("report",)

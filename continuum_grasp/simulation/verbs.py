@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import check_arguments
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Load, Scene, scene_of
-from continuum_grasp.simulation import Equilibrium, Modes, Trajectory
-from continuum_grasp.simulation import equilibrium as equilibrium_of
-from continuum_grasp.simulation import modes as modes_of
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.statics import equilibrium_of
+from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.simulation.vibration import Modes, modes_of
 
 
 @check_arguments
@@ -57,10 +58,10 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
     >>> motion.t.shape, motion.tip.shape, motion.x_names[0]
     ((51,), (51, 2), 'kappa_0 [1/m]')
     """
-    from continuum_grasp.accuracy import motion_within
+    from continuum_grasp.simulation.accuracy.space import motion_within
 
     asked = scene_of(scene)
-    chosen, note = resolved(asked)
+    chosen, note = _resolved(asked)
     trajectory = motion_within(chosen, asked.fidelity.tolerance, progress=progress)
     return replace(trajectory, statistics={**trajectory.statistics, "fidelity": note}) if note else trajectory
 
@@ -117,7 +118,7 @@ def equilibrium(
     >>> found.stable, found.tip.shape, found.backbone(points=20).shape
     (True, (2,), (20, 2))
     """
-    chosen = scene_of(scene) if model is not None else resolved(scene)[0]
+    chosen = scene_of(scene) if model is not None else _resolved(scene)[0]
     return equilibrium_of(chosen, extra_loads=extra_loads, guess=guess, stable=stable, side=side, model=model)
 
 
@@ -156,15 +157,15 @@ def modes(scene: Scene | str | PathLike[str], *, about: Equilibrium | None = Non
     >>> found.shapes.shape == (len(found.frequencies_hz), 61, 2)
     True
     """
-    chosen = scene_of(scene) if about is not None else resolved(scene, vibrates=True)[0]
+    chosen = scene_of(scene) if about is not None else _resolved(scene, vibrates=True)[0]
     return modes_of(chosen, about=about, points=points)
 
 
-def resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> tuple[Scene, str]:
-    """A scene whose tolerance, if any, has become a model, and what was chosen and why."""
+def _resolved(given: Scene | str | PathLike[str], *, vibrates: bool = False) -> tuple[Scene, str]:
+    """The scene with its tolerance turned into a model, and why that one; what measures models loads where needed."""
     scene = scene_of(given)
     if scene.fidelity.tolerance is None:
         return scene, ""
-    from continuum_grasp.accuracy import resolve_fidelity
+    from continuum_grasp.simulation.accuracy.choose import resolve_fidelity
 
     return resolve_fidelity(scene, vibrates=vibrates)

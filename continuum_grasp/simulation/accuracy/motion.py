@@ -8,13 +8,15 @@ from time import get_clock_info, perf_counter, thread_time
 
 import numpy as np
 
-from continuum_grasp.accuracy.choice import choices
-from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.base import Array, InputError, NumericalError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import INTEGRATORS, Scene, Timing, default_family
-from continuum_grasp.simulation import Signals, initial_state, simulate
+from continuum_grasp.simulation.accuracy.choice import choices
+from continuum_grasp.simulation.accuracy.truth import Truth
+from continuum_grasp.simulation.initial import initial_state
+from continuum_grasp.simulation.run import integrate
+from continuum_grasp.simulation.signals import Signals
 
 _FINE = (8, 12)
 """Clothoids of the two reference motions; their difference shows how good the second is, by the fourth order."""
@@ -67,7 +69,7 @@ def reference_motion(scene: Scene, truth: Truth) -> TipMotion:
     tips = []
     for count in _FINE:
         fidelity = fine[count].fidelity
-        trajectory = simulate(scene.model_copy(update={"fidelity": fidelity, "time": timing}))
+        trajectory = integrate(scene.model_copy(update={"fidelity": fidelity, "time": timing}))
         tips.append(trajectory.tip)
     # Errors e and e (8/12)^4 differ by what is seen: e of the finer one is the difference times share / (1 - share).
     share = (_FINE[0] / _FINE[1]) ** 4

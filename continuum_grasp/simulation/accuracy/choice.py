@@ -9,12 +9,16 @@ from functools import cached_property
 
 import numpy as np
 
-from continuum_grasp.accuracy.truth import STATIONS, TrueCase, Truth
 from continuum_grasp.base import Array, InputError, SolverError
 from continuum_grasp.core import Core
 from continuum_grasp.model import MOST_ELEMENTS, RANGES, SHORTEST, FingerModel, element_lengths
 from continuum_grasp.scene import FAMILIES, Fidelity, Scene
-from continuum_grasp.simulation import Equilibrium, Signals, equilibrium_under, modes, spectral_radius
+from continuum_grasp.simulation.accuracy.truth import STATIONS, TrueCase, Truth
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.spectrum import spectral_radius
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.statics import equilibrium_under
+from continuum_grasp.simulation.vibration import modes_of
 
 COUNTS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16)
 """Numbers of elements that are tried: each of the few, then in steps of a quarter or so, which bound what is
@@ -210,7 +214,7 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
             return Errors(tip, shape, np.full(2, np.nan), math.nan)
         if true.frequencies_hz is not None and moves:
             # Of one that is unstable in truth, per the second.
-            modeled = np.append(modes(true.scene, about=at_rest).frequencies_hz, [np.nan, np.nan])[:2]
+            modeled = np.append(modes_of(true.scene, about=at_rest).frequencies_hz, [np.nan, np.nan])[:2]
             frequencies = np.fmax(frequencies, relative_errors(modeled, true.frequencies_hz))
             radius = max(radius, spectral_radius(core, at_rest.q[None], at_rest.u, at_rest.w, at_rest.p))
     if model.n < 2:

@@ -14,25 +14,18 @@ from time import perf_counter
 
 import numpy as np
 
-from continuum_grasp.accuracy.choice import COUNTS, coordinates_near, relative_errors
 from continuum_grasp.base import Array, InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Consumer, Fidelity, Initial, Scene
-from continuum_grasp.simulation import (
-    Equilibrium,
-    Modes,
-    Signals,
-    Trajectory,
-    backbones,
-    equilibrium,
-    equilibrium_at,
-    error_text,
-    greatest_motion,
-    modes,
-    simulate,
-    statics_model,
-)
+from continuum_grasp.simulation.accuracy.choice import COUNTS, coordinates_near, relative_errors
+from continuum_grasp.simulation.contacts import greatest_motion
+from continuum_grasp.simulation.run import integrate
+from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.statics import equilibrium_at, equilibrium_of, statics_model
+from continuum_grasp.simulation.trajectory import Trajectory, backbones, error_text
+from continuum_grasp.simulation.vibration import Modes, modes_of
 
 _MOST = COUNTS[-1]
 """Elements of a motion up to which a tolerance is pursued [1], as those among which one is chosen."""
@@ -109,7 +102,7 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
         steps = min(scene.time.tolerance, max(0.1 * tolerance, 1e-10))
         scene = scene.replaced(time=scene.time.replaced(tolerance=steps))
     started = perf_counter()
-    motion = simulate(scene, progress=progress)
+    motion = integrate(scene, progress=progress)
     if tolerance is None and not (scene.time and scene.time.space_error):
         return at_both_ends(motion)
     began = perf_counter()
@@ -123,7 +116,7 @@ def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[flo
             _LOG.info("%snext a motion of %d elements, about %.0f s", reached, count, growth * last)
         try:
             before = perf_counter()
-            finer = simulate(refined(motion.scene, motion.model), progress=progress)
+            finer = integrate(refined(motion.scene, motion.model), progress=progress)
             growth, last = (perf_counter() - before) / last, perf_counter() - before
             error = _whole(motion.model) * apart(motion, finer)
         except Interrupted as stop:
@@ -223,7 +216,7 @@ def finer_equilibrium(coarse: Equilibrium) -> Equilibrium | float:
         scene = refined(coarse.scene, coarse.model)
         finer = FingerModel(scene, loads=coarse.model.loads, input_rates=False)
         guess = translated(coarse.model, coarse.q, coarse.u, finer)
-        return equilibrium(scene, guess=guess, stable=coarse.stable, model=finer)
+        return equilibrium_of(scene, guess=guess, stable=coarse.stable, model=finer)
     except InputError:
         return np.nan
     except SolverError:
@@ -249,5 +242,5 @@ def error_of_modes(coarse: Modes) -> Array:
     finer, frequencies = finer_equilibrium(coarse.equilibrium), coarse.frequencies_hz
     if not isinstance(finer, Equilibrium) or finer.scene is None:
         return np.full(len(frequencies), finer)
-    true = modes(finer.scene, about=finer).frequencies_hz[: len(frequencies)]
+    true = modes_of(finer.scene, about=finer).frequencies_hz[: len(frequencies)]
     return relative_errors(frequencies, true, _whole(coarse.equilibrium.model))
