@@ -21,7 +21,7 @@ from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.planning import PlanScene
 from continuum_grasp.addons.sweeps import Sweep
-from continuum_grasp.scene import ControlScene, GraspScene, KeyPath, Scene, placed
+from continuum_grasp.scene import ControlScene, Document, GraspScene, KeyPath, Scene
 from continuum_grasp.scene.assembly import apply_override
 from continuum_grasp.scene.document import Place as Origin
 from continuum_grasp.scene.document import dotted
@@ -487,8 +487,8 @@ class Place:
         if not any("." in str(part) for part in self.path):
             return scene.changed({dotted(self.path): value})
         origin = Origin("test")
-        document = placed(scene, origin)
-        apply_override(document, self.path, placed(value, origin))
+        document = Document.at(origin, scene)
+        apply_override(document, self.path, Document.at(origin, value))
         return scene.changed({str(self.path[0]): document.value[self.path[0]]})
 
 

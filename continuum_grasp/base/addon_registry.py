@@ -48,6 +48,16 @@ class ConfigurationKind:
     """Class name of the results that ``loop`` takes, too."""
 
     @property
+    def class_name(self) -> str:
+        """Name of the class of its scenes."""
+        return self.model.partition(":")[2]
+
+    @property
+    def scene_class(self) -> Any:
+        """Class of its scenes, which is loaded when it is first asked for."""
+        return named_value(self.model)
+
+    @property
     def expected(self) -> str:
         """Expected kind of file, as errors name it."""
         return f"{self.words} ({self.keys}, ...)"

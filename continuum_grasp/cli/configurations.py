@@ -23,7 +23,7 @@ from continuum_grasp.cli.output import Output, named_path, out_option
 
 if TYPE_CHECKING:
     from continuum_grasp.examples import Example
-    from continuum_grasp.scene import Document
+    from continuum_grasp.scene import ConfigurationData
 
 _FIRST = "grasp/mug"
 """The example of those who name none."""
@@ -156,9 +156,9 @@ def validate(
             if not output.as_json:
                 typer.echo(str(error), err=True)
         else:
-            kind = kind_of_scene(loaded)
+            kind = kind_of_scene(loaded).name
             if picture is not None:
-                _draw(loaded, document, file, picture)
+                _draw(loaded, document, picture)
             checked.append({"file": str(file), "valid": True, "kind": kind, "notes": document.notes})
             output.say(f"{file}: valid ({kind})")
             for note in document.notes:
@@ -168,13 +168,13 @@ def validate(
         raise typer.Exit(2)
 
 
-def _draw(loaded: Any, document: Document, file: Path, picture: Path) -> None:
+def _draw(loaded: Any, document: ConfigurationData, picture: Path) -> None:
     """Draw the scene of a configuration, of a sweep or design its base; of several files, the last one's stays."""
     from continuum_grasp.addons.sweeps import base_scene
     from continuum_grasp.plotting import plot_scene
     from continuum_grasp.results import save_picture
 
-    save_picture(plot_scene(base_scene(loaded, document, file)), picture)
+    save_picture(plot_scene(base_scene(loaded, document)), picture)
 
 
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")

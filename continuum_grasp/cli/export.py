@@ -91,7 +91,7 @@ def export(
 def _export(output: Output, to: str, options: dict[str, Any], clock: str | None) -> None:
     """Export by the function of ``to`` with the options that were given, and print what it wrote."""
     from continuum_grasp.results import hold_folder
-    from continuum_grasp.scene import kinds, model_of
+    from continuum_grasp.scene import kinds
 
     target = _targets()[to]
     write = named_value(target.write)
@@ -100,7 +100,7 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
     rates = [] if clock is None else [_frequency(clock, "measured" in options)]
     options = {key: _READ[key](value) if key in _READ else value for key, value in options.items()}
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{target.suffix}")
-    loops = [model_of(name) for name, kind in kinds().items() if name == "mpc" or kind.loop]
+    loops = [kind.scene_class for kind in kinds().values() if kind.name == "mpc" or kind.loop]
     scene = resolved_scene(output, *(loops if target.loops else ()))[0]
     if rates and not isinstance(scene, tuple(loops)):
         raise InputError("needs a closed loop or a mission, which has a period", key="--clock")

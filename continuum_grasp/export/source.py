@@ -22,7 +22,7 @@ from continuum_grasp.scene import (
     Surroundings,
     beside,
     doubt,
-    exported_by,
+    kinds,
     load,
 )
 from continuum_grasp.simulation import resolve_fidelity
@@ -83,7 +83,8 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     """
     if isinstance(given, (str, os.PathLike)):
         given = load(os.fspath(given))
-    if loop := exported_by(given):
+    announced = (kind.loop for kind in kinds().values() if type(given).__name__ in (kind.class_name, kind.result))
+    if loop := next(announced, ""):
         exported: ExportedLoop = named_value(loop)(given, finger)
         of_loop = _of_loop(exported.control, real)
         return replace(of_loop, configuration=exported.configuration, phases=exported.phases)

@@ -8,7 +8,6 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from functools import reduce
 from operator import attrgetter
 from typing import Any, TypedDict
 
@@ -19,7 +18,7 @@ from continuum_grasp.base import InputError, choice, nearest, real_array, shown
 from continuum_grasp.model.laws import numbers_of as numbers_of_laws
 from continuum_grasp.model.laws.section import POSITIVE, Number
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene import FAMILIES, Finger, ForceLoad, MomentLoad, Scene, child, undotted
+from continuum_grasp.scene import FAMILIES, Finger, ForceLoad, MomentLoad, Scene
 
 _ANY = -math.inf
 _KNOWN: dict[str, tuple[str, str, float]] = {
@@ -153,7 +152,7 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
     for name, (unit, key, least) in _KNOWN.items():
         keys = key.replace("*.time", "*.drive.time", 1) if finger.winches else key
         # One value of all; none where they differ.
-        values = {reduce(child, undotted(place), finger) for place in places_of(finger, keys)}
+        values = {finger.entry(place) for place in places_of(finger, keys)}
         numbers[name] = Number(unit, known.get(name, values.pop() if len(values) == 1 else None), keys, least)
     for k, mass in enumerate(finger.masses):
         if not at_tip(mass.at, rod.length):

@@ -6,12 +6,13 @@ import copy
 import os
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from continuum_grasp.base import InputError
+from continuum_grasp.base import ConfigurationKind, InputError
 from continuum_grasp.scene.config_kinds import kind_of
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place, child, dotted, plain, undotted
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
@@ -27,8 +28,51 @@ _VERSION = 1
 Overrides = Iterable[str] | Mapping[str, Any]
 
 
-def validated(document: Document, model: type[Model]) -> Model:
-    """The contents of a document, checked: `InputError` has file, line, column and key of everything that is wrong."""
+@dataclass
+class ConfigurationData(Document):
+    """Plain data of a configuration, with the contents of the files that it names put in."""
+
+    file: Path = Path()
+    """The main file: names of files that come from no line of a file are relative to its folder."""
+
+    @classmethod
+    def read(cls, path: str | Path, changes: Iterable[Change], varied: Iterable[str] = ()) -> ConfigurationData:
+        """The data of a file with changes applied; outlines stay files where keys of theirs are ``varied``."""
+        document = read_yaml(path)
+        keys = map(undotted, varied)
+        varies_outlines = any("object" in key[:-1] and key[-1] in _outline().model_fields for key in keys)
+        if not isinstance(document.value, dict):
+            place = document.places[()]
+            got = "an empty file" if document.value is None else "no keys"
+            raise place.error(f"expected a mapping of keys to values, got {got}")
+        data = cls(document.value, document.places, varies_outlines, file=Path(path))
+        _apply(data, changes, data.file)
+        _check_version(data)
+        return data
+
+    @classmethod
+    def stated(cls, value: Any, name: str, file: Path | None = None) -> ConfigurationData:
+        """The data of a scene or mapping that is given in Python, which errors call by a name."""
+        return cls(plain(value), {(): Place(name)}, file=file or Path(name))
+
+    @property
+    def kind(self) -> ConfigurationKind:
+        """Kind of the configuration, by its keys."""
+        return kind_of(self.value)
+
+    def validated(self, model: type[Model]) -> Model:
+        """The contents, checked: `InputError` has file, line, column and key of everything that is wrong."""
+        return _validated(self, model)
+
+    def changed(self, changes: Iterable[Change]) -> ConfigurationData:
+        """A copy with changes applied."""
+        value, places, notes = copy.deepcopy(self.value), dict(self.places), list(self.notes)
+        result = ConfigurationData(value, places, self.varies_outlines, notes, self.file)
+        _apply(result, changes, self.file)
+        return result
+
+
+def _validated(document: Document, model: type[Model]) -> Model:
     from pydantic import ValidationError
 
     from continuum_grasp.scene.problems import input_error
@@ -37,28 +81,6 @@ def validated(document: Document, model: type[Model]) -> Model:
         return model.model_validate(document.value)
     except ValidationError as error:
         raise input_error(error, model, document) from error
-
-
-def assembled(path: str | Path, changes: Iterable[Change], varied: Iterable[KeyPath] = ()) -> Document:
-    """The data of a file, with changes applied and what is in other files put in, but for outlines whose keys vary."""
-    document = read_yaml(path)
-    document.varies_outlines = any("object" in key[:-1] and key[-1] in _outline().model_fields for key in varied)
-    if not isinstance(document.value, dict):
-        place = document.places[()]
-        got = "an empty file" if document.value is None else "no keys"
-        raise place.error(f"expected a mapping of keys to values, got {got}")
-    _apply(document, changes, Path(path))
-    _check_version(document)
-    return document
-
-
-def changed(document: Document, changes: Iterable[Change], path: str | Path) -> Document:
-    """A copy of an assembled document with changes applied; ``path`` is its file."""
-    result = Document(
-        copy.deepcopy(document.value), dict(document.places), document.varies_outlines, list(document.notes)
-    )
-    _apply(result, changes, Path(path))
-    return result
 
 
 def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
@@ -81,8 +103,9 @@ def _put_in_files(document: Document, main: Path) -> None:
     """Put in place what stands in other files: the grasp of a mission or plan, and fingers, its own too."""
     target = document.value.get("grasp")
     if isinstance(target, str):
-        inner = assembled(named_file(document.place(("grasp",)), target, main, "grasp file", ("grasp",)), ())
-        if (kind := kind_of(inner.value)) != "grasp":
+        file = document.place(("grasp",)).named_file(target, main, "grasp file", ("grasp",))
+        inner = ConfigurationData.read(file, ())
+        if (kind := inner.kind.name) != "grasp":
             message = f"expected a grasp (finger, object, ...), got a file of kind {kind}"
             raise document.place(("grasp",)).error(message, ("grasp",))
         document.put(("grasp",), inner)
@@ -106,7 +129,7 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
         _put_in_outlines(document, (*body, "members", k), main)
     if part.value.get("shape") != "outline" or not isinstance(part.value.get("file"), str):
         return
-    file = named_file(part.place(("file",)), part.get(("file",)), main, "file of an outline", (*body, "file"))
+    file = part.place(("file",)).named_file(part.get(("file",)), main, "file of an outline", (*body, "file"))
     if document.varies_outlines:
         part.value["file"] = str(file.resolve())
         return
@@ -114,7 +137,7 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
     rest = {key: value for key, value in part.value.items() if key in others}
     part.value = {key: value for key, value in part.value.items() if key not in others} | {"file": str(file)}
     try:
-        outline = validated(part, _outline())
+        outline = _validated(part, _outline())
     except InputError as error:
         key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
         raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None
@@ -126,14 +149,6 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
     # That of the curve, not of the polygon.
     mass = {} if body[at + 1 :] else {"center_of_mass": [0.0, 0.0]}
     document.put(body, Document(polygon | mass | rest, part.places))
-
-
-def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) -> Path:
-    """The file that is named at a place, which must be there; ``main`` is the main file."""
-    file = (place.folder or (main if place.line is None else Path(place.file)).parent) / target
-    if not file.is_file():
-        raise place.error(f"no such {what}: {os.path.normpath(file)}", path)
-    return file
 
 
 def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:
@@ -157,7 +172,7 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
     place, target = part.place(key), part.get(key)
     if not isinstance(target, str):
         raise place.error("expected the path of a finger file", path + key)
-    file = named_file(place, target, main, "finger file", path + key)
+    file = place.named_file(target, main, "finger file", path + key)
     # Resolved, so that links do not hide a circle.
     if os.path.realpath(file) in within:
         raise place.error(f"{target} leads back to itself", path + key)
@@ -205,7 +220,7 @@ def read_overrides(overrides: Overrides, name: str | None = None) -> list[Change
             raise InputError(f"overrides: expected a text, got {word!r:.60}")
     if isinstance(overrides, Mapping):
         places = {key: Place(name or f"override {key}") for key in words}
-        return [(path_of(key, name or key), placed(overrides[key], places[key])) for key in words]
+        return [(path_of(key, name or key), Document.at(places[key], overrides[key])) for key in words]
     return [_read(text) for text in words]
 
 
@@ -219,7 +234,7 @@ def _read(text: str) -> tuple[KeyPath, Document]:
         document = parse_yaml(value, name)
     except InputError as error:
         raise InputError(error.message, file=name, key=dotted(path)) from None
-    return path, placed(document.value, Place(name))
+    return path, Document.at(Place(name), document.value)
 
 
 def path_of(key: str, name: str) -> KeyPath:
@@ -229,11 +244,6 @@ def path_of(key: str, name: str) -> KeyPath:
     if not path or re.search(r"\s", key) or dotted(path) != re.sub(r"\.(\d+)(?=\.|\[|$)", r"[\1]", key):
         raise InputError(f"expected a key path such as finger.masses[0].mass, got {key!r}", file=name)
     return path
-
-
-def placed(value: Any, place: Place) -> Document:
-    """A value as a document all of whose entries come from the same place."""
-    return Document(plain(value), {(): place})
 
 
 def apply_override(document: Document, path: KeyPath, new: Document) -> None:

@@ -33,6 +33,13 @@ class Place:
         key = dotted(path) or None
         return InputError(message, file=self.file, line=self.line, column=self.column, key=key)
 
+    def named_file(self, target: str, main: Path, what: str, path: KeyPath) -> Path:
+        """The file that is named here, which must exist; ``main`` is the main file."""
+        file = (self.folder or (main if self.line is None else Path(self.file)).parent) / target
+        if not file.is_file():
+            raise self.error(f"no such {what}: {os.path.normpath(file)}", path)
+        return file
+
 
 @dataclass
 class Document:
@@ -47,6 +54,11 @@ class Document:
     places: dict[KeyPath, Place] = field(default_factory=dict)
     varies_outlines: bool = False
     notes: list[str] = field(default_factory=list)
+
+    @classmethod
+    def at(cls, place: Place, value: Any) -> Document:
+        """A value as a document all of whose entries come from the same place."""
+        return Document(plain(value), {(): place})
 
     def get(self, path: KeyPath) -> Any:
         """The value at a path that exists."""

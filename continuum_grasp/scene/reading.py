@@ -8,17 +8,8 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, overload
 
 from continuum_grasp.base import InputError, named_value
-from continuum_grasp.scene.assembly import (
-    Overrides,
-    apply_override,
-    assembled,
-    placed,
-    read_overrides,
-    take_version,
-    validated,
-)
-from continuum_grasp.scene.config_kinds import each_of, kind_of, kinds, model_of, other_kind
-from continuum_grasp.scene.document import Document, Place
+from continuum_grasp.scene.assembly import ConfigurationData, Overrides, apply_override, read_overrides, take_version
+from continuum_grasp.scene.config_kinds import each_of, other_kind
 from continuum_grasp.scene.simulate import Scene
 
 Loaded: TypeAlias = Any
@@ -62,15 +53,15 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     return load_placed(path, overrides)[0]
 
 
-def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Document]:
+def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, ConfigurationData]:
     """Load a scene, as `load` does, with the document that says where everything was written."""
-    document = assembled(path, read_overrides(overrides))
-    kind = kind_of(document.value)
-    if kind == "finger":
+    document = ConfigurationData.read(path, read_overrides(overrides))
+    kind = document.kind
+    if kind.name == "finger":
         take_version(document)
-    loaded: Any = validated(document, model_of(kind))
-    if finish := kinds()[kind].finish:
-        loaded = named_value(finish)(loaded, document, Path(path))
+    loaded: Any = document.validated(kind.scene_class)
+    if kind.finish:
+        loaded = named_value(kind.finish)(loaded, document, document.file)
     return loaded, document
 
 
@@ -88,17 +79,17 @@ def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
     return given if isinstance(given, kind) else _read(given, kind, overrides)[0]
 
 
-def placed_scene_of(given: Any, kind: type[Any], overrides: Overrides = ()) -> tuple[Any, Document, Path]:
-    """Build a scene from a mapping, with document and file, which say where everything was written."""
+def placed_scene_of(given: Any, kind: type[Any], overrides: Overrides = ()) -> tuple[Any, ConfigurationData]:
+    """Return a scene that is given as such, as a mapping or by its file, and the data that say where all is written."""
     if not isinstance(given, kind | Mapping):
-        return *_read(given, kind, overrides, ", or a mapping"), Path(given)
-    document = placed(given, Place(kind.__name__))
+        return _read(given, kind, overrides, ", or a mapping")
+    data = ConfigurationData.stated(given, kind.__name__, given.file if isinstance(given, kind) else None)
     for path, new in read_overrides(overrides):
-        apply_override(document, path, new)
-    return validated(document, kind), document, given.file if isinstance(given, kind) else Path(kind.__name__)
+        apply_override(data, path, new)
+    return data.validated(kind), data
 
 
-def _read(given: Any, kind: Any, overrides: Overrides, others: str = "") -> tuple[Any, Document]:
+def _read(given: Any, kind: Any, overrides: Overrides, others: str = "") -> tuple[Any, ConfigurationData]:
     if not isinstance(given, (str, os.PathLike)):
         names = " or ".join(accepted.__name__ for accepted in each_of(kind))
         raise InputError(f"expected a {names} or the path of its file{others}, got {given!r:.80}")

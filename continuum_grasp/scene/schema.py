@@ -6,7 +6,8 @@ import copy
 import json
 from typing import Any
 
-from continuum_grasp.scene.config_kinds import DEFINITIONS, kinds, model_of
+from continuum_grasp.base import InputError
+from continuum_grasp.scene.config_kinds import DEFINITIONS, kinds
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, to_si
 
@@ -19,7 +20,9 @@ _GRASP = {"type": "string", "description": "Path of a grasp file, relative to th
 
 def json_schema(kind: str) -> _Node:
     """JSON Schema of one kind of configuration file."""
-    schema = model_of(kind).model_json_schema()
+    if kind not in kinds():
+        raise InputError(f"no such kind of configuration: expected one of {', '.join(kinds())}, got {kind!r}")
+    schema: _Node = kinds()[kind].scene_class.model_json_schema()
     definitions = schema.setdefault("$defs", {})
     for node in (schema, *definitions.values()):
         for key in node.get("properties", {}).values():

@@ -8,9 +8,8 @@ import math
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sized
-from functools import cache
+from functools import cache, reduce
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn, Self, TypeAlias, TypeVar
 
 from pydantic import (
@@ -31,6 +30,7 @@ from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
+    from continuum_grasp.scene.document import KeyPath
 
 SAME = 1e-9
 """Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
@@ -56,11 +56,10 @@ class Value(BaseModel):
         try:
             super().__init__(**data)
         except ValidationError as error:
-            from continuum_grasp.scene.assembly import placed
-            from continuum_grasp.scene.document import Place
+            from continuum_grasp.scene.document import Document, Place
             from continuum_grasp.scene.problems import input_error
 
-            raise input_error(error, type(self), placed(data, Place(type(self).__name__))) from None
+            raise input_error(error, type(self), Document.at(Place(type(self).__name__), data)) from None
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -139,14 +138,19 @@ class Value(BaseModel):
         Traceback (most recent call last):
         continuum_grasp.base.errors.InputError: GraspScene: object.mas: unknown key; did you mean 'mass'?
         """
-        from continuum_grasp.scene.assembly import changed, placed, read_overrides, validated
-        from continuum_grasp.scene.document import Place
+        from continuum_grasp.scene.assembly import ConfigurationData, read_overrides
 
         name = type(self).__name__
-        overrides, document = read_overrides(changes, name), placed(self, Place(name))
+        overrides, data = read_overrides(changes, name), ConfigurationData.stated(self, name)
         for path, _ in overrides:
-            document.write_out(path, self)
-        return validated(changed(document, overrides, Path(name)), type(self))
+            data.write_out(path, self)
+        return data.changed(overrides).validated(type(self))
+
+    def entry(self, path: KeyPath | str) -> Any:
+        """Return the entry at a key path, or at its text such as ``masses[0].at``; None where there is none."""
+        from continuum_grasp.scene.document import child, undotted
+
+        return reduce(child, undotted(path) if isinstance(path, str) else path, self)
 
     def stated(self, *without: str) -> dict[str, Any]:
         """Return the fields that differ from their defaults, what a user would write, ``without`` some."""

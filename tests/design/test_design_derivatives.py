@@ -15,8 +15,7 @@ from continuum_grasp.addons.design.evaluation import DesignProblem, Expression
 from continuum_grasp.addons.design.held import HeldGrasp, Stencil
 from continuum_grasp.addons.design.space import design_space_of
 from continuum_grasp.nlp import NLP, Multipliers
-from continuum_grasp.scene import placed
-from continuum_grasp.scene.document import Place
+from continuum_grasp.scene import ConfigurationData
 from tests.marks import few
 
 MUG = "configs/grasp/mug.yaml"
@@ -25,7 +24,7 @@ ARCS = "configs/grasp/mug_arcs.yaml"
 
 def problem_of(**keys):
     design = Design(**keys)
-    return DesignProblem(design_space_of(design, placed(design, Place("Design")), "Design"))
+    return DesignProblem(design_space_of(design, ConfigurationData.stated(design, "Design")))
 
 
 def start_of(problem):

@@ -13,7 +13,7 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import Value, kinds, load, units_of
-from continuum_grasp.scene.assembly import kind_of
+from continuum_grasp.scene.config_kinds import kind_of
 from continuum_grasp.scene.objects.outline import OutlineFile
 from continuum_grasp.scene.units import QUANTITIES
 from continuum_grasp.scene.yaml_loader import parse_yaml
@@ -53,7 +53,7 @@ def test_every_kind_is_in_the_table():
     assert [re.findall(r"\w+", row[3])[0] for row in rows] == list(kinds())
     for row, kind in zip(rows, kinds(), strict=True):
         keys = [re.findall(r"`(\w+)`", each)[0] for each in row[1].split(", ")]
-        assert kind_of(dict.fromkeys(keys)) == kind
+        assert kind_of(dict.fromkeys(keys)).name == kind
 
 
 def test_scenes_load(folder):

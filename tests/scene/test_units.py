@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import continuum_grasp as cg
 from continuum_grasp.addons.sweeps import plan_of
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import Samples, Shape, Unit, json_schema, kinds, load, load_placed, model_of, to_si, units_of
+from continuum_grasp.scene import Samples, Shape, Unit, json_schema, kinds, load, load_placed, to_si, units_of
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, advice_on, pattern
 from continuum_grasp.scene.value import field_docs
@@ -303,7 +303,9 @@ def test_a_sweep_takes_the_units_of_its_keys(file):
 
 
 # what every key says
-MODELS = dict.fromkeys(one for kind in kinds() for one in sorted(classes(model_of(kind)), key=lambda one: one.__name__))
+MODELS = dict.fromkeys(
+    one for kind in kinds().values() for one in sorted(classes(kind.scene_class), key=lambda one: one.__name__)
+)
 KEYS = [(model, key) for model in MODELS for key in model.model_fields]
 
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-import os
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from pathlib import Path
 from typing import Any
-
-from pydantic import ValidationError
 
 from continuum_grasp.addons.design.scene import Design, DesignVariable, Tolerance
 from continuum_grasp.addons.sweeps import Follow, SceneKeys, VariedKey, fault_kinds
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import Document, GraspScene, KeyPath, changed, child, placed, refusals, validated
+from continuum_grasp.scene import ConfigurationData, Document, GraspScene, KeyPath, refusals
 
 _PAYLOADS = refusals(
     """
@@ -39,8 +35,7 @@ class DesignSpace:
     """The variables, as coordinates from 0 to 1 from the least value to the greatest."""
     following: tuple[VariedKey[Follow], ...]
     tolerated: tuple[VariedKey[Tolerance], ...]
-    cases: Mapping[str, Document]
-    file: Path
+    cases: Mapping[str, ConfigurationData]
 
     def scene(self, case: str, values: Sequence[float], errors: Sequence[float] = ()) -> GraspScene:
         """The scene of a case for values of the variables, and errors of what is tolerated; InputError if these do not
@@ -56,10 +51,10 @@ class DesignSpace:
         puts += [(coordinate.path, chosen[coordinate.key]) for coordinate in self.coordinates]
         puts += [(tie.path, tie.way.value(chosen[tie.way.key])) for tie in self.following]
         document = self.cases[case]
-        changes = [(path, placed(value, document.place(path))) for path, value in puts]
+        changes = [(path, Document.at(document.place(path), value)) for path, value in puts]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of the scene's file, which has been read
-            scene = validated(changed(document, changes, self.file), GraspScene)
+            scene = document.changed(changes).validated(GraspScene)
         _check_payload(self.design, scene)
         return scene
 
@@ -75,10 +70,10 @@ def _check_payload(design: Design, scene: GraspScene) -> None:
         feature.check(scene)
 
 
-def design_space_of(design: Design, document: Document, file: str | os.PathLike[str]) -> DesignSpace:
+def design_space_of(design: Design, document: ConfigurationData) -> DesignSpace:
     """Resolve a design and check that its keys and values have their place in the scene."""
-    keys = SceneKeys(design, document, Path(file))
-    scene = validated(keys.base, GraspScene)
+    keys = SceneKeys(design, document)
+    scene = keys.base.validated(GraspScene)
     _check_payload(design, scene)
     tolerated = []
     for key, tolerance in design.tolerances.items():
@@ -91,7 +86,6 @@ def design_space_of(design: Design, document: Document, file: str | os.PathLike[
         keys.ties,
         tuple(tolerated),
         {name: _case(keys, name, changes) for name, changes in design.cases.items()} or {SINGLE: keys.base},
-        keys.file,
     )
 
 
@@ -108,27 +102,27 @@ def _coordinate(keys: SceneKeys, key: str, variable: DesignVariable, scene: Gras
 
 def _number(keys: SceneKeys, where: KeyPath, scene: GraspScene, path: KeyPath) -> float:
     """The number of the scene at a path, also one that its file leaves to the default."""
-    number: Any = reduce(child, path, scene)
+    number: Any = scene.entry(path)
     if isinstance(number, bool) or not isinstance(number, int | float):
         message = "the scene has no number there" + ("" if number is None else f", but {number!r:.60}")
         raise keys.document.nearest(where).error(message, where)
     return float(number)
 
 
-def _case(keys: SceneKeys, name: str, changes: Mapping[str, Any]) -> Document:
+def _case(keys: SceneKeys, name: str, changes: Mapping[str, Any]) -> ConfigurationData:
     edits = [keys.change(("cases", name, key), key, value) for key, value in changes.items()]
-    document = changed(keys.base, edits, keys.file)
+    document = keys.base.changed(edits)
     try:
-        validated(document, GraspScene)
+        document.validated(GraspScene)
     except InputError as error:
         # Where every key is right on its own but the scene makes no sense, the variables may repair it.
-        if not isinstance(error.__cause__, ValidationError) or fault_kinds(error.__cause__) != {"value_error"}:
+        if fault_kinds(error) != {"value_error"}:
             raise error from None
     document.value = keys.shape.in_si((), document.value, document.value)
     return document
 
 
-def read_design(design: Design, document: Document, file: Path) -> Design:
+def read_design(design: Design, document: ConfigurationData, file: Path) -> Design:
     """A design from a file, whose keys and values have their place in the scenes that it names."""
-    design_space_of(design, document, file)
+    design_space_of(design, document)
     return design.in_folder(file.parent)

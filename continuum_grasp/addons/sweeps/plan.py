@@ -184,5 +184,5 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
 
 def plan_of(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> SweepPlan:
     """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
-    sweep, document, file = placed_scene_of(config, Sweep, overrides)
-    return SweepPlan(sweep, variation_of(sweep, document, file))
+    sweep, data = placed_scene_of(config, Sweep, overrides)
+    return SweepPlan(sweep, variation_of(sweep, data))

@@ -15,23 +15,7 @@ from pydantic import ValidationError
 from continuum_grasp.addons.design import Design
 from continuum_grasp.addons.sweeps.scene import Draw, Follow, Grid, Sweep, Varied
 from continuum_grasp.base import InputError, nearest
-from continuum_grasp.scene import (
-    Change,
-    Document,
-    KeyPath,
-    Shape,
-    Value,
-    assembled,
-    changed,
-    input_error,
-    kind_of,
-    model_of,
-    named_file,
-    path_of,
-    placed,
-    undotted,
-    validated,
-)
+from continuum_grasp.scene import ConfigurationData, Document, KeyPath, Shape, Value, path_of
 from continuum_grasp.scene import kinds as known_kinds
 
 Way = TypeVar("Way", bound=Value)
@@ -66,13 +50,13 @@ class Variation:
     ties: tuple[VariedKey[Follow], ...]
 
 
-def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str]) -> Variation:
+def variation_of(sweep: Sweep, document: ConfigurationData) -> Variation:
     """Resolve a sweep and check that its keys and values have their place in the scene.
 
     A scene that does not make sense as a whole, such as a finger that begins inside the object, is no error: it is a
     failed run. A key that does not exist, and a value of the wrong type or out of its own range, is.
     """
-    scene = SceneKeys(sweep, document, Path(file), ("grasp", "mpc"))
+    scene = SceneKeys(sweep, document, ("grasp", "mpc"))
     axes = []
     for key, grid in sweep.vary.items():
         where: KeyPath = ("vary", key) if grid.values is None else ("vary", key, "values")
@@ -98,27 +82,32 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
     return Variation(scene.kind, scene.base.value, tuple(axes), tuple(draws), scene.ties)
 
 
-def fault_kinds(error: ValidationError) -> set[str]:
-    """Kinds of faults, in pydantic's words: ``value_error`` of checks of several keys."""
-    return {fault["type"] for fault in error.errors(include_url=False, include_context=False)}
+def fault_kinds(error: InputError) -> set[str]:
+    """Kinds of the faults that validation found, in pydantic's words: ``value_error`` of checks of several keys.
+
+    None where the error is not one of validation.
+    """
+    found = error.__cause__
+    if not isinstance(found, ValidationError):
+        return set()
+    return {fault["type"] for fault in found.errors(include_url=False, include_context=False)}
 
 
 class SceneKeys:
     """The scene that a configuration names, one of ``kinds``, and the keys that it varies of it."""
 
-    def __init__(self, config: Varied, document: Document, file: Path, kinds: Sequence[str] = ("grasp",)) -> None:
+    def __init__(self, config: Varied, document: ConfigurationData, kinds: Sequence[str] = ("grasp",)) -> None:
         self.config, self.document = config, document
-        self._folder = file.parent
         place = document.nearest(("scene",))
-        self.file = Path(os.path.normpath(named_file(place, config.scene, file, "file", ("scene",))))
+        file = Path(os.path.normpath(place.named_file(config.scene, document.file, "file", ("scene",))))
         fixed = [self.change(("set", key), key, value) for key, value in config.set.items()]
-        self.base = assembled(self.file, fixed, map(undotted, config.varied_keys))
-        self.kind = kind_of(self.base.value)
+        self.base = ConfigurationData.read(file, fixed, config.varied_keys)
+        self.kind = self.base.kind.name
         if self.kind not in kinds:
             expected = " or ".join(known_kinds()[kind].expected for kind in kinds)
             raise place.error(f"expected {expected}, got a file of kind {self.kind}", ("scene",))
-        self.model = model_of(self.kind)
-        validated(self.base, self.model)
+        self.model = self.base.kind.scene_class
+        self.base.validated(self.model)
         self.shape = Shape(self.model)
         # So that equal scenes are equal data, by which a sweep resumes.
         self.base.value = self.shape.in_si((), self.base.value, self.base.value)
@@ -131,26 +120,27 @@ class SceneKeys:
         path: KeyPath = ()
         for k, value in enumerate(given):
             path, new = self.change((*where, k) if listed else where, key, value)
-            tried = changed(self.base, [(path, new)], self.file)
+            tried = self.base.changed([(path, new)])
             converted.append(self.shape.in_si(path, tried.get(path), tried.value))
             try:
-                self.model.model_validate(tried.value)
-            except ValidationError as error:
+                tried.validated(self.model)
+            except InputError as error:
                 kinds = fault_kinds(error)
                 # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
                 if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
-                    raise input_error(error, self.model, tried) from error
+                    raise
         return VariedKey(key, path, self.unit(path), way, tuple(converted))
 
-    def change(self, where: KeyPath, key: str, value: Any) -> Change:
+    def change(self, where: KeyPath, key: str, value: Any) -> tuple[KeyPath, Document]:
         """A key of the scene with a value, at its place in the sweep."""
         place = self.document.nearest(where)
-        place = replace(place, folder=self._folder if place.line is None else None)  # not that of the scene
+        beside = self.document.file.parent if place.line is None else None  # not beside the scene
+        place = replace(place, folder=beside)
         try:
             path = path_of(key, place.file)
         except InputError as error:
             raise place.error(error.message, where) from None
-        return path, placed(value, place)
+        return path, Document.at(place, value)
 
     @property
     def ties(self) -> tuple[VariedKey[Follow], ...]:
@@ -166,19 +156,19 @@ class SceneKeys:
         return "" if unit is None or unit == "1" else unit
 
 
-def base_scene(loaded: Any, document: Document, file: str | os.PathLike[str]) -> Any:
+def base_scene(loaded: Any, document: ConfigurationData) -> Any:
     """The scene that a sweep or design varies, as it stands in its file; any other configuration itself."""
     if not isinstance(loaded, Sweep | Design):
         return loaded
-    keys = SceneKeys(loaded, document, Path(file), ("grasp", "mpc"))
-    return validated(keys.base, keys.model)
+    keys = SceneKeys(loaded, document, ("grasp", "mpc"))
+    return keys.base.validated(keys.model)
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def read_sweep(sweep: Sweep, document: Document, file: Path) -> Sweep:
+def read_sweep(sweep: Sweep, document: ConfigurationData, file: Path) -> Sweep:
     """A sweep from a file, whose keys and values have their place in the scene that it names."""
-    variation_of(sweep, document, file)
+    variation_of(sweep, document)
     return sweep.in_folder(file.parent)

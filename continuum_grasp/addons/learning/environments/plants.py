@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -19,7 +18,7 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel, plant_scene, tracked_expression
 from continuum_grasp.control import Outputs, Prediction, setpoints
 from continuum_grasp.model import element_lengths, nominal_values
-from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ControlScene, Scene, doubt, load, other_kind
+from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ControlScene, Scene, doubt, scene_of
 from continuum_grasp.simulation import Signals
 
 MOST_SCENES = 10_000
@@ -64,9 +63,7 @@ def scenes_of(
 ) -> tuple[tuple[ControlScene, ...], tuple[str, ...], tuple[tuple[Any, ...], ...]]:
     """The scenes of an environment, and of a sweep its varied keys and their values in each scene."""
     if isinstance(given, (str, os.PathLike)):
-        loaded: Any = load(Path(given))
-        if not isinstance(loaded, (ControlScene, Sweep)):
-            raise other_kind(given, (ControlScene, Sweep), loaded)
+        loaded = scene_of(given, (ControlScene, Sweep))
         given = given if isinstance(loaded, Sweep) else loaded
     if isinstance(given, ControlScene):
         return (given,), (), ((),)
