@@ -14,9 +14,9 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import ControlScene, Finger, load
-from tests.contact_cases import short_scene
 from tests.control_cases import driven_scene, hand_scene
 from tests.model.test_many_elements import model_of
+from tests.motor_cases import short_scene
 from tests.rods import ROOT
 from tests.rti_problems import cart_pole
 
@@ -77,7 +77,7 @@ def scene(name: str):
     """Scenes: closed loops with and without estimator, tendons with friction, winches, a motor, a contact, tendons
     alone, two arcs.
 
-    Also a detector of contacts by motors, a solver of a cart-pole, a finger that is seen beside a disc and fingers of
+    Also a servo, a solver of a cart-pole, a finger that is seen beside a disc and fingers of
     ``MANY`` elements. Of ``direct`` the inputs set the curvature of the tip at once, and a run-time parameter its
     range.
     """
@@ -96,7 +96,7 @@ def scene(name: str):
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
         "scenarios": scenarios,
         **{name: lambda drive=drive: short_loop(drive) for name, drive in DRIVES.items()},
-        "detector": short_scene,
+        "servo": short_scene,
         "cart-pole": lambda: cg.rti(cart_pole(name="cart-pole")),
         "implicit": lambda: scene("winches"),
         "seen": lambda: load(DISC),

@@ -224,10 +224,6 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
             ]
         },
     ),
-    "contact": (
-        "winches",
-        {"estimator.measured.tension": 0.1, "estimator.contact_detection": {"places": [0.09], "payload": 0.001}},
-    ),
     "state given": (
         "wrap_post",
         {"estimator": None, "controller.bounds.curvature": 10.0, "controller.horizon.substeps": 4},
@@ -243,7 +239,7 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
             "estimator.measured": {"tip": 0.0003},
         },
     ),
-    "contact of motors": ("motor_servo", {"estimator.measured.torque": 0.001, "estimator.contact_detection": {}}),
+    "torques": ("motor_servo", {"estimator.measured.torque": 0.001}),
     "guides": ("winches", {"plant": {"guides": 20}}),
     "all tracked": (
         "turn_bar",

@@ -6,9 +6,6 @@ from .compiled import mission_source as mission_source
 from .compiled_controller import CHANGEABLE as CHANGEABLE
 from .controller import Controller as Controller
 from .estimation.adaptation import Adapted as Adapted
-from .estimation.contact_detector import ContactDetector as ContactDetector
-from .estimation.contact_detector import DetectedContact as DetectedContact
-from .estimation.contact_detector import ResidualContact as ResidualContact
 from .estimation.estimator import Estimator as Estimator
 from .estimation.model import sensed as sensed
 from .estimation.noise import measurement_range as measurement_range

@@ -8,7 +8,6 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError, Summarized, name_of, quoted
 from continuum_grasp.control.estimation.adaptation import Adapted
-from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.status import CALL_RATE, Anomaly, CommandStatus, Health, Sight, Trip, health_text, texts
 
@@ -284,14 +283,6 @@ class Command(Summarized):
     def anomalies(self) -> tuple[str, ...]:
         """Anomalies in words; those of measurements begin with their name."""
         return texts(int(self._number("anomalies")), self._part("verdict").tolist(), self._control.measurement_names)
-
-    @property
-    def contact(self) -> DetectedContact | None:
-        """Contact that the drives feel, by ``estimator.contact_detection``; None without."""
-        if self._control.contact is None:
-            return None
-        parts = {name: self._out[part] for name, part in self._places.items()}
-        return detected_contact(parts, self._control.contact.finger.places)
 
     @property
     def innovation(self) -> tuple[Array, Array]:

@@ -6,12 +6,10 @@ import ctypes
 import hashlib
 import re
 import struct
-from dataclasses import replace
 
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.control.estimation.contact_model import ContactModel
 from continuum_grasp.control.iteration import source as rti
 from continuum_grasp.control.parts import ControlParts, Settings, is_whole
 from continuum_grasp.core import in_lanes, plain_source
@@ -19,17 +17,15 @@ from continuum_grasp.core import in_lanes, plain_source
 
 def macros(parts: ControlParts, *, controls: bool) -> list[str]:
     """Write the dimensions of what a controller has beside its iterations; without ``controls`` of the filter alone."""
-    s, e, c, sizes = parts.stages, parts.estimation, parts.contact, dict[str, int]()
+    s, e, sizes = parts.stages, parts.estimation, dict[str, int]()
     if controls:
-        dimensions = {"ND": s.nd, "NM": len(parts.measurement_names), "ESTIMATES": int(e is not None)}
-        dimensions |= {"TOUCHES": int(c is not None), "NS": len(parts.sensor_names)}
+        dimensions = {"ND": s.nd, "NM": len(parts.measurement_names), "NS": len(parts.sensor_names)}
+        dimensions |= {"ESTIMATES": int(e is not None)}
         sizes |= {f"CONTROLLER_{name}": size for name, size in dimensions.items()}
     if e is not None:
         dimensions = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NS": len(e.sensor_names), "NM": e.nm}
         dimensions |= {"DELAY": parts.periods, "AHEAD": parts.ahead, "NF": len(e.friction), "NA": len(e.adapted)}
         sizes |= {f"EKF_{name}": size for name, size in dimensions.items()}
-    if c is not None:
-        sizes |= {f"CONTACT_{name}": size for name, size in c.sizes.items()}
     return [f"#define {name} {size}" for name, size in sizes.items()]
 
 
@@ -37,7 +33,7 @@ def estimator_source(parts: ControlParts, real: str) -> str:
     """Write the C of an estimator for Python: the functions of ``c/estimator_python.c``."""
     return _joined(
         real,
-        *macros(replace(parts, contact=None), controls=False),
+        *macros(parts, controls=False),
         *_estimator(parts, real),
         _setter("ekf_settings", parts.filter),
         _templates("doubles.h", "estimator_python.c"),
@@ -46,7 +42,7 @@ def estimator_source(parts: ControlParts, real: str) -> str:
 
 def controller_source(parts: ControlParts, real: str) -> str:
     """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
-    estimation, contact = parts.estimation, parts.contact
+    estimation = parts.estimation
     filtered = None if estimation is None else estimation.single
     iterations = rti.iteration_source(parts.stages, real=real, filtered=filtered)
     # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
@@ -55,24 +51,12 @@ def controller_source(parts: ControlParts, real: str) -> str:
     # CasADi defines the prefix of its helpers' names once per file; here those of the stages come first.
     if estimation is not None:
         texts += ["#undef CASADI_PREFIX", *_estimator(parts, real, has_lanes="#define EKF_VECTOR" in iterations)]
-    texts += [] if contact is None else ["#undef CASADI_PREFIX", *_detector(contact, real)]
     texts += [
         _templates("timing.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
         _setter("controller_settings", parts.settings_in(real)),
-        _templates("doubles.h", *(["contact_python.c"] if contact is not None else []), "controller_python.c"),
+        _templates("doubles.h", "controller_python.c"),
     ]
     return "\n".join(texts)
-
-
-def detector_source(model: ContactModel, real: str) -> str:
-    """Write the C of a contact detector for Python: the functions of ``c/detector_python.c``."""
-    return _joined(
-        real,
-        *[f"#define CONTACT_{name} {size}" for name, size in model.sizes.items()],
-        *_detector(model, real),
-        _setter("contact_settings", model.settings),
-        _templates("doubles.h", "contact_python.c", "detector_python.c"),
-    )
 
 
 def mission_source(sizes: dict[str, int], settings: Settings) -> str:
@@ -87,12 +71,6 @@ def mission_source(sizes: dict[str, int], settings: Settings) -> str:
 def _joined(real: str, *texts: str) -> str:
     """Join C that computes in a type."""
     return "\n".join([f"#include <stddef.h>\ntypedef {real} real;", "#define CG_SINGLE" * (real == "float"), *texts])
-
-
-def _detector(model: ContactModel, real: str) -> list[str]:
-    """Write generated functions and templates of a contact detector."""
-    written = plain_source("contact", model.functions, real)
-    return [written, _templates("checks.h", "contact_detector.h", "contact_detector.c")]
 
 
 def _estimator(parts: ControlParts, real: str, *, has_lanes: bool = False) -> list[str]:

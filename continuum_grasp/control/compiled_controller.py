@@ -15,7 +15,6 @@ from continuum_grasp.base import Array, InputError, Summarized, check_arguments,
 from continuum_grasp.control.arguments import named, numbers, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled import Compiled, controller_source
-from continuum_grasp.control.estimation.contact_detector import contact_parts
 from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import ControlParts, Settings
@@ -56,7 +55,7 @@ class CompiledController(Remade, Summarized):
 
     def _compile(self, parts: ControlParts, precision: str, deadline: float) -> None:
         """Compile from parts, whose commands are late after ``deadline`` [s]."""
-        s, n, estimation, contact = parts.stages, parts.stages.stages, parts.estimation, parts.contact
+        s, n, estimation = parts.stages, parts.stages.stages, parts.estimation
         self.parts, self.stages, self.period, self.precision = parts, s, parts.calls.period, precision_of(precision)
         self.measurement_names = parts.measurement_names
         # With an infinite deadline no command is late.
@@ -68,7 +67,6 @@ class CompiledController(Remade, Summarized):
         sizes = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
         sizes |= {"excess": s.nc, "then": nz, "upper": nz * nz, "diagonal": nz}
         sizes |= {"innovation": ny, "innovation_variance": ny}
-        sizes |= {} if contact is None else contact_parts(contact)
         sizes |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
         self._c = Compiled(controller_source(parts, self.precision), self._settings, inputs, sizes, self._what)
         self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
@@ -85,11 +83,11 @@ class CompiledController(Remade, Summarized):
             "applied": (s.u_names, None),
         }
 
-    def _start(self, x: Array, u: Array, *, given: bool = False) -> None:
-        """Start again from a state (nd) of the model, given or the usual one, with an input (nu) before."""
+    def _start(self, x: Array, u: Array) -> None:
+        """Start again from a state (nd) of the model, with an input (nu) before."""
         z = np.zeros(self._nz)
         z[: x.size] = x
-        self._c.give("cg_start", z, u, self.stages.p_nominal, np.array([float(given)]))
+        self._c.give("cg_start", z, u, self.stages.p_nominal)
         self._step, self._late, self._time = 0, False, math.nan
         self._own = {key: (value, 0.0) for key, (value, _) in self._own.items()}
         self._targets = None

@@ -146,7 +146,7 @@ class Controller(CompiledController):
         for name, value, low, high in zip(self.stages.u_names, before, least, most, strict=True):
             if not low <= value <= high:
                 raise InputError(f"{name}: {value:g} is beyond what a drive can have, {low:g} to {high:g}", key="u")
-        self._start(x, before, given=state is not None)
+        self._start(x, before)
 
     def step(
         self,

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
 from continuum_grasp.control.estimation.excitation import memory_of, quiet_sensitivities
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
 from continuum_grasp.control.estimation.noise import Ranges, measurement_std, noise_of, ranges_of
@@ -85,22 +84,19 @@ class ControlParts:
     supervisor: Settings  # members of ``supervisor_settings``
     filter: Settings  # members of ``ekf_settings``, none without an estimator
     estimation: Estimation | None = None
-    contact: ContactModel | None = None  # by ``estimator.contact_detection``
     periods: int = 0  # age of a measurement when it arrives
 
     @staticmethod
     def of_scene(scene: ControlScene, model: Prediction) -> ControlParts:
         """Parts of a scene, whose model exists already."""
-        asked, stages, estimation, contact = scene.controller, stages_of(scene, model), None, None
+        asked, stages, estimation = scene.controller, stages_of(scene, model), None
         _check_period(asked.step, stages, "controller.period")
         if scene.estimator is not None:
             estimation = estimation_of(scene, model, stages.method)
-            contact = contact_model_of(scene) if scene.estimator.contact_detection is not None else None
         counts = asked.sqp_iterations, asked.start_iterations, asked.start_calls, asked.iterations
         ranges = ranges_of(scene, model, stages, estimation)
         unknown = estimation.z_names if estimation is not None else ()
-        touches = model.system.surroundings is not None or contact is not None
-        touches = touches or any("contact" in name for name in unknown)
+        touches = model.system.surroundings is not None or any("contact" in name for name in unknown)
         return ControlParts(
             stages=stages,
             calls=ControllerCalls(asked.step, np.array(scene.rest_input), safe_ramp(scene.finger), *counts),
@@ -109,7 +105,6 @@ class ControlParts:
             supervisor=_supervised(scene, stages, estimation, touches),
             filter={} if estimation is None else _filter(scene, model, stages, estimation, ranges),
             estimation=estimation,
-            contact=contact,
             periods=delay_periods(scene),
         )
 
@@ -175,13 +170,11 @@ class ControlParts:
         for name, pairs in limits.items():
             settings |= {f"{name}_min": pairs[:, 0], f"{name}_max": pairs[:, 1]}
         settings |= {name: getattr(calls, name) for name in ("sqp_iterations", "start_iterations", "start_calls")}
-        contact = {} if self.contact is None else self.contact.settings_within(self.measurement_names)
         return {
             **_nested("rti", iteration),
             **settings,
             **_nested("supervisor", self.supervisor),
             **_nested("ekf", self.filter),
-            **_nested("contact", contact),
         }
 
 

@@ -29,7 +29,6 @@ from .core import Core as Core
 from .core import compile as compile
 from .integrators import differentiated_step as differentiated_step
 from .integrators import step_function as step_function
-from .integrators.derivatives import solve as solve
 from .integrators.sdirk2 import GAMMA as GAMMA
 from .integrators.sdirk2 import correct as correct
 from .integrators.sdirk2 import predict as predict

@@ -209,8 +209,6 @@ def _stateful(contents: Contents) -> str:
         memory=[(name, words[f"{name}_bytes"]) for function in contents.stateful for name in function.types],
         iterations=f"{usual} at the last plan, or {first} where there is none: at first, and after blindness",
         mpc="mpc" in loop.parts,
-        owner="controller" if "mpc" in loop.parts else contents.stateful[-1].types[0],
-        places=", ".join(f"{at:g} m" for at in loop.contact.finger.places) if loop.contact is not None else "",
     )
 
 

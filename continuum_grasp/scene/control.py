@@ -38,12 +38,6 @@ _OF_TENDON = {"tendon_friction": "friction", "presliding": "presliding_length"}
 """Attribute of a tendon behind those keys that have another name."""
 
 
-def _two_frictions(scene: ControlScene) -> bool:
-    """Whether one error of the friction stands for tendons with different coefficients."""
-    asked = scene.estimator and scene.estimator.contact_detection
-    return bool(asked and asked.tendon_friction) and len({tendon.friction for tendon in scene.finger.tendon_list}) > 1
-
-
 def _jumps(scene: ControlScene) -> bool:
     """Whether the plant's tensions, or its tip moment, follow commands at once."""
     return bool(scene.finger.winches) or (scene.lag is None and scene.plant.time_constant is None)
@@ -83,8 +77,6 @@ class ControlScene(CommandedScene):
             estimator.disturbances.object_position with object_moves: needs an object that stays
             estimator.adapt.bending_stiffness with estimator.disturbances.bending_stiffness:
                 is estimated already: give one of both
-            estimator.contact_detection with finger.tendons.drive.backlash:
-                sees nothing through a gear with backlash, whose drum is not measured
             estimator.disturbances.{bending_stiffness,tendon_friction}
                 estimator.adapt.{bending_stiffness,tip_mass,drive_time_constant}
                 without parameters=NAME: needs parameters: [NAME]
@@ -110,13 +102,6 @@ class ControlScene(CommandedScene):
                 is that of commanded tensions: it needs finger.tendons.time_constant
             controller.scenarios.{tendon_friction,presliding,axial_stiffness,series_stiffness,time_constant}
                 with unlike(NAME): needs tendons that have it alike
-            estimator.contact_detection without estimator.measured.{length,angle}:
-                needs estimator.measured.length or estimator.measured.angle of drives, whose tension a contact changes
-            estimator.contact_detection with two_frictions:
-                needs tendon_friction: 0 where tendons have different coefficients
-            estimator.contact_detection with unfelt: needs estimator.measured.tension of winches
-            estimator.contact_detection with late:
-                needs estimator.measured.torque with a delay: a commanded torque is not as old as the angle
             """,
             chambers_alone=lambda s: s.finger.chambers and not s.finger.tendons,
             rigid=lambda s: not (s.plant.axial_stiffness or all(t.axial_stiffness for t in s.finger.tendon_list)),
@@ -128,10 +113,6 @@ class ControlScene(CommandedScene):
             unlike=lambda s, name: (
                 len({getattr(t, _OF_TENDON.get(name) or name) for t in s.finger.tendon_list} | {None}) != 2
             ),
-            two_frictions=_two_frictions,
-            unfelt=lambda s: (of := s.estimator) and of.measured.length and not of.measured.tension,
-            # Commanded torques then stand in for measured ones, and are not as old as the angles of the motors.
-            late=lambda s: (of := s.estimator) and of.measured.angle and of.delay and not of.measured.torque,
         ),
         *tracked("controller.cost"),
     )
@@ -194,8 +175,6 @@ class ControlScene(CommandedScene):
             doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
 
     def _check_estimator(self, estimator: EstimatorSettings) -> None:
-        if estimator.contact_detection is not None:
-            self.finger.rod.check_inside("estimator.contact_detection.places[{}]", estimator.contact_detection.places)
         if estimator.measured.bending is not None:
             self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.

@@ -15,11 +15,9 @@ from continuum_grasp.scene.value import (
     Duration,
     Length,
     ListOf,
-    Mass,
     Position,
     Positive,
     Real,
-    TimeConstant,
     Value,
     doubt,
 )
@@ -68,9 +66,6 @@ class Mounting(Value):
             ends = [connection.of for connection in getattr(self, name)]
             if sorted(ends) != list(range(1, len(ends) + 1)):
                 raise ValueError(f"{name}: expected every number from 1 to {len(ends)} once as `of`, got {ends}")
-
-
-Share = Annotated[float, Field(ge=0.0, le=0.9), Unit("1")]
 
 
 class BendingSensors(Value):
@@ -182,33 +177,6 @@ class Adapt(Value):
             raise ValueError("name a parameter: bending_stiffness, tip_mass or drive_time_constant")
 
 
-class ContactDetection(Value):
-    """A momentum observer with a threshold that follows from what is uncertain: greatest errors, not deviations.
-
-    A finger that touches nothing raises no alarm while all errors are within these.
-    """
-
-    bending_stiffness: Share = 0.2
-    """Greatest relative error of the bending stiffness [1]."""
-    tendon_friction: Share = 0.5
-    """Greatest relative error of the tendons' friction coefficient [1]."""
-    coulomb_friction: Share = 0.3
-    """Greatest relative error of the motors' dry friction [1]; at rest its direction is not known either."""
-    payload: Mass = 0.0
-    """Greatest unknown mass at the tip [kg]."""
-    tension: Share = 0.05
-    """Greatest relative error of a tension by all else: the model of the tendons, cables, arms [1]."""
-    history_known: bool = True
-    """Whether the finger came to where it starts as ``initial`` states, for tendons with friction. False: the threshold
-    contains the whole loop until motions have passed through it."""
-    time_constant: Annotated[TimeConstant, Field(examples=["20 ms"])] | None = None
-    """Time constant of the residual's low-pass filter [s]. None: 0.2617 natural times of the finger, sqrt(m L^3 / E I);
-    20 ms of one with 76 ms."""
-    places: ListOf[Length] = ()
-    """Positions along the finger where a contact may be [m], for which forces are reported; none: the middle and the
-    tip."""
-
-
 class EstimatorSettings(Value):
     """An extended Kalman filter with disturbance states."""
 
@@ -226,8 +194,6 @@ class EstimatorSettings(Value):
     control periods. A stiffness that one plant has and another has not is a wide spread with a slow drift."""
     adapt: Adapt | None = None
     """Model parameters that are estimated while it runs; None: none."""
-    contact_detection: ContactDetection | None = None
-    """Detection of contact by what the drives feel, of fingers with winches or motors; None: none."""
     acceleration_std: Annotated[Positive, Field(examples=[1.0]), Unit("rad/s2 s^0.5")] | None = None
     """Unmodeled acceleration of each bending angle [rad/s2 s^0.5]. None: 0.2113 T^-1.5, with the natural time of the
     finger T = sqrt(m L^3 / E I); 10 of one with 76 ms."""

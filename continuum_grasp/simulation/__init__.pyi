@@ -27,10 +27,8 @@ from .spectrum import spring_frequency as spring_frequency
 from .spectrum import stiff_method as stiff_method
 from .static_shape import Equilibrium as Equilibrium
 from .static_shape import friction_history as friction_history
-from .statics import Friction as Friction
 from .statics import equilibrium_path as equilibrium_path
 from .statics import equilibrium_under as equilibrium_under
-from .statics import following as following
 from .statics import friction_of as friction_of
 from .trajectory import Trajectory as Trajectory
 from .trajectory import acting_input as acting_input

@@ -294,16 +294,11 @@ def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> Fi
     )
 
 
-def following(drive: Any) -> LengthDrive:
-    """A winch that follows a length in place of a drive, for what is at rest: its time constant means nothing."""
-    same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
-    return LengthDrive(kind="length", time_constant=1.0, **same)
-
-
 def _locked(drive: Any) -> Any:
     """A winch that follows a length in place of a motor, or the motor that stands before its gear."""
     if drive.gear_stiffness is None:
-        return following(drive)
+        same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
+        return LengthDrive(kind="length", time_constant=1.0, **same)  # of no effect at rest
     # A servo and a gear of twice the stiffness each yield together what the gear does.
     stiffness = 2.0 * drive.gear_stiffness
     # 1e12: torque that holds a motor wherever it stands [N m]: the greatest number that a scene has

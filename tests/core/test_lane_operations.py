@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.core import find_compiler, lane_function, solve
+from continuum_grasp.core import find_compiler, lane_function
+from continuum_grasp.core.integrators.derivatives import solve
 from continuum_grasp.core.source import lane_prelude
 
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")

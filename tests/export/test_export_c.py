@@ -29,8 +29,8 @@ PACKAGES = {
     ("given", "double"): ("mpc",),
     ("adapting", "double"): LOOP,
     ("scenarios", "double"): ("mpc",),
-    ("detector", "float"): LOOP,
-    ("detector", "double"): LOOP,
+    ("servo", "float"): LOOP,
+    ("servo", "double"): LOOP,
     ("cart-pole", "double"): ("mpc",),
     ("implicit", "double"): ("implicit_step",),
     ("implicit", "float"): ("implicit_step",),
@@ -83,7 +83,7 @@ def test_with_fast_flags_to_rounding_and_nothing_gets_past_the_checks(name, real
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(
     ("name", "real"),
-    few([(name, "float") for name in ("friction", "seen", "limited", "observed")] + [("detector", "double")], 2),
+    few([(name, "float") for name in ("friction", "seen", "limited", "observed")] + [("servo", "double")], 2),
 )
 def test_any_bits_under_sanitizers(name, real, compiler, packages, tmp_path):
     flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")

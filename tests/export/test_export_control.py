@@ -318,7 +318,7 @@ def test_a_build_in_single_precision_that_is_wrong_is_refused(fault, monkeypatch
 @needs("cc")
 def test_calls_from_the_same_memory_agree_although_runs_part(packages):
     """Of a controller for which rounding decides now and then whether a tendon sticks."""
-    functions = json.loads((packages("detector", "float") / "MANIFEST.json").read_text())["functions"]
+    functions = json.loads((packages("servo", "float") / "MANIFEST.json").read_text())["functions"]
     (command,) = functions["mpc"]["errors"].values()
     assert command["usual_call"] < 1e-5 * command["greatest_value"]
     assert command["over_the_run"] > 0.01 * command["greatest_value"]

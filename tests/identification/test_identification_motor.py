@@ -8,8 +8,8 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import Fit, Reading, TipPath
 from continuum_grasp.addons.identification.scene import Estimate
-from tests.contact_cases import MOTOR, NOISE, STEP, plant
 from tests.identification_cases import at_tip
+from tests.motor_cases import MOTOR, NOISE, STEP, plant
 from tests.tendon_cases import CABLE, OFFSET, PASSIVE, STIFFNESS
 from tests.truth.servo import ServoedChain
 

@@ -241,23 +241,6 @@ def test_what_would_have_no_effect_is_refused(key, refused):
     assert caught.value.key == key
 
 
-FREE = (
-    "estimator.disturbances.tendon_friction=null",
-    "estimator.spread.tendon_friction=null",
-    "plant.tendon_friction=null",
-)
-
-
-def test_one_error_of_friction_is_not_that_of_unlike_tendons():
-    sensed = ["estimator.measured.tension=0.1", "estimator.contact_detection={tendon_friction: 0.3}"]
-    scene = cg.load("configs/mpc/winches.yaml", ["parameters=[bending_stiffness]", *sensed, *FREE])
-    one = scene.finger.tendons.model_dump(exclude={"offset", "friction"}, exclude_none=True)
-    pair = [{**one, "offset": 0.005, "friction": 0.1}, {**one, "offset": -0.005, "friction": 0.2}]
-    assert scene.changed({"finger.tendons": pair, "estimator.contact_detection.tendon_friction": 0.0})
-    with pytest.raises(InputError, match="tendon_friction: 0 where tendons have different"):
-        scene.changed({"finger.tendons": pair})
-
-
 def test_environments_list_what_they_do_not_keep():
     given = cg.load("configs/mpc/steady_tip.yaml", ["plant.seed=3", "controller.bounds.speed=20.0"])
     listed = [text.partition(":")[0] for text in CONSUMERS["environments"].check(given)]

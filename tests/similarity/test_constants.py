@@ -8,8 +8,6 @@ LEFT = {
     ("model/surfaces/offset_polygon.py", "SHARP"): "radius of an edge without one",
     ("model/surfaces/offset_polygon.py", "_SKIN"): "rounding of positions",
     ("simulation/statics.py", "1e12"): "beyond all numbers of a scene",
-    ("control/c/contact_detector.h", "CONTACT_MOST"): "beyond all forces",
-    ("control/estimation/contact_detector.py", "_MOST"): "the same",
     ("closed_loop/chain_system.py", "1e-9"): "no tension",
 }
 

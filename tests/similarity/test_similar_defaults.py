@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control import Prediction
-from continuum_grasp.control.estimation.contact_model import contact_model_of
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import noise_of
 from continuum_grasp.scene import load
-from tests.contact_cases import scene as contact_scene
 from tests.rods import ROOT
 from tests.similarity.similar import larger, power
 
@@ -44,13 +42,3 @@ def test_noise_that_a_scene_leaves_open_follows_the_finger(name, left_open, hand
     other_process, other_initial, _ = noise(larger(scene, SIZES))
     assert other_process * 2.0 ** SIZES["T"] / factors == pytest.approx(process, rel=1e-9)
     assert other_initial / factors == pytest.approx(initial, rel=1e-9)
-
-
-def test_the_filter_of_the_contact_detection_follows_the_finger():
-    scene = contact_scene()
-    found = contact_model_of(scene).settings
-    stated = contact_model_of(contact_scene(detection={"time_constant": 0.02})).settings
-    scaled = contact_model_of(larger(scene, SIZES, of_input="rad")).settings
-    for key in ("blend", "fade"):
-        assert found[key] == pytest.approx(stated[key], rel=2e-3)
-        assert scaled[key] == pytest.approx(found[key], rel=1e-12)

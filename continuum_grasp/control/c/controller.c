@@ -21,9 +21,6 @@ void controller_start(controller_state *state, const controller_settings *settin
   for (int j = 0; j < RTI_NU; ++j) cg_limit(&state->u[j], settings->applied_min[j], settings->applied_max[j]);
 #if CONTROLLER_ESTIMATES
   ekf_start(&state->ekf, &settings->ekf, z0, state->u);
-#if CONTROLLER_TOUCHES
-  contact_start(&state->contact, &settings->contact, 0);
-#endif
 #else
   memcpy(state->x, z0, sizeof state->x);
 #endif
@@ -73,9 +70,6 @@ static int controller_estimate(controller_state *state, controller_work *work, c
   real z[EKF_NZ];
   const int result = ekf_step(&state->ekf, &work->ekf, &o->ekf, measurement, state->u, state->p, &out->ekf);
   for (int j = 0; j < CONTROLLER_NM; ++j) out->verdict[j] = out->ekf.verdict[j];
-#if CONTROLLER_TOUCHES
-  contact_step(&state->contact, &o->contact, measurement, state->u, &out->contact);
-#endif
   if (out->ekf.limited) out->anomalies |= CONTROLLER_ESTIMATE_LIMITED;
   /* A restarted estimate is a guess: it is reported, but no plan starts from it. */
   int known = result == EKF_OK;

@@ -52,8 +52,8 @@
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
- * ekf.h, and the generated function estimated_parameters; CONTROLLER_TOUCHES: whether there is a contact detector, with
- * the dimensions of contact_detector.h. CONTROLLER_TICKS() may be a clock (uint32_t) that times the phases.
+ * ekf.h, and the generated function estimated_parameters. CONTROLLER_TICKS() may be a clock (uint32_t) that times the
+ * phases.
  */
 #ifndef CONTROLLER_H
 #define CONTROLLER_H
@@ -109,9 +109,6 @@ typedef struct {
   int sqp_iterations, start_iterations;         /* from the last plan, and from one at rest */
   int start_calls;            /* calls over which the latter are spread, the fewest in the first, which integrates a motion too */
   supervisor_settings supervisor;
-#if CONTROLLER_TOUCHES
-  contact_settings contact;
-#endif
 } controller_settings;
 
 typedef struct {
@@ -126,9 +123,6 @@ typedef struct {
   real u[RTI_NU], p[RTI_SIZE(RTI_NP)];  /* last input that was applied, last good parameters */
   rti_plan plan;
   supervisor_state supervisor;
-#if CONTROLLER_TOUCHES
-  contact_state contact;
-#endif
 #if CONTROLLER_ESTIMATES
   ekf_state ekf;
 #else
@@ -165,9 +159,6 @@ typedef struct {
   supervisor_report supervisor;
 #if CONTROLLER_ESTIMATES
   ekf_report ekf;
-#endif
-#if CONTROLLER_TOUCHES
-  contact_report contact;
 #endif
   uint32_t ticks[CONTROLLER_PHASES];    /* of estimation, preparation, feedback */
 } controller_output;

@@ -20,15 +20,12 @@ size_t cg_size(void) { return sizeof(cg_object); }
 size_t cg_state_size(void) { return sizeof(controller_state); }
 void cg_settings(cg_object *o, const double *values) { cg_fill(&o->settings, values); }
 
-/* in: z, u, p, whether a contact detector starts at z too; by default it does where the settings say */
+/* in: z, u, p */
 void cg_start(cg_object *o, const double *in)
 {
   real z[CG_START];
-  in = cg_read(o->p, cg_read(o->applied, cg_read(z, in, CG_START), RTI_NU), RTI_NP);
+  cg_read(o->p, cg_read(o->applied, cg_read(z, in, CG_START), RTI_NU), RTI_NP);
   controller_start(&o->state, &o->settings, z, o->applied, o->p);
-#if CONTROLLER_TOUCHES
-  if (*in > 0) contact_start(&o->state.contact, &o->settings.contact, z);
-#endif
 }
 
 /* in: states and inputs over the horizon, from which the next step iterates as from a plan of now */
@@ -44,7 +41,7 @@ int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 /* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is an argument;
  * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung, sight, ahead), mismatch, activity,
  * ticks, u, x, p, verdicts, excess of rows, of the time of the measurement z and its covariance U diag(D) U',
- * innovations, their variances, contact, plan */
+ * innovations, their variances, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
 {
   controller_input given = {o->measurement, o->setpoints, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
@@ -78,9 +75,6 @@ int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
   out = cg_write(out, o->state.ekf.D, EKF_NZ);
   out = cg_write(out, found->ekf.innovation, EKF_NY);
   out = cg_write(out, found->ekf.variance, EKF_NY);
-#endif
-#if CONTROLLER_TOUCHES
-  out = cg_write_contact(out, &found->contact);
 #endif
   out = cg_write(out, &o->state.plan.x[0][0], (RTI_N + 1) * RTI_NX);
   cg_write(out, &o->state.plan.u[0][0], RTI_N * RTI_NU);

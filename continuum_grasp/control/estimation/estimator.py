@@ -11,7 +11,6 @@ from continuum_grasp.base import Array, InputError, Summarized, check_arguments,
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
-from continuum_grasp.control.estimation.contact_detector import ContactDetector, DetectedContact
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.status import Anomaly, MeasurementVerdict, texts
@@ -38,8 +37,6 @@ class Filtered(Summarized):
         Measured minus expected of each compared quantity, taken one by one, and its variance (0: not compared).
     verdict : tuple of Verdict
         Verdict on each measurement.
-    contact : DetectedContact or None
-        What the drives feel, by ``estimator.contact_detection``; None without.
     adapted : dict of str to Adapted
         Parameters of ``estimator.adapt`` by name: value, standard deviation, and whether measurements tell it.
     """
@@ -49,10 +46,9 @@ class Filtered(Summarized):
         names: tuple[str, ...],
         parts: dict[str, Array],
         restarted: bool,
-        contact: DetectedContact | None,
         adapted: tuple[AdaptedState, ...] = (),
     ) -> None:
-        self._names, self.contact = names, contact
+        self._names = names
         self.z, self.p, self.then = parts["z"], parts["p"], parts["then"]
         self.covariance = parts["covariance"].reshape(self.z.size, -1)
         self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
@@ -71,8 +67,6 @@ class Filtered(Summarized):
             "std": ", ".join(f"{value:.2g}" for value in self.std),
             "verdicts": ", ".join(flag.name.lower() for flag in self.verdict),
         }
-        if self.contact is not None:
-            rows["contact"] = self.contact.contact.name.lower()
         rows |= {name: str(value) for name, value in self.adapted.items()}
         return {**rows, **({"anomalies": "; ".join(self.anomalies)} if self.anomaly else {})}
 
@@ -113,8 +107,6 @@ class Estimator(Remade, Summarized):
         Numbers of the filter, by the names in ``c/ekf.h``.
     first : (nx,) ndarray
         State of the scene's initial pose.
-    detector : ContactDetector or None
-        That of ``estimator.contact_detection``, which runs along.
 
     Raises
     ------
@@ -153,9 +145,6 @@ class Estimator(Remade, Summarized):
         self._measurement, self._u, self._p = self._c.given
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
         self.first = first_state(self.scene, self.prediction)
-        self.detector = None if parts.contact is None else ContactDetector(self.scene, precision=precision)
-        felt = () if self.detector is None else self.detector.measurement_names
-        self._felt = [self.measurement_names.index(name) for name in felt]
         self.reset()
 
     def headline(self) -> str:
@@ -185,11 +174,6 @@ class Estimator(Remade, Summarized):
         z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
         before = vector("u", self.scene.rest_input if u is None else u, self.prediction.nu)
         self._c.give("cg_start", z, before)
-        if self.detector is not None:
-            if state is None:
-                self.detector.reset()
-            else:
-                self.detector.start(z[: self.prediction.nx])
 
     def step(self, measurement: ArrayLike | None, u: ArrayLike, *, p: ArrayLike | None = None) -> Filtered:
         """Predict over a period and update with a measurement; call it once per period.
@@ -221,21 +205,15 @@ class Estimator(Remade, Summarized):
         status, found = self._c.step()
         if status < 0:
             raise InputError("u or p is beyond what the precision can hold")
-        contact = None if self.detector is None else self.detector.step(self._measurement[self._felt], self._u)
-        return Filtered(self.measurement_names, found, status == _RESTARTED, contact, self.estimation.adapted)
+        return Filtered(self.measurement_names, found, status == _RESTARTED, self.estimation.adapted)
 
     def save_state(self) -> bytes:
         """Return all that the next estimate depends on."""
-        saved = self._c.save(0)
-        # The detector's is behind that of the filter, whose size is known.
-        return saved if self.detector is None else saved + self.detector.save_state()
+        return self._c.save(0)
 
     def restore(self, saved: bytes) -> None:
         """Continue from a saved state, which must be of the same problem, version and precision."""
-        size = len(saved) if self.detector is None else len(self._c.save(0))
-        self._c.restore(saved[:size])
-        if self.detector is not None:
-            self.detector.restore(saved[size:])
+        self._c.restore(saved)
 
     __getstate__ = save_state
     __setstate__ = restore

@@ -25,10 +25,6 @@ _TEXTS = {
     "expanded": "Cost with gradient and Hessian; bounded rows with their Jacobian.",
     "outputs": "What is compared with measurements, with its derivative.",
     "parameters": "Parameters with the disturbances.",
-    "measured": "What winches have wound up, and what pulls them.",
-    "begin": "State and lengths of winches, as a step takes them.",
-    "tension": "What the tendons of a finger that touches nothing pull winches with.",
-    "gain": "Tension per force across the finger.",
     "forces": "Normal forces at the contacts.",
 }
 """Descriptions of kernels, by the last word of their names."""

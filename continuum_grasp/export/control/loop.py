@@ -251,25 +251,6 @@ class Loop(ControlParts):
         unique = identifiers(field.name for field in fields)
         return Struct("settings", text, tuple(replace(f, name=n) for f, n in zip(fields, unique, strict=True)))
 
-    @cached_property
-    def touch(self) -> Struct | None:
-        """Contact that the drives feel; None without a detector."""
-        if self.contact is None:
-            return None
-        drives, places = self.contact.sizes["ND"], self.contact.sizes["NL"]
-        of_place = "per place: " + ", ".join(f"{at:g} m" for at in self.contact.finger.places)
-        fields = [
-            Field("verdict", "1", "one of ..._CONTACT_...", 0.0, 4.0),
-            Field("residual", "N", "tension in excess of the free finger's, per drive", shape=(drives,)),
-            Field("low", "N", "least residual of a finger that touches nothing", shape=(drives,)),
-            Field("high", "N", "greatest", shape=(drives,)),
-            Field("gain", "1", "tension per force across the finger, per place and drive", shape=(places, drives)),
-            Field("threshold", "N", f"least force that is detected, {of_place}", 0.0, shape=(places,)),
-            Field("force_low", "N", "least force that explains the residual, per place", shape=(places,)),
-            Field("force_high", "N", "greatest; below the least where none does", shape=(places,)),
-        ]
-        return Struct("contact", "What the drives feel, by a finger that touches nothing.", tuple(fields))
-
     @property
     def nominal_settings(self) -> Array:
         """Values of ``settings`` that the scene gives."""
@@ -292,8 +273,6 @@ class Loop(ControlParts):
                 *([e.parameters] if controls else []),
                 *([e.flow] if self.ahead > 1 else []),
             ]
-        if self.contact is not None:
-            functions += self.contact.functions
         if e is not None and e.contact_forces is not None and self.phases is not None:
             symbols = [ca.SX.sym(name, e.contact_forces.size1_in(k)) for k, name in enumerate("zup")]
             functions.append(ca.Function("estimator_forces", symbols, [e.contact_forces(*symbols)[0]], [*"zup"], ["f"]))

@@ -266,14 +266,9 @@ _Begin = Callable[[int, int], _Record]
 """Begins a record of a function by the number of its outputs, and of those that must agree."""
 
 
-def _felt(loop: Loop) -> int:
-    """Count of outputs that say what the drives feel."""
-    return 0 if loop.touch is None else loop.touch.size
-
-
 def _controller_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
     rng, nu = np.random.default_rng(0), loop.command.size
-    record = begin(nu + loop.start.size + 5 + _felt(loop), nu)
+    record = begin(nu + loop.start.size + 5, nu)
     limits = np.clip((loop.stages.u_min, loop.stages.u_max), -UNLIMITED, UNLIMITED)
     for episode in range(_EPISODES):
         finger, u, planned = ReplayedFinger(loop, rng), loop.before.copy(), False
@@ -303,7 +298,7 @@ def _controller_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, li
 def _estimator_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
     rng, nz = np.random.default_rng(1), loop.estimate.size
     low, high = loop.stages.u_min, loop.stages.u_max
-    record = begin(2 * nz + 1 + _felt(loop), nz)
+    record = begin(2 * nz + 1, nz)
     for episode in range(_EPISODES):
         finger, u = ReplayedFinger(loop, rng), loop.before.copy()
         for k in range(_EPISODE):

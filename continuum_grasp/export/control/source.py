@@ -32,7 +32,6 @@ from continuum_grasp.export.strict_math import c_source
 _MODULES = {
     "rti": "rti",
     "ekf": "ekf",
-    "contact": "contact",
     "controller": "loop",
     "supervisor": "supervisor",
     "mission": "phases",
@@ -40,7 +39,7 @@ _MODULES = {
 }
 """Beginnings of names in ``control/c``, and behind the prefix of a package."""
 _NAME = re.compile(rf"\b(?:{'|'.join(_MODULES)})_\w+|\b(?:{'|'.join(module.upper() for module in _MODULES)})_\w+")
-_HEADER = re.compile(r"\b(?:rti|ekf|contact_detector|supervisor|controller|mission|checks)\.h\b")
+_HEADER = re.compile(r"\b(?:rti|ekf|supervisor|controller|mission|checks)\.h\b")
 _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 _PROTOTYPE = re.compile(
     r"^(?:/\*(?:(?!\*/).)*\*/\n)?(?:int|void) \w+\([^;{}]*\);\n",
@@ -132,7 +131,7 @@ class _Writer:
     def __init__(self, loop: Loop, prefix: str, real: Real) -> None:
         self.loop, self.prefix, self.real = loop, prefix, real
         self.mpc = mpc = "mpc" in loop.parts
-        needed: dict[str, object] = {"rti": mpc, "ekf": loop.estimation, "contact_detector": loop.contact}
+        needed: dict[str, object] = {"rti": mpc, "ekf": loop.estimation}
         needed |= {"supervisor": mpc, "controller": mpc, "mission": loop.phases}
         self.modules = [name for name, reason in needed.items() if reason]
         """Modules of ``control/c`` that the package has, each after those that it needs."""
@@ -203,7 +202,7 @@ class _Writer:
             texts.append(self.array("first_setpoints", loop.wanted))
             texts.append(f"static const {p}_loop_settings loop_settings = {self.initializer(loop.members)};")
         else:
-            texts += [self.own_settings("ekf"), *([self.own_settings("contact")] if loop.contact is not None else [])]
+            texts.append(self.own_settings("ekf"))
         if loop.phases is not None:
             phase_settings = self.initializer(loop.phases.members)
             texts.append(f"static const {p}_phases_settings phase_settings = {phase_settings};")
@@ -251,7 +250,6 @@ class _Writer:
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "indent_mission": " " * len(f"int {p}_mission_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
-            "contact_settings": "loop_settings.contact" if self.mpc else "contact_settings",
             "known": known,
             "mpc": self.mpc,
             "estimator": "estimator" in loop.parts,
@@ -267,7 +265,7 @@ class _Writer:
         settings, known = ([loop.settings] if self.mpc else []), ([loop.known] if loop.known else [])
         inputs = [loop.command, loop.measurement, loop.start, *known, *settings]
         outputs = [loop.start, loop.measurement, loop.command, *known, *settings]
-        files = {"given": True, "contact": loop.contact, "estimator": words["estimator"], "controller": self.mpc}
+        files = {"given": True, "estimator": words["estimator"], "controller": self.mpc}
         files |= {"mission": loop.phases}
         more = {
             "sqrt": c_source({"sqrt"}, self.real, p),

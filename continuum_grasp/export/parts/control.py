@@ -112,7 +112,7 @@ def _part(
         constants,
         declarations=declared[name],
         sources=files,
-        further=(*structs, *(s for s in (loop.known, loop.touch) if s is not None)),
+        further=(*structs, *([] if loop.known is None else [loop.known])),
         codes=codes,
         stateful=(replace(function, methods=methods),),
     )

@@ -113,7 +113,7 @@ _LANES = Consumer(
         **{
             f"estimator.{key}": "of an estimator: observations are what is measured"
             for key in (
-                *("disturbances", "spread", "adapt", "contact_detection", "acceleration_std", "initial_std"),
+                *("disturbances", "spread", "adapt", "acceleration_std", "initial_std"),
                 *("object_acceleration_std", "outlier", "frozen"),
             )
         },

@@ -37,8 +37,7 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.star
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memset(&controller->memory, 0, sizeof controller->memory);
   controller->memory.elapsed = -1;
-  <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<if known>>known_nominal<<else>>0<<end>>);<<if loop.touch>>
-  <<p>>_contact_start(&controller->memory.state.contact, &loop_settings.contact, z);<<end>>
+  <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<if known>>known_nominal<<else>>0<<end>>);
   return <<P>>_OK;
 }
 
@@ -153,12 +152,3 @@ int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnos
   diagnosis->activity = controller->memory.last.supervisor.activity;
   return <<P>>_OK;
 }
-<<if loop.touch>>
-int <<p>>_controller_contact(const <<p>>_controller *controller, <<p>>_contact *contact)
-{
-  if (!controller || !contact) return <<P>>_ERR_NULL;
-  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  write_felt(&controller->memory.last.contact, contact);
-  return <<P>>_OK;
-}
-<<end>>

@@ -78,6 +78,4 @@ int <<p>>_controller_rearm(<<p>>_controller *controller);
 /* State (and disturbances) from which the last plan starts. */
 int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<loop.start.name>> *estimate);
 /* What is known of the last call. */
-int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);<<if loop.touch>>
-/* What the drives felt in the last call. */
-int <<p>>_controller_contact(const <<p>>_controller *controller, <<p>>_contact *contact);<<end>>
+int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);

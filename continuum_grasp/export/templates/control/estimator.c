@@ -8,8 +8,7 @@ int <<p>>_estimator_init_abi(<<p>>_estimator *estimator, uint32_t abi)
   memset(estimator, 0, sizeof *estimator);
   estimator->abi = abi;<<if known>>
   write_known(known_nominal, &estimator->known);<<end>>
-  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, first_state, first_command);<<if loop.touch>>
-  <<p>>_contact_start(&estimator->memory.contact, &<<contact_settings>>, 0);<<end>>
+  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, first_state, first_command);
   return <<P>>_OK;
 }
 
@@ -24,8 +23,7 @@ int <<p>>_estimator_start(<<p>>_estimator *estimator, const <<p>>_estimate *stat
   if ((code = check(z, estimate_low, estimate_high, <<loop.start.size>>)) < 0) return code;
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memset(&estimator->memory, 0, sizeof estimator->memory);
-  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, z, u);<<if loop.touch>>
-  <<p>>_contact_start(&estimator->memory.contact, &<<contact_settings>>, z);<<end>>
+  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, z, u);
   return <<P>>_OK;
 }
 
@@ -48,8 +46,7 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
     <<p>>_ekf_restart(&estimator->memory.state, &<<estimator_settings>>);
     code = <<P>>_WARN_ESTIMATE_RESTARTED;
   }
-<<if loop.touch>>  <<p>>_contact_step(&estimator->memory.contact, &<<contact_settings>>, y, u, &estimator->memory.felt);
-<<end>>  if (code == <<P>>_WARN_ESTIMATE_RESTARTED) memcpy(z, estimator->memory.state.z, sizeof z);
+  if (code == <<P>>_WARN_ESTIMATE_RESTARTED) memcpy(z, estimator->memory.state.z, sizeof z);
   estimator->memory.anomalies = report.limited ? <<P>>_ANOMALY_ESTIMATE_LIMITED : 0u;
   if (code == <<P>>_WARN_ESTIMATE_RESTARTED) estimator->memory.anomalies |= <<P>>_ANOMALY_ESTIMATE_RESTARTED;
   for (j = 0; j < <<loop.measurement.size>>; ++j) estimator->memory.anomalies |= anomaly_of_verdict[report.verdict[j]];
@@ -71,12 +68,3 @@ uint32_t <<p>>_estimator_anomalies(const <<p>>_estimator *estimator)
 {
   return estimator ? estimator->memory.anomalies : 0u;
 }
-<<if loop.touch>>
-int <<p>>_estimator_contact(const <<p>>_estimator *estimator, <<p>>_contact *contact)
-{
-  if (!estimator || !contact) return <<P>>_ERR_NULL;
-  if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  write_felt(&estimator->memory.felt, contact);
-  return <<P>>_OK;
-}
-<<end>>

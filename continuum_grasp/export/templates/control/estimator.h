@@ -27,6 +27,4 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
 /* Variance of each entry at the time of the last measurement. */
 int <<p>>_estimator_variance(const <<p>>_estimator *estimator, <<p>>_estimate *variance);
 /* What was noticed in the last call, bits of <<P>>_ANOMALY_...; zero for a null pointer. */
-uint32_t <<p>>_estimator_anomalies(const <<p>>_estimator *estimator);<<if loop.touch>>
-/* What the drives felt in the last call. */
-int <<p>>_estimator_contact(const <<p>>_estimator *estimator, <<p>>_contact *contact);<<end>>
+uint32_t <<p>>_estimator_anomalies(const <<p>>_estimator *estimator);

@@ -8,9 +8,7 @@
 <<types>><<if estimator>>
 typedef struct {
   <<p>>_ekf_state state;
-  uint32_t anomalies;<<if loop.touch>>
-  <<p>>_contact_state contact;
-  <<p>>_contact_report felt;<<end>>
+  uint32_t anomalies;
 } <<p>>_estimator_memory;<<end>><<if mpc>>
 typedef struct {
   <<p>>_loop_state state;

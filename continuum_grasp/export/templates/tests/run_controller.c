@@ -5,8 +5,7 @@ static int run_mpc(check_memory *memory, const <<p>>_real *row, <<p>>_real *out,
   <<p>>_reference reference;
   <<p>>_command command, applied;
   <<p>>_<<loop.start.name>> estimate;
-  <<p>>_diagnosis diagnosis;<<if loop.touch>>
-  <<p>>_contact contact;<<end>>
+  <<p>>_diagnosis diagnosis;
   <<p>>_real nodes[<<loop.stages.nr>> * <<loop.nodes>>];
   int j, k, code = 0;
   if (row[0] > 0) <<p>>_controller_init(&memory->controller);
@@ -38,8 +37,5 @@ static int run_mpc(check_memory *memory, const <<p>>_real *row, <<p>>_real *out,
   out[<<behind>> + 2] = diagnosis.violation;
   out[<<behind>> + 3] = (<<p>>_real)diagnosis.health;
   out[<<behind>> + 4] = diagnosis.mismatch;
-<<if loop.touch>>
-  <<p>>_controller_contact(&memory->controller, &contact);
-  memcpy(out + <<behind>> + 5, &contact, sizeof contact);
-<<end>>  return code;
+  return code;
 }

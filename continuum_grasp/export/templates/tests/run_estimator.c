@@ -3,8 +3,7 @@ static int run_estimator_step(check_memory *memory, const <<p>>_real *row, <<p>>
 {
   <<p>>_measurement measurement;
   <<p>>_command applied;
-  <<p>>_estimate estimate, variance;<<if loop.touch>>
-  <<p>>_contact contact;<<end>>
+  <<p>>_estimate estimate, variance;
   int k, code = 0;
   if (row[0] > 0) <<p>>_estimator_init(&memory->estimator);
 <<if loop.known>>  memcpy(&memory->estimator.known, row + <<known>>, sizeof memory->estimator.known);
@@ -21,8 +20,5 @@ static int run_estimator_step(check_memory *memory, const <<p>>_real *row, <<p>>
   <<p>>_estimator_variance(&memory->estimator, &variance);
   memcpy(out + <<loop.estimate.size>>, &variance, sizeof variance);
   out[2 * <<loop.estimate.size>>] = (<<p>>_real)<<p>>_estimator_anomalies(&memory->estimator);
-<<if loop.touch>>
-  <<p>>_estimator_contact(&memory->estimator, &contact);
-  memcpy(out + 2 * <<loop.estimate.size>> + 1, &contact, sizeof contact);
-<<end>>  return code;
+  return code;
 }
