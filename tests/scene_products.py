@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -41,7 +41,11 @@ from continuum_grasp.addons.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.control import Prediction, Setpoints
-from continuum_grasp.export import REALS, Loop, Subject, input_fields, names_of, source_of
+from continuum_grasp.export import REALS, ModelFields, PackageOptions, title_of
+from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.package import subject_of
+from continuum_grasp.export.source import source_of
+from continuum_grasp.export.subject import Subject
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene import (
@@ -143,7 +147,7 @@ def page(scene: Scene) -> Iterator[object]:
     yield from (plant.rate, plant.acting, plant.sensed, plant.start, plant.rest, plant.p, plant.x_names)
     yield from (plant.signals.u(at) for at in _INSTANTS)
     yield from (plant.signals.w(at) for at in _INSTANTS)
-    yield input_fields(plant.system.finger_model)
+    yield ModelFields(plant.system.finger_model).inputs()
 
 
 def lanes(scene: ControlScene) -> Iterator[object]:
@@ -159,7 +163,7 @@ def lanes(scene: ControlScene) -> Iterator[object]:
 
 def loop(scene: ControlScene) -> Iterator[object]:
     """What export to c makes of a closed loop."""
-    yield from (names_of(scene), Loop.of(scene, REALS["double"], ["mpc"]))
+    yield from (title_of(scene), Loop.of(scene, REALS["double"], ["mpc"]))
 
 
 def moved(scene: ControlScene) -> Iterator[object]:
@@ -185,7 +189,7 @@ def run(scene: ControlScene) -> Iterator[object]:
 def units_of_loop(scene: ControlScene) -> Iterator[object]:
     """What functional mock-up units of a closed loop have: the controller by its first setpoints, and the plant."""
     first = Loop.of(scene, REALS["double"], ["mpc"])
-    yield from (names_of(scene), replace(first, setpoints=first.setpoints.rows(_INSTANTS[:1]), duration=0.0))
+    yield from (title_of(scene), replace(first, setpoints=first.setpoints.rows(_INSTANTS[:1]), duration=0.0))
     with patch.object(plants, "UnitContents", _given):
         yield {key: made for key, made in plants.loop_plant_unit(scene, "unit").items() if key != "manifest"}
 
@@ -194,7 +198,7 @@ def unit(scene: Scene) -> Iterator[object]:
     """What a functional mock-up unit of a finger has."""
     scene = resolve_fidelity(scene)[0]
     with (
-        patch.object(plants, "library_of", _library),
+        patch.object(plants, "Library", _Library),
         patch.object(plants, "UnitContents", _given),
         patch.object(plants, "variables_of", _variables),
     ):
@@ -211,9 +215,21 @@ def _variables(*given: Any, **_: Any) -> tuple[Any, ...]:
     return given
 
 
-def _library(*_: Any, **asked: Any) -> tuple[dict[str, str], dict[str, Any], dict[str, tuple[Any, ...]]]:
-    known = {"nominal_parameters": {}, "steps": {"step": {"accurate_s": 1.0}}, "functions": {}}
-    return {}, {**known, **asked}, {"input": (), "state": (), "rate": ()}
+class _Library:
+    """What a unit takes from a library whose C is not written."""
+
+    @staticmethod
+    def of(scene: Scene, options: PackageOptions, *, if_possible: Sequence[str]) -> SimpleNamespace:
+        source = source_of(scene, REALS["double"])
+        known = {"nominal_parameters": {}, "steps": {"step": {"accurate_s": 1.0}}, "functions": {}}
+        return SimpleNamespace(
+            subject=subject_of(source, options.what, REALS["double"], options),
+            structs={"input": (), "state": (), "rate": ()},
+            manifest={**known, "options": options},
+            parts=if_possible,
+            title=source.title,
+            sources={},
+        )
 
 
 def page_of_loop(scene: ControlScene) -> Iterator[object]:

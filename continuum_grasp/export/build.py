@@ -22,7 +22,7 @@ FLAGS = {
 fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-contract=off."""
 
 
-def strict_flags(version: str) -> list[str]:
+def strict_flags(version: str = "gcc") -> list[str]:
     """Strict flags of a compiler, by its version text."""
     return FLAGS["strict"] + ([] if "clang" in version.lower() else FLAGS["gcc"])
 

@@ -101,6 +101,16 @@ class Field:
     """Size of usual values, for the test vectors."""
     shape: tuple[int, ...] = ()
 
+    @staticmethod
+    def named(labels: Sequence[str], ranges: NDArray[Any] | None = None) -> tuple[Field, ...]:
+        """Entries of a vector by their labels ``name [unit]``, with their ranges (size, 2) where there are any."""
+        fields = tuple(Field(name, unit_of(label)) for name, label in zip(identifiers(labels), labels, strict=True))
+        if ranges is None:
+            return fields
+        return tuple(
+            replace(f, low=float(low), high=float(high)) for f, (low, high) in zip(fields, ranges, strict=True)
+        )
+
     @property
     def size(self) -> int:
         """Count of numbers."""
@@ -219,14 +229,6 @@ def unit_of(label: str) -> str:
     """Unit of a label; 1 where it has none, as names of a scene's zones do."""
     match = re.search(r" \[([\w ]+(?:/[\w ]+)*)\]$", label, re.ASCII)
     return match[1] if match else "1"
-
-
-def named_fields(labels: Sequence[str], ranges: NDArray[Any] | None = None) -> tuple[Field, ...]:
-    """Entries of a vector by their labels, with their ranges (size, 2) where there are any."""
-    fields = tuple(Field(name, unit_of(label)) for name, label in zip(identifiers(labels), labels, strict=True))
-    if ranges is None:
-        return fields
-    return tuple(replace(f, low=float(low), high=float(high)) for f, (low, high) in zip(fields, ranges, strict=True))
 
 
 def fill(name: str, words: Mapping[str, object]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -69,16 +69,6 @@ MOST_INSTRUCTIONS = 45_000
 _SHOWN = {"SQ": "*", "MUL": "*", "ADD": "+", "SUB": "-", "TWICE": "+", "DIV": "/", "INV": "/"}
 
 
-def check_size(name: str, count: int, most: int = MOST_INSTRUCTIONS) -> None:
-    """Refuse a function of so many instructions, before its C is written."""
-    if count > most:
-        raise InputError(
-            f"{name} is code without loops of about {count} instructions, for which compilers take minutes: expected "
-            f"{most} at most; take fewer elements, or leave out the part that needs it",
-            key="what",
-        )
-
-
 class Kernel:
     """A CasADi function as C without a library: an SX function with named inputs and outputs.
 
@@ -98,7 +88,7 @@ class Kernel:
         # Structural zeros too are written to arrays and structs, of which C must fill every entry.
         outputs = {n: value if called else ca.densify(value) for n, value in values if value.numel()}
         self._function = f = ca.Function(name, symbols, list(outputs.values()), function.name_in(), list(outputs))
-        check_size(name, f.n_instructions())
+        self.check_size(name, f.n_instructions())
         self._operations = [f.instruction_id(k) for k in range(f.n_instructions())]
         for operation in set(self._operations) - {*_C, *_CALLS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}:
             raise InputError(f"{name}: there is no strict C for the operation {_NAMES[operation]} of its expressions")
@@ -117,6 +107,23 @@ class Kernel:
     ) -> Kernel:
         """A kernel of expressions by name, which computes what they share once."""
         return cls(name, straight_function(name, given, found), text, called=called)
+
+    @staticmethod
+    def check_size(name: str, count: int, most: int = MOST_INSTRUCTIONS) -> None:
+        """Refuse a function of so many instructions, before its C is written."""
+        if count > most:
+            raise InputError(
+                f"{name} is code without loops of about {count} instructions, for which compilers take minutes: "
+                f"expected {most} at most; take fewer elements, or leave out the part that needs it",
+                key="what",
+            )
+
+    @staticmethod
+    def all_c_source(kernels: Sequence[Kernel], prefix: str, real: Real) -> str:
+        """C of kernels, behind that of the mathematical functions that they call."""
+        strict = c_source(set().union(*(kernel.calls for kernel in kernels)), real, prefix)
+        texts = [kernel.c_source(prefix, real) for kernel in kernels]
+        return "\n".join([strict, *texts] if strict else texts)
 
     @property
     def calls(self) -> set[str]:

@@ -15,7 +15,6 @@ from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.fields import LINE, Struct, each_once, fill
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Call, Code, PackagePart, Stateful
-from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 
 _OF_EVERY_FUNCTION = (
@@ -168,9 +167,7 @@ def _internal_header(contents: Contents) -> str:
 def _kernels_source(contents: Contents) -> str:
     kernels, prefix, real = contents.kernels, contents.subject.prefix, contents.subject.real
     # Copies of sin and the like are static in each file that calls them: no further symbols, and the compiler inlines.
-    strict = c_source(set().union(*(kernel.calls for kernel in kernels)), real, prefix)
-    texts = [kernel.c_source(prefix, real) for kernel in kernels]
-    body = "\n".join([strict, *texts] if strict else texts)
+    body = Kernel.all_c_source(kernels, prefix, real)
     # The mark of the header, by which CUDA compiles the kernels for the device.
     return contents.fill("kernels.c", body=body.replace("\nvoid ", f"\n{prefix.upper()}_API void "))
 

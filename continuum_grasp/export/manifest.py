@@ -6,7 +6,6 @@ import hashlib
 import json
 import math
 import sys
-import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -257,16 +256,6 @@ def is_marked(file: Path, mark: bytes = b"continuum_grasp") -> bool:
     with open(file, "rb") as stream:
         head = stream.read(_HEAD)
     return not head or mark in head
-
-
-def is_unit(file: Path) -> bool:
-    """Whether a file is a functional mock-up unit of an export, or has no content."""
-    if not zipfile.is_zipfile(file):
-        return file.stat().st_size == 0
-    with zipfile.ZipFile(file) as archive:
-        return any(
-            b"continuum_grasp" in archive.read(name) for name in archive.namelist() if name == "modelDescription.xml"
-        )
 
 
 def check_file(file: Path, is_own: Callable[[Path], bool] = is_marked) -> None:

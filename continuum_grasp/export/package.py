@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from continuum_grasp import __version__
 from continuum_grasp.base import check_arguments, interruptible, positive, whole
-from continuum_grasp.control import RtiSolver, Stages
+from continuum_grasp.control import RtiSolver
 from continuum_grasp.export.accuracy import OutputError, Report, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
-from continuum_grasp.export.control.loop import ExportedPhases, Loop
+from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
 from continuum_grasp.export.fields import REALS, Real
@@ -22,12 +22,12 @@ from continuum_grasp.export.layer import Contents, abi_of, add_sizes, library_fi
 from continuum_grasp.export.manifest import Package, manifest, write_package
 from continuum_grasp.export.part import Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
-from continuum_grasp.export.source import Given, ModelSource, names_of, parts_of, prefix_of, source_of
+from continuum_grasp.export.source import Given, ModelSource, parts_of, prefix_of, source_of
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
 from continuum_grasp.export.targets import example_files, measure, measured_core, readme, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 from continuum_grasp.results import check_folder
-from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer, ControlScene
+from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
@@ -128,13 +128,26 @@ def export_c(
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
     check_folder(folder, "export")
-    asked = Asked(real, what, prefix, target, ranges, step, substeps, sections, error, measured, finger)
-    files, values, _ = package_files(given, asked)
+    options = PackageOptions(
+        real=real,
+        what=what,
+        prefix=prefix,
+        target=target,
+        ranges=ranges,
+        step=step,
+        substeps=substeps,
+        sections=sections,
+        error=error,
+        measured=measured,
+        finger=finger,
+    )
+    files, values = _package(given, options)
     return write_package(Path(folder), files, values)
 
 
-class Asked(NamedTuple):
-    """Options of a package: the arguments of ``export_c``."""
+@dataclass(frozen=True, kw_only=True)
+class PackageOptions:
+    """Options of a package, see ``export_c``."""
 
     real: str | None = None
     what: Sequence[str] | None = None
@@ -149,62 +162,43 @@ class Asked(NamedTuple):
     finger: str | None = None
 
 
-def package_files(
-    given: Given, asked: Asked, *, tested: bool = True
-) -> tuple[dict[str, str], dict[str, Any], Contents]:
-    """Files of a package by path, its manifest and its contents; one that is not ``tested`` is its library alone."""
+def _package(given: Given, options: PackageOptions) -> tuple[dict[str, str], dict[str, Any]]:
+    """Files of a package by path, and its manifest."""
     # 1e-2: greatest relative error of single precision by default
-    limit = 1e-2 if asked.error is None else positive("error", asked.error)
-    target, computed_in = target_of(asked.target, asked.real)
-    if asked.measured:
+    limit = 1e-2 if options.error is None else positive("error", options.error)
+    target, computed_in = target_of(options.target, options.real)
+    if options.measured:
         measured_core(target)  # refused before kernels are made and vectors computed, which takes up to minutes
     kind = REALS[computed_in]
-    source = source_of(given, kind, asked.finger)
-    names = parts_of(asked.what, source)
-    subject = _subject(source, names, kind, asked)
+    source = source_of(given, kind, options.finger)
+    names = parts_of(options.what, source)
     solver = {"what": "a predictive controller"} if source.model is None else {}
-    contents = _contents(subject, names, source.title, **solver)
-    vectors, files, errors = _checked(contents, limit, tested=tested)
-    if tested:
-        files |= _further_files(contents, target, vectors)
-    report = Report({v.name: v.count for v in vectors}, errors, measure(files, target) if asked.measured else None)
-    if tested:
-        files["README.md"] = readme(contents, report, source=source.name, wasm=target == "wasm")
-    values = manifest(contents, report, target=target, files=files, configuration=source.configuration)
-    return files, values, contents
+    contents = contents_of(subject_of(source, names, kind, options), names, source.title, **solver)
+    vectors, files, errors = _checked(contents, limit)
+    files |= _further_files(contents, target, vectors)
+    report = Report({v.name: v.count for v in vectors}, errors, measure(files, target) if options.measured else None)
+    files["README.md"] = readme(contents, report, source=source.name, wasm=target == "wasm")
+    return files, manifest(contents, report, target=target, files=files, configuration=source.configuration)
 
 
 def _checked(
-    contents: Contents, limit: float, *, tested: bool
+    contents: Contents, limit: float
 ) -> tuple[list[Vectors], dict[str, str], dict[str, tuple[OutputError, ...]]]:
     """Test vectors, files of the library, and rounding errors in single precision, which the ``limit`` may refuse."""
     subject, double, errors = contents.subject, None, dict[str, tuple[OutputError, ...]]()
     if subject.real.name == "float":
         # The same in double: the truth for the errors of single precision.
         names = [part.name for part in contents.parts]
-        double = _contents(replace(subject, real=REALS["double"]), names, contents.words["title"])
+        double = contents_of(replace(subject, real=REALS["double"]), names, contents.words["title"])
         for seed, (narrow, true) in enumerate(zip(contents.calls, double.calls, strict=True)):
             errors[narrow.name] = error_bounds(subject, narrow, true, seed)
         check_errors(subject, errors, limit)
     if contents.stateful:
         add_sizes(contents)
     files = library_files(contents)
-    if not tested:
-        return [], files, errors
     vectors, more = stateful_vectors(contents, double, files)
     check_errors(subject, more, limit)
     return [*vectors_of(subject, contents.calls), *vectors], files, errors | more
-
-
-def controller_of(
-    scene: ControlScene, phases: Callable[[Stages], ExportedPhases] | None = None
-) -> tuple[Contents, Loop]:
-    """The controller of a closed loop, with the ``phases`` of a mission where it has one, in double precision, without
-    what tests and describes it.
-    """
-    kind, names = REALS["double"], ["mpc", *(["mission"] if phases is not None else [])]
-    loop = Loop.of(scene, kind, names, phases)
-    return _contents(Subject("finger", kind, loop=loop), names, names_of(scene)[0]), loop
 
 
 _SOLVERS = Consumer(
@@ -212,20 +206,20 @@ _SOLVERS = Consumer(
 )
 
 
-def _subject(source: ModelSource, names: Sequence[str], kind: Real, asked: Asked) -> Subject:
+def subject_of(source: ModelSource, names: Sequence[str], kind: Real, options: PackageOptions) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
-    longest = source.step if asked.step is None else positive("step", asked.step)
+    longest = source.step if options.step is None else positive("step", options.step)
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
     # 200: most sections of shape and velocities, each of which is code of its own
-    sections = whole("sections", asked.sections, 2, 200)
-    prefix = prefix_of(asked.prefix)
-    count = None if asked.substeps is None else whole("substeps", asked.substeps, 1, MOST_SUBSTEPS)
+    sections = whole("sections", options.sections, 2, 200)
+    prefix = prefix_of(options.prefix)
+    count = None if options.substeps is None else whole("substeps", options.substeps, 1, MOST_SUBSTEPS)
     if isinstance(source.loop, RtiSolver):
-        _SOLVERS.check(source, of={"ranges": bool(asked.ranges)})
+        _SOLVERS.check(source, of={"ranges": bool(options.ranges)})
         return Subject(prefix, kind, loop=Loop.of_solver(source.loop, kind))
     # Estimator and controller have the object in a model of their own.
-    alone, ranges = set(OF_LOOPS).issuperset(names), asked.ranges or {}
+    alone, ranges = set(OF_LOOPS).issuperset(names), options.ranges or {}
     around = None if alone else source.surroundings
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     loop_parts = [name for name in names if name in OF_LOOPS]
@@ -254,7 +248,9 @@ _AS_THEY_ARE = (
 )
 
 
-def _contents(subject: Subject, names: Sequence[str], title: str, what: str = "a planar continuum finger") -> Contents:
+def contents_of(
+    subject: Subject, names: Sequence[str], title: str, what: str = "a planar continuum finger"
+) -> Contents:
     """Parts by their names, with what their templates have in common."""
     # What is too large is refused before the spectral radius is looked for, which step needs.
     made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}

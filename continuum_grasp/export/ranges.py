@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import InputError
-from continuum_grasp.export.fields import Field, fill, identifiers, named_fields
+from continuum_grasp.export.fields import Field, fill, identifiers
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import Equations, FingerModel, System
 from continuum_grasp.scene import Pull
@@ -28,55 +28,91 @@ _SIGNED = ("base_position", "object_", "base_angle", "gravity", "rest_curvature"
 """Parameters that may be below zero."""
 
 
-def parameter_fields(model: FingerModel | System, given: Mapping[str, Sequence[float]]) -> tuple[Field, ...]:
-    """Entries of the parameters, in ranges (least, greatest) that are given by name, or in usual ones.
+@dataclass(frozen=True)
+class ModelFields:
+    """Entries of the vectors of a finger, or of one with its object: their ranges, and sizes of usual values."""
 
-    InputError if a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for no
-    parameter, or is missing where the nominal value of zero gives no scale.
-    """
-    finger, fields = finger_of(model), []
-    for field, nominal in zip(_fields(finger, model.p_names), model.p_nominal, strict=True):
-        low, high = (
-            _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, finger)
-        )
-        if low < 0.0 and not field.name.startswith(_SIGNED):
-            raise InputError(f"it cannot be below zero, got a range from {low:g}", key=f"ranges.{field.name}")
-        if not low <= nominal <= high:
-            message = f"range {low:g} to {high:g} leaves out the nominal value {nominal:g} {field.unit}"
-            raise InputError(message, key=f"ranges.{field.name}")
-        fields.append(field.within(low, high, max(abs(low), abs(high))))
-    unknown = sorted(set(given) - {field.name for field in fields})
-    if unknown:
-        names = ", ".join(field.name for field in fields) or "none"
-        raise InputError(f"{unknown[0]!r} is no run-time parameter of this model (it has {names})", key="ranges")
-    return tuple(fields)
+    moving: FingerModel | System
 
+    @property
+    def finger(self) -> FingerModel:
+        """Model of the finger."""
+        return self.moving.finger_model if isinstance(self.moving, System) else self.moving
 
-def finger_of(model: FingerModel | System) -> FingerModel:
-    return model.finger_model if isinstance(model, System) else model
+    def parameters(self, given: Mapping[str, Sequence[float]] | None = None) -> tuple[Field, ...]:
+        """Entries of the parameters, in ranges (least, greatest) that are given by name, or in usual ones.
 
+        InputError if a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for
+        no parameter, or is missing where the nominal value of zero gives no scale.
+        """
+        ranges = given or {}
+        fields = []
+        for field, nominal in zip(_fields(self.finger, self.moving.p_names), self.moving.p_nominal, strict=True):
+            if field.name in ranges:
+                low, high = _given(field.name, ranges[field.name])
+            else:
+                low, high = _usual(field.name, nominal, self.finger)
+            if low < 0.0 and not field.name.startswith(_SIGNED):
+                raise InputError(f"it cannot be below zero, got a range from {low:g}", key=f"ranges.{field.name}")
+            if not low <= nominal <= high:
+                message = f"range {low:g} to {high:g} leaves out the nominal value {nominal:g} {field.unit}"
+                raise InputError(message, key=f"ranges.{field.name}")
+            fields.append(field.within(low, high, max(abs(low), abs(high))))
+        unknown = sorted(set(ranges) - {field.name for field in fields})
+        if unknown:
+            names = ", ".join(field.name for field in fields) or "none"
+            raise InputError(f"{unknown[0]!r} is no run-time parameter of this model (it has {names})", key="ranges")
+        return tuple(fields)
 
-def state_fields(moving: FingerModel | System, parameters: Sequence[Field]) -> tuple[Field, ...]:
-    """Entries of the state: bends within the declared range, rates, drives and friction states around usual ones."""
-    model = finger_of(moving)
-    reach, states = _reach(model, parameters), identifiers(model.friction_names)
-    stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
-    # E I / L times an angle is the moment that bends the whole rod by it.
-    usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
-    fields = []
-    for k, field in enumerate(_fields(model, model.x_names)):
-        if k < model.n:
-            fields.append(field.within(-reach[k], reach[k], reach[k]))
-        elif k < 2 * model.n:
-            fields.append(field.around(_USUAL_RATE * reach[k - model.n]))
-        elif field.name in states:
-            # 1.5: a friction state of a tendon that slides
-            fields.append(field.around(1.5))
-        else:
-            rate = field.name.endswith("_rate")
-            size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
-            fields.append(field.around(size * (_USUAL_RATE if rate else 1.0)))
-    return (*fields, *_object_fields(model, moving.x_names[model.nx :], model.finger.rod.length))
+    def states(self, parameters: Sequence[Field] = ()) -> tuple[Field, ...]:
+        """Entries of the state: bends within the declared range, rates, drives and friction states around usual ones.
+
+        Bends reach as far as the ranges of ``parameters`` let them.
+        """
+        model = self.finger
+        reach, states = _reach(model, parameters), identifiers(model.friction_names)
+        stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
+        # E I / L times an angle is the moment that bends the whole rod by it.
+        usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
+        fields = []
+        for k, field in enumerate(_fields(model, model.x_names)):
+            if k < model.n:
+                fields.append(field.within(-reach[k], reach[k], reach[k]))
+            elif k < 2 * model.n:
+                fields.append(field.around(_USUAL_RATE * reach[k - model.n]))
+            elif field.name in states:
+                # 1.5: a friction state of a tendon that slides
+                fields.append(field.around(1.5))
+            else:
+                rate = field.name.endswith("_rate")
+                size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
+                fields.append(field.around(size * (_USUAL_RATE if rate else 1.0)))
+        return (*fields, *_object_fields(model, self.moving.x_names[model.nx :], model.finger.rod.length))
+
+    def inputs(self) -> tuple[Field, ...]:
+        """Entries of the input: tensions from zero on, up to the greatest; pressures and torques in theirs."""
+        model = self.finger
+        usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
+        fields = []
+        for field in _fields(model, model.u_names):
+            size, drive = _usual_drive(model, field.name), re.fullmatch(_DRIVE, field.name)
+            if size is None or drive is None:
+                fields.append(field.around(usual_moment))
+            elif drive[1] in ("tension", "pressure"):
+                least, greatest, *_ = _pulled(model, drive)
+                fields.append(field.within(min(least, 0.0), max(greatest, 0.0), size))
+            else:
+                high = model.structure.winches[int(drive[2]) - 1].drive.limit
+                fields.append(field.within(-high, high, size) if math.isfinite(high) else field.around(size))
+        return tuple(fields)
+
+    def forces(self) -> tuple[Field, ...]:
+        """Entries of the forces, around those that bend the whole finger; then those on an object, and its table."""
+        model = self.finger
+        rod = model.finger.rod
+        usual = {"N": rod.stiffness / rod.length**2, "N m": rod.stiffness / rod.length}
+        finger_fields = tuple(field.around(usual[field.unit]) for field in _fields(model, model.w_names))
+        return (*finger_fields, *_object_fields(model, self.moving.w_names[model.nw :], _HEIGHT))
 
 
 _USUAL_OBJECT = {"rad": math.pi, "m/s": 0.1, "rad/s": 1.0, "1": 1.5, "N": 1.0, "N m": 0.01}
@@ -109,35 +145,9 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
     return float((bend + tendon.max_tension / winch.stiffness) / winch.radius)
 
 
-def input_fields(model: FingerModel) -> tuple[Field, ...]:
-    """Entries of the input: tensions from zero on, up to the greatest; pressures and torques in theirs."""
-    usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
-    fields = []
-    for field in _fields(model, model.u_names):
-        size, drive = _usual_drive(model, field.name), re.fullmatch(_DRIVE, field.name)
-        if size is None or drive is None:
-            fields.append(field.around(usual_moment))
-        elif drive[1] in ("tension", "pressure"):
-            least, greatest, *_ = _pulled(model, drive)
-            fields.append(field.within(min(least, 0.0), max(greatest, 0.0), size))
-        else:
-            high = model.structure.winches[int(drive[2]) - 1].drive.limit
-            fields.append(field.within(-high, high, size) if math.isfinite(high) else field.around(size))
-    return tuple(fields)
-
-
-def force_fields(moving: FingerModel | System) -> tuple[Field, ...]:
-    """Entries of the forces, around those that bend the whole finger; then those on an object, and its table."""
-    model = finger_of(moving)
-    rod = model.finger.rod
-    usual = {"N": rod.stiffness / rod.length**2, "N m": rod.stiffness / rod.length}
-    finger_fields = tuple(field.around(usual[field.unit]) for field in _fields(model, model.w_names))
-    return (*finger_fields, *_object_fields(model, moving.w_names[model.nw :], _HEIGHT))
-
-
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
     """Entries of a model's vector, from its labels ``name [unit]``."""
-    return [replace(field, text=_description(model, field.name)) for field in named_fields(labels)]
+    return [replace(field, text=_description(model, field.name)) for field in Field.named(labels)]
 
 
 def _reach(model: FingerModel, parameters: Sequence[Field]) -> list[float]:

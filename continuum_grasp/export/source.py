@@ -92,7 +92,7 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     if isinstance(given, FingerModel):
         return ModelSource(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
     if isinstance(given, RtiSolver):
-        title = " ".join(_MEANT.sub(" ", given.problem.name).split())
+        title = _plain(given.problem.name)
         of = f"the problem '{title}'" if title else "a problem without a name"
         return ModelSource(None, title or "a predictive controller", of, None, None, given)
     if isinstance(given, (Controller, Estimator)):
@@ -108,7 +108,9 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     scene, _ = resolve_fidelity(given)
     model = _of_precision(FingerModel(scene), real)
     step = scene.time.step if scene.time is not None else None
-    return ModelSource(model, *names_of(scene), step, scene.model_dump(mode="json"), surroundings=scene)
+    return ModelSource(
+        model, title_of(scene), _origin_of(scene), step, scene.model_dump(mode="json"), surroundings=scene
+    )
 
 
 def _of_precision(model: FingerModel, real: Real) -> FingerModel:
@@ -139,16 +141,25 @@ def _of_loop(scene: ControlScene, real: Real) -> ModelSource:
         fidelity = scene.fidelity.model_copy(update={"accuracy": _CUT * real.epsilon})
         scene = scene.model_copy(update={"fidelity": fidelity})
         model = Prediction(scene).system.finger_model
-    return ModelSource(model, *names_of(scene), None, scene.model_dump(mode="json"), scene, scene)
+    title, origin = title_of(scene), _origin_of(scene)
+    return ModelSource(model, title, origin, None, scene.model_dump(mode="json"), scene, scene)
 
 
 _ONE_FINGER = Consumer("export to c of one finger", {"finger": "is for a mission of several fingers"})
 
 
-def names_of(scene: Any) -> tuple[str, str]:
-    """Title of a scene, and what the README says that it was made from."""
-    title = " ".join(_MEANT.sub(" ", scene.name or "").split())
-    return title or "a continuum finger", f"the scene '{title}'" if title else "a scene without a name"
+def title_of(scene: Any) -> str:
+    """Title of a scene, without characters that may mean something in the languages of an export."""
+    return _plain(scene.name) or "a continuum finger"
+
+
+def _origin_of(scene: Any) -> str:
+    """Origin of a package in the words of its README."""
+    return f"the scene '{title_of(scene)}'" if _plain(scene.name) else "a scene without a name"
+
+
+def _plain(name: str | None) -> str:
+    return " ".join(_MEANT.sub(" ", name or "").split())
 
 
 # Words of C; headers of its library and of the system, in whose place one of that name would be found; libraries that

@@ -23,11 +23,8 @@ from continuum_grasp.export.part import Argument, Call, Rows
 from continuum_grasp.export.ranges import (
     CONTACT_FORCE,
     JointRange,
+    ModelFields,
     contact_depth,
-    force_fields,
-    input_fields,
-    parameter_fields,
-    state_fields,
 )
 from continuum_grasp.model import Equations, FingerModel, System
 from continuum_grasp.scene import Surroundings
@@ -87,8 +84,9 @@ class Subject:
             check_solvable(model)
         moving = touching or model
         model_ranges = {name: pair for name, pair in ranges.items() if name != CONTACT_FORCE or touching is None}
-        parameters, forces = parameter_fields(moving, model_ranges), force_fields(moving)
-        states = state_fields(moving, parameters)
+        fields = ModelFields(moving)
+        parameters, forces = fields.parameters(model_ranges), fields.forces()
+        states = fields.states(parameters)
         equations = Equations(moving.structure)
         pressed = 0.0 if touching is None else contact_depth(touching, ranges.get(CONTACT_FORCE))
         joint = JointRange.of(model, equations, pressed)
@@ -101,7 +99,7 @@ class Subject:
             parameters=_struct("parameters", "Parameters of the finger that may be changed at run time.", parameters),
             state=Struct("state", "State of the finger." + joint.notes.get("state", ""), joint.bounded(states)),
             input=Struct(
-                "input", "What drives the finger." + joint.notes.get("input", ""), joint.bounded(input_fields(model))
+                "input", "What drives the finger." + joint.notes.get("input", ""), joint.bounded(fields.inputs())
             ),
             forces=_struct("forces", "Forces on the finger.", forces),
             guard=joint.guard,

@@ -17,10 +17,10 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.core import Core
-from continuum_grasp.export import REALS, Code, Subject, export_c, input_fields, parameter_fields, source_of
+from continuum_grasp.export import REALS, Code, ModelFields, export_c
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.export.ranges import force_fields, state_fields
-from continuum_grasp.export.subject import STABLE
+from continuum_grasp.export.source import source_of
+from continuum_grasp.export.subject import STABLE, Subject
 from continuum_grasp.export.vectors import reach_of, split
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import Scene, load
@@ -382,7 +382,8 @@ def test_another_configuration_is_reported_at_run_time(packages, tmp_path):
 def test_every_number_has_a_name_that_c_takes(feature):
     scene = scene_of(Scene, feature, {"fidelity": {"family": "arc", "elements": 2}})
     moving = FingerModel(scene) if scene.object is None else System(scene)
-    fields = (*state_fields(moving, ()), *input_fields(FingerModel(scene)), *force_fields(moving))
+    of = ModelFields(moving)
+    fields = (*of.states(), *of.inputs(), *of.forces())
     assert [field.name for field in fields if not re.fullmatch(r"[A-Za-z]\w*", field.name)] == []
     assert {"", None}.isdisjoint(field.unit for field in fields)
 
@@ -454,7 +455,7 @@ def test_what_cannot_be_made_is_refused(keywords, message, tmp_path):
 def test_a_finger_that_is_carried_along_may_turn_any_way_and_move(weight, most):
     """Gravity up to 20 m/s2 or twice the nominal one, both ways; the base by two lengths and a turn."""
     names = ("base_angle", "base_position", "gravity")
-    fields = parameter_fields(FingerModel(two_arcs().finger, gravity=(0.0, -weight), parameters=names), {})
+    fields = ModelFields(FingerModel(two_arcs().finger, gravity=(0.0, -weight), parameters=names)).parameters()
     found = {field.name: (field.low, field.high) for field in fields}
     length = two_arcs().finger.rod.length
     assert found == {

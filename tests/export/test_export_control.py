@@ -13,8 +13,11 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.control import CommandStatus, Controller, Estimator
-from continuum_grasp.export import REALS, Code, Loop, export_c, identifiers, package, source_of, unit_of
+from continuum_grasp.export import REALS, Code, Library, PackageOptions, export_c, package
 from continuum_grasp.export.control import replay
+from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.fields import identifiers, unit_of
+from continuum_grasp.export.source import source_of
 from tests.control_cases import Reality, hand_scene
 from tests.export_cases import (
     DRIVES,
@@ -330,8 +333,9 @@ def test_calls_from_the_same_memory_agree_although_runs_part(packages):
 @needs("cc")
 def test_all_memory_is_copied_from_build_to_build():
     """Every byte but those of interface, settings and parameters, which rows set, and at most three that pad."""
-    files, _, contents = package.package_files(scene("observed"), package.Asked("float"), tested=False)
-    one, other = (replay._Host(contents, files) for _ in range(2))
+    library = Library.of(scene("observed"), PackageOptions(real="float"))
+    contents = library.contents
+    one, other = (replay._Host(contents, library.files) for _ in range(2))
     ctypes.memset(one._memory, 1, len(one._memory))
     other.copy_memory(one)
     loop, owners = contents.subject.loop, ("estimator", "controller")

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.export import FLAGS, REALS, Kernel
+from continuum_grasp.export import REALS, Kernel
+from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.strict_math import reference
 from tests.export_cases import STRICT, needs, run
 
@@ -56,10 +57,7 @@ _OTHER = {"pow": "power"}
 
 def in_c(kernel: Kernel, real, rows, folder):
     """What the C of a kernel with one input and one output gives."""
-    from continuum_grasp.export import c_source
-
-    strict = c_source(kernel.calls, real, "k").replace("K_API ", "")
-    source = HEADER.format(real=real.name) + strict + kernel.c_source("k", real)
+    source = HEADER.format(real=real.name) + Kernel.all_c_source([kernel], "k", real).replace("K_API ", "")
     (folder / "kernel.c").write_text(source)
     run("cc", *STRICT, "-O2", "-shared", "-fPIC", folder / "kernel.c", "-o", folder / "kernel.so")
     function = getattr(ctypes.CDLL(str(folder / "kernel.so")), f"k_kernel_{kernel.name}")

@@ -11,8 +11,10 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp import System
 from continuum_grasp.base import InputError
-from continuum_grasp.export import REALS, Subject, export_c, source_of
+from continuum_grasp.export import REALS, export_c
 from continuum_grasp.export.parts import PARTS
+from continuum_grasp.export.source import source_of
+from continuum_grasp.export.subject import Subject
 from tests.export_cases import DISC, needs, scene, shared_library, values
 from tests.rods import ROOT
 

@@ -10,8 +10,10 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
-from continuum_grasp.export import REALS, Code, Subject, export_c, source_of
+from continuum_grasp.export import REALS, Code, export_c
 from continuum_grasp.export.parts import PARTS
+from continuum_grasp.export.source import source_of
+from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import press, vectors_of
 from continuum_grasp.scene import Scene
 from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, shared_library, values

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from continuum_grasp.addons.chains.text import written
 from continuum_grasp.base import Array, InputError, check_arguments, whole
 from continuum_grasp.closed_loop import Links, lump, rounded_step
 from continuum_grasp.core import Core
-from continuum_grasp.export import check_file, is_marked, names_of
+from continuum_grasp.export import check_file, title_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results import write_text
 from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, Scene, csv_text, refusals, scene_of, unknown_to
@@ -164,7 +163,7 @@ def export_mjcf(
     per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(control.varies for control in controls):
-        check_file(Path(file).with_suffix(".csv"), partial(is_marked, mark=b"time,"))
+        check_file(Path(file).with_suffix(".csv"), _is_table)
     links = lump(scene.finger, hinges, [at for control in controls for at in control.jumps], per_arc=per_arc)
     if links.inertia.min() < _LEAST_INERTIA:
         raise InputError(
@@ -180,9 +179,15 @@ def export_mjcf(
     step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, 1e-3), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = (*listed, *_differences(scene, controls))
-    text = written(scene, links, controls, _start(scene, links), names_of(scene)[0], step, frequency, differences)
+    text = written(scene, links, controls, _start(scene, links), title_of(scene), step, frequency, differences)
     chain = HingeChain(text, hinges, frequency, step, differences, tuple(controls))
     return chain if file is None else _saved(chain, Path(file), scene)
+
+
+def _is_table(file: Path) -> bool:
+    """Whether a file begins like a table of controls, or has no content."""
+    text = file.read_bytes()
+    return not text or text.startswith(b"time,")
 
 
 def _differences(scene: Scene, controls: list[Control]) -> list[str]:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from continuum_grasp.addons.fmu.variable import STRICT, UnitContents, Variable, count, library_of, variables_of
+from continuum_grasp.addons.fmu.variable import UnitContents, Variable, count, variables_of
 from continuum_grasp.addons.mission import MissionRun, MissionScene
-from continuum_grasp.export import DIAGNOSIS, Field, names_of
+from continuum_grasp.export import DIAGNOSIS, Field, Library, PackageOptions, strict_flags
 from continuum_grasp.scene import ControlScene
 
 _COUNTS = [name for kind, name, _ in DIAGNOSIS if kind != "real"]
@@ -43,8 +43,9 @@ def controller_unit(
     """
     alone = isinstance(scene, ControlScene)
     what = ["mpc" if alone else "mission"]
-    sources, manifest, structs = library_of(scene, what=what, prefix=identifier, finger=finger)
-    loop, start = manifest["loop"], "estimate" if "estimate" in structs else "measurement"
+    library = Library.of(scene, PackageOptions(what=what, prefix=identifier, finger=finger))
+    structs, loop = library.structs, library.manifest["loop"]
+    start = "estimate" if "estimate" in structs else "measurement"
     seen, nominal = (list(loop[name].values()) for name in ("measurement_at_start", "nominal_known"))
     input_groups, states, words = _of_loop(structs, loop, preview) if alone else _of_mission(loop["mission"])
     groups = {
@@ -57,7 +58,7 @@ def controller_unit(
     }
     return UnitContents(
         identifier=identifier,
-        title=names_of(scene)[0],
+        title=library.title,
         what="its predictive controller" if alone else "the controller of its mission",
         step=loop["period_s"],
         any_step=False,
@@ -83,9 +84,9 @@ def controller_unit(
             "states": [(name, name.upper()) for name in states],
             **words,
         },
-        sources=sources,
-        flags=STRICT,
-        manifest=manifest,
+        sources=library.sources,
+        flags=tuple(strict_flags()),
+        manifest=library.manifest,
     )
 
 

@@ -20,31 +20,20 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.addons.fmu.variable import (
-    STRICT,
-    TIP,
-    Kind,
-    UnitContents,
-    contact_variables,
-    count,
-    labeled,
-    library_of,
-    variables_of,
-)
-from continuum_grasp.base import positive
+from continuum_grasp.addons.fmu.variable import TIP, Kind, UnitContents, count, variables_of
 from continuum_grasp.closed_loop import PlantModel, Sensors, choose_method
 from continuum_grasp.control import Prediction
 from continuum_grasp.core import generator_of, step_function, with_static_help
 from continuum_grasp.export import (
-    REALS,
     Code,
-    Subject,
-    by_component,
-    check_size,
+    ContactFields,
+    Field,
+    Kernel,
+    Library,
+    PackageOptions,
     fill,
-    has_linearization,
-    names_of,
-    source_of,
+    strict_flags,
+    title_of,
 )
 from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer, ControlScene, Scene
 from continuum_grasp.simulation import Signals, initial_state
@@ -76,22 +65,24 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
     sensors, step = Sensors(scene, model, Prediction(scene), None), period / method.substeps
     named = _functions(model, sensors, method.name, step, identifier)
     source, header = _generated(f"{identifier}_plant", named)
-    seen, noisy = (*TIP, *contact_variables(model.system.touch_names)), scene.estimator is not None
+    contacts = ContactFields(model.system.touch_names)
+    seen, noisy = (*TIP, *variables_of("contact", "output", contacts.by_name())), scene.estimator is not None
+    sensed = Field.named(sensors.names)
     return UnitContents(
         identifier=identifier,
-        title=names_of(scene)[0],
+        title=title_of(scene),
         what="the plant of its closed loop",
         step=step,
         any_step=False,
         stop=scene.duration or 1.0,
         groups={
-            "FMU_INPUTS": labeled("command", "input", model.u_names, model.rest_input),
-            "FMU_FORCES": labeled("forces", "input", model.w_names, model.forces(0.0)[0]),
+            "FMU_INPUTS": variables_of("command", "input", Field.named(model.u_names), model.rest_input),
+            "FMU_FORCES": variables_of("forces", "input", Field.named(model.w_names), model.forces(0.0)[0]),
             "FMU_PARAMETERS": (),
-            "FMU_NOISE": labeled("noise", "input", sensors.names if noisy else ()),
-            "FMU_STATE": labeled("state", "state", model.x_names, model.start),
+            "FMU_NOISE": variables_of("noise", "input", sensed if noisy else ()),
+            "FMU_STATE": variables_of("state", "state", Field.named(model.x_names), model.start),
             "FMU_TIP": seen,
-            "FMU_MEASUREMENT": labeled("measurement", "output", sensors.names),
+            "FMU_MEASUREMENT": variables_of("measurement", "output", sensed),
         },
         counts=(count("code", "of the last step: 0 done, below what was refused"),),
         continuous=True,
@@ -117,7 +108,7 @@ def _functions(model: PlantModel, sensors: Sensors, method: str, step: float, id
     """A step of the plant, what is shown of it, and what is measured, each of state, input, forces, and nothing."""
     position, angle = model.sections((model.scene.finger.rod.length,))
     x, u, w, p = (ca.MX.sym(name, size) for name, size in (("x", model.nx), ("u", model.nu), ("w", model.nw), ("p", 0)))
-    seen = ca.vertcat(ca.vec(position), angle, *by_component(model.touch).values())
+    seen = ca.vertcat(ca.vec(position), angle, *ContactFields.components(model.touch).values())
     values = {
         "plant_step": step_function(model, method)(x, u, u, u, w, w, w, ca.DM(model.p), step),
         "shown": model.function("shown", seen=seen)(x, u, w),
@@ -151,7 +142,7 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
         for part in (function, *function.find_functions()):
             # 100_000: instructions of one function of a plant, without loops: the 80,000 of configs/mpc/spirob.yaml
             # take 31 s and 0.8 GB to compile, once
-            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 100_000)
+            Kernel.check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 100_000)
     generator = generator_of(name, functions, with_header=True, with_export=False)
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
@@ -171,17 +162,15 @@ def finger_unit(
     ranges: Mapping[str, Sequence[float]] | None,
 ) -> UnitContents:
     """The finger of a scene, with its object where it has one."""
-    source = source_of(scene, REALS["double"])
-    subject = Subject.of(source.finger, identifier, REALS["double"], ranges or {}, source.surroundings)
+    options = PackageOptions(
+        what=["dynamics", "step", "kinematics"], prefix=identifier, ranges=ranges, step=step, substeps=substeps
+    )
+    library = Library.of(scene, options, if_possible=["linearization", "contact"])
+    subject, structs, manifest = library.subject, library.structs, library.manifest
     model, moving = subject.model, subject.moving
     touching = [] if subject.touching is None else subject.touching.touch_names
-    # Forces of contacts have no derivatives here.
-    linear = not touching and has_linearization(subject)
-    what = ["dynamics", "step", "kinematics", *["linearization"] * linear, *["contact"] * bool(touching)]
-    internal = source.step if step is None else positive("step", step)
-    options = {"prefix": identifier, "ranges": ranges, "step": internal, "substeps": substeps}
-    sources, manifest, structs = library_of(scene, what=what, **options)
-    internal = internal or manifest["steps"]["step"]["accurate_s"]
+    linear = "linearization" in library.parts
+    internal = subject.longest or manifest["steps"]["step"]["accurate_s"]
     # Of a model that takes the tip moment to be constant, the input is a number that is given once.
     acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
     signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
@@ -193,7 +182,7 @@ def finger_unit(
         "FMU_PARAMETERS": variables_of("parameters", "tunable", structs.get("parameters", ()), parameters),
         "FMU_STATE": variables_of("state", "state", structs["state"], state),
         "FMU_TIP": TIP,
-        **({"FMU_CONTACTS": contact_variables(touching)} if touching else {}),
+        **({"FMU_CONTACTS": variables_of("contact", "output", ContactFields(touching).by_name())} if touching else {}),
         "FMU_RATES": variables_of("rate", "rate", rates if linear else ()),
     }
     words: dict[str, Any] = {"forces": bool(groups["FMU_FORCES"]), "parameters": bool(parameters)}
@@ -201,7 +190,7 @@ def finger_unit(
     words["touched"] = ", &forces" if "forces" in manifest["functions"].get("touch", {}).get("inputs", ()) else ""
     return UnitContents(
         identifier=identifier,
-        title=source.title,
+        title=library.title,
         what="a planar continuum finger" + " with the object that it touches" * (subject.touching is not None),
         step=internal,
         any_step=True,
@@ -213,7 +202,7 @@ def finger_unit(
         feedthrough=model.tip.jac_sparsity(0, model.tip.index_in("u")).nnz() > 0,
         glue=("plant_types.c", "plant.c", *(["plant_linear.c"] if linear else [])),
         words=words,
-        sources=sources,
-        flags=STRICT,
+        sources=library.sources,
+        flags=tuple(strict_flags()),
         manifest=manifest,
     )

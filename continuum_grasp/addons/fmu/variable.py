@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
-from continuum_grasp.export import FLAGS, TOUCH, Asked, Field, identifiers, named_fields, package_files
+from continuum_grasp.export import Field
 
 Kind = Literal["input", "tunable", "fixed", "state", "output", "rate"]
 _C_KINDS = {
@@ -127,27 +127,3 @@ TIP = variables_of(
     ],
 )
 """Position and angle of the tip."""
-
-
-def contact_variables(touching: Sequence[str]) -> tuple[Variable, ...]:
-    """Gaps, forces and places of contacts by their names."""
-    of = [Field(f"{at}.{name}", unit, text) for name, unit, text in TOUCH for at in identifiers(touching)]
-    return variables_of("contact", "output", of)
-
-
-def labeled(
-    group: str, kind: Kind, labels: Sequence[str], starts: Sequence[float] | NDArray[Any] | None = None
-) -> tuple[Variable, ...]:
-    """Variables of labels ``name [unit]``, with their values to begin with."""
-    return variables_of(group, kind, named_fields(labels), starts)
-
-
-STRICT = (*FLAGS["strict"], *FLAGS["gcc"])
-"""Flags of gcc with which results are the same bits everywhere."""
-
-
-def library_of(given: Any, **options: Any) -> tuple[dict[str, str], dict[str, Any], dict[str, tuple[Field, ...]]]:
-    """A package in double precision: headers and sources by file name, its manifest, fields of its structs by name."""
-    files, manifest, contents = package_files(given, Asked("double", **options), tested=False)
-    sources = {path.rpartition("/")[2]: text for path, text in files.items() if path.startswith(("include/", "src/"))}
-    return sources, manifest, {struct.name: struct.fields for struct in contents.structs}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import html
+import json
 import os
 import platform
 import re
@@ -30,12 +31,9 @@ from continuum_grasp.export import (
     check_file,
     chosen,
     fill,
-    is_unit,
-    manifest_text,
-    names_of,
     prefix_of,
     strict_flags,
-    write_files,
+    title_of,
 )
 from continuum_grasp.results import replacing
 from continuum_grasp.scene import ControlScene, Scene, beside, scene_of
@@ -168,7 +166,7 @@ def export_fmu(
         feature.check((scene, kinds), of=given_options)
     files = {(k, fmi): Path(folder) / f"{identifier}_{k}_fmi{fmi}.fmu" for k in WHAT if k in kinds for fmi in versions}
     for file in files.values():
-        check_file(file, is_unit)
+        check_file(file, _is_unit)
     makers = {
         "plant": partial(finger_unit, step=step, substeps=substeps, ranges=ranges) if alone else loop_plant_unit,
         "controller": partial(controller_unit, preview=preview, finger=finger),
@@ -182,9 +180,19 @@ def export_fmu(
 
 def identifier_of(given: Any, scene: Any) -> str:
     """A C identifier of the name of a file, or of a scene."""
-    title = Path(given).stem if isinstance(given, (str, os.PathLike)) else names_of(scene)[0]
+    title = Path(given).stem if isinstance(given, (str, os.PathLike)) else title_of(scene)
     text = re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")
     return text if re.match(r"[a-z]", text) else f"finger_{text}".strip("_")
+
+
+def _is_unit(file: Path) -> bool:
+    """Whether a file is a functional mock-up unit of an export, or has no content."""
+    if not zipfile.is_zipfile(file):
+        return file.stat().st_size == 0
+    with zipfile.ZipFile(file) as archive:
+        return any(
+            b"continuum_grasp" in archive.read(name) for name in archive.namelist() if name == "modelDescription.xml"
+        )
 
 
 def _written(unit: UnitContents, kind: str, fmi: str, file: Path, binary: bool, work: Path) -> FunctionalMockupUnit:
@@ -226,7 +234,7 @@ def _files(unit: UnitContents, fmi: str) -> dict[str, str]:
     files["modelDescription.xml"] = model_description(unit, fmi, token)
     files["documentation/index.html"] = _page(unit)
     files["documentation/licenses/license.txt"] = fill("LICENSE", {"version": __version__})
-    files["resources/MANIFEST.json"] = manifest_text(unit.manifest)
+    files["resources/MANIFEST.json"] = json.dumps(unit.manifest, indent=2, allow_nan=False) + "\n"
     if fmi == "3":
         names = sorted(name for name in sources if name.endswith(".c"))
         files["sources/buildDescription.xml"] = fill("fmu/build.xml", {"unit": unit, "sources": names})
@@ -319,7 +327,9 @@ def _compiled(unit: UnitContents, files: Mapping[str, str], suffix: str, work: P
     level = "-O1" if max(text.count("\n") for text in sources.values()) > LONG else "-O2"
     flags += ["-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
     folder = work / unit.identifier
-    write_files(folder, sources)
+    folder.mkdir(exist_ok=True)
+    for name, text in sources.items():
+        (folder / name).write_text(text, encoding="utf-8")
     stems = [name[:-2] for name in sorted(sources) if name.endswith(".c")]
     missing = [stem for stem in stems if not (folder / f"{stem}.o").exists()]
     try:

@@ -8,9 +8,7 @@ import html
 import json
 import math
 import os
-import re
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -35,29 +33,12 @@ from continuum_grasp.base import Array, InputError, check_arguments, interruptib
 from continuum_grasp.closed_loop import ControlRun, PlantModel, Sensors
 from continuum_grasp.control import Stages
 from continuum_grasp.core import check_tools
-from continuum_grasp.export import (
-    Contents,
-    Loop,
-    check_file,
-    clang,
-    controller_of,
-    fill,
-    identifiers,
-    input_fields,
-    library_files,
-    parameter_fields,
-    wasm_exports,
-    wasm_files,
-    wasm_module,
-    write_files,
-)
+from continuum_grasp.export import ModelFields, WasmController, check_file, fill, wasm_module
 from continuum_grasp.model import System
 from continuum_grasp.results import write_text
 from continuum_grasp.scene import ControlScene, Finger, Scene, Tendon, ends, scene_of
 from continuum_grasp.simulation import Trajectory
 
-_TESTED = "tests/check.h"
-"""Header of a package's tests."""
 _NEEDED = "a page needs {} to make WebAssembly, which no other C compiler replaces"
 _DIGITS = 6
 """Digits of numbers that are only drawn."""
@@ -146,7 +127,7 @@ def export_web(
 
 def page_of(
     scene: Scene | ControlScene,
-    record: Callable[[WebPlant, Loop | None], RecordedStates] | None = None,
+    record: Callable[[WebPlant, Stages | None], RecordedStates] | None = None,
     plant_model: PlantModel | None = None,
     mission: Assignment | None = None,
 ) -> Page:
@@ -156,21 +137,19 @@ def page_of(
     """
     check_tools(("clang", "wasm-ld"), _NEEDED, "clang lld")
     modules: dict[str, Future[bytes]] = {}
-    loop, controller, wrapper = None, None, ""
+    stages, controller, wrapper = None, None, ""
     with ThreadPoolExecutor() as pool:
         if isinstance(scene, ControlScene):
-            package, loop = controller_of(scene, None if mission is None else partial(phases_of, [mission], mission))
-            files = {Path(name).name: text for name, text in library_files(package).items() if name != _TESTED}
+            wasm = WasmController(scene, None if mission is None else partial(phases_of, [mission], mission))
             # Compiled while the plant is written.
-            modules["controller"] = pool.submit(wasm_module, files, ["__heap_base", *wasm_exports(package)])
-            plan = _add_sizes(package, files)
-            wrapper = wasm_files(package)["wasm/finger.mjs"]
+            modules["controller"] = pool.submit(wasm.module)
+            stages, wrapper = wasm.loop.stages, wasm.wrapper
             plant, sensors = plant_of_loop(scene, plant_model)
-            controller = _controller(scene, loop, sensors) | {"plan": plan, "mission": _mission(loop, mission, plant)}
+            controller = _controller(scene, wasm, sensors) | {"mission": _mission(wasm, mission, plant)}
         else:
             plant = plant_of_scene(scene)
         modules["plant"] = pool.submit(wasm_module, {"plant.c": plant.source}, plant_exports(plant))
-        played = None if record is None else record(plant, loop)
+        played = None if record is None else record(plant, stages)
         if controller is not None and played is not None and played.reference is not None:
             controller["reference"] |= {"dt": played.dt, "rows": played.reference}
         known: dict[str, Any] = {
@@ -212,30 +191,10 @@ def page_of_motion(run: Trajectory) -> Page:
 def page_of_loop(run: ControlRun, changes: Callable[[Stages], Sequence[Any]] = lambda _: ()) -> Page:
     """The page of a closed loop, and what changed of its controller."""
 
-    def record(plant: WebPlant, loop: Loop | None) -> RecordedStates:
-        return loop_record(run, plant, () if loop is None else changes(loop.stages))
+    def record(plant: WebPlant, stages: Stages | None) -> RecordedStates:
+        return loop_record(run, plant, () if stages is None else changes(stages))
 
     return page_of(run.scene, record, run.readings.plant)
-
-
-def _add_sizes(contents: Contents, files: Mapping[str, str]) -> tuple[int, int]:
-    """Add the bytes of a package's memory to its words; ``files`` are its headers by their names.
-
-    Returns the place of the plan within the controller, or within its mission, [bytes] and the number of its nodes.
-    """
-    prefix = contents.subject.prefix
-    owned = [name for function in contents.stateful for name in function.types]
-    sizes = ", ".join(f"sizeof({prefix}_{name})" for name in owned)
-    with tempfile.TemporaryDirectory() as folder:
-        owner, plan = ("mission", "controller.") if "mission" in owned else ("controller", "")
-        plan, states = f"{plan}memory.state.plan.x", f"(({prefix}_controller *)0)->memory.state.plan.x"
-        sizes += f", __builtin_offsetof({prefix}_{owner}, {plan}), sizeof {states} / sizeof {states}[0]"
-        source = f'#include "{prefix}.h"\nconst unsigned int sizes[] = {{{sizes}}};\n'
-        write_files(Path(folder), {**files, "sizes.c": source})
-        assembly = clang(Path(folder), "-I.", "-S", "sizes.c", "-o", "-")
-    numbers = re.findall(r"^\s*\.int32\s+(\d+)", assembly, re.MULTILINE)
-    contents.words.update((f"{name}_bytes", size) for name, size in zip(owned, numbers, strict=False))
-    return int(numbers[-2]), int(numbers[-1])
 
 
 def _packed(binary: bytes) -> str:
@@ -253,39 +212,42 @@ def plant_exports(plant: WebPlant) -> list[str]:
     return ["advance", "look", "sense", "foresee", "restart", *(f"at_{name}" for name in plant.arrays)]
 
 
-def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, Any]:
+def _controller(scene: ControlScene, wasm: WasmController, sensors: Sensors) -> dict[str, Any]:
     """Data of controller and sensors for the page."""
-    c, wanted = scene.controller, loop.setpoints
+    c, loop = scene.controller, wasm.loop
     # Setpoints of the scene over time, by rows, of which the last one holds.
-    rows = wanted.rows(np.arange(0.0, (scene.duration or 0.0) + c.step, c.step))
+    rows = loop.setpoints.rows(np.arange(0.0, (scene.duration or 0.0) + c.step, c.step))
     if (rows == rows[0]).all():
         rows = rows[:1]
-    reference = {"dt": c.step, "stage": c.horizon.stage, "names": identifiers(wanted.names), "rows": rounded(rows)}
+    names = [field.name for field in loop.reference.fields]
+    reference = {"dt": c.step, "stage": c.horizon.stage, "names": names, "rows": rounded(rows)}
     return {
         "period": c.step,
         "starts": loop.start.name,
-        "commands": identifiers(loop.stages.u_names),
+        "commands": [field.name for field in loop.command.fields],
         "reference": reference,
         "names": [name_of(name) for name in sensors.names],
         "std": sensors.std.tolist(),
         "low": loop.stages.u_min.tolist(),
         "high": loop.stages.u_max.tolist(),
         "delay": sensors.delay,
+        "plan": wasm.plan,
     }
 
 
-def _mission(loop: Loop, mission: Assignment | None, plant: WebPlant) -> dict[str, Any] | None:
+def _mission(wasm: WasmController, mission: Assignment | None, plant: WebPlant) -> dict[str, Any] | None:
     """Data of a mission for the page: when each phase is planned to begin [s], and the height in the hand that is
     measured, by numbers of the state and what they count.
     """
-    if mission is None or loop.phases is None:
+    phases = wasm.loop.phases
+    if mission is None or phases is None:
         return None
     asked, states = mission.mission, plant.system.object_states
     slip, shares = asked.slip, object_height(asked, np.eye(len(plant.start))[:, states])  # the height is linear
     up = {k: float(share) for k, share in enumerate(shares) if share}
     return {
-        "phases": list(loop.phases.names),
-        "begin": np.ravel(loop.phases.members["begin"]).tolist(),
+        "phases": list(phases.names),
+        "begin": np.ravel(phases.members["begin"]).tolist(),
         "height": None if slip is None or slip.height is None else {"of": up, "std": asked.plant.noise * slip.height},
     }
 
@@ -306,11 +268,11 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
     # The last row holds for good, as samples do.
     instants = np.zeros(1) if plant.signals.constant else np.arange(0.0, (timed or 0.0) + _TABLE, _TABLE)
     nu = len(plant.rest)
-    inputs = [] if isinstance(scene, ControlScene) else input_fields(model)[:nu]
+    inputs = [] if isinstance(scene, ControlScene) else ModelFields(model).inputs()[:nu]
     forces = np.zeros((len(instants), plant.given["w"].numel()))
     rows = plant.signals.w(instants)
     forces[:, : rows.shape[1]] = rows
-    fields = parameter_fields(model, {})
+    fields = ModelFields(model).parameters()
     return {
         "arrays": plant.arrays,
         "step": plant.step,

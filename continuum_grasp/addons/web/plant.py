@@ -17,7 +17,7 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.control import Prediction, Stages, stages_of
 from continuum_grasp.core import GAMMA
-from continuum_grasp.export import REALS, SETTLED, Kernel, c_source, contact_kernel, fill, sections_kernel, unit_of
+from continuum_grasp.export import REALS, SETTLED, Field, Kernel, SeenKernels, fill
 from continuum_grasp.model import FEWEST_ELEMENTS, FingerModel, System
 from continuum_grasp.scene import (
     FAMILIES,
@@ -112,7 +112,7 @@ class WebPlant:
         limits = finger.structure.coordinate_limits()
         # 10.0: usual rate of a coordinate, in its ranges per second
         scales = [*limits, *(10.0 * limit for limit in limits)]
-        return scales + [_USUAL.get(unit_of(name), 0.01) for name in self.x_names[len(scales) :]]
+        return scales + [_USUAL.get(field.unit, 0.01) for field in Field.named(self.x_names[len(scales) :])]
 
     @cached_property
     def seen(self) -> dict[str, list[Kernel]]:
@@ -122,10 +122,11 @@ class WebPlant:
         of the plan.
         """
         x, _, w, p = self.symbols
-        finger_state, given = x[: self.system.nx], self.given
-        look = [sections_kernel("shape", self.system, self.at.tolist(), given, finger_state, self.acting, p)]
+        given = self.given
+        seen = SeenKernels(self.system, given, x[: self.system.nx], self.acting, w, p)
+        look = [seen.sections("shape", self.at.tolist())]
         if self.system.touch_names:
-            look.append(contact_kernel(self.system, given, finger_state, self.acting, w, p, slip=True))
+            look.append(seen.contacts(slip=True))
         if self.tensions.numel():
             look.append(Kernel.of("pull", given, {"tension": self.tensions}, "Tension of each tendon at its drive."))
         sense, foresee = list[Kernel](), list[Kernel]()
@@ -152,9 +153,8 @@ class WebPlant:
     def source(self) -> str:
         """All of its C: one file without a library."""
         real = REALS["double"]
-        strict = c_source(set().union(*(kernel.calls for kernel in self._kernels)), real, "plant")
         words = {
-            "kernels": "\n".join([strict, *(kernel.c_source("plant", real) for kernel in self._kernels)]),
+            "kernels": Kernel.all_c_source(self._kernels, "plant", real),
             "exponent": real.bit_pattern(real.exponent_mask),
             "nx": len(self.scales),
             "n": self.system.n,

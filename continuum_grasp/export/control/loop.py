@@ -26,7 +26,7 @@ from continuum_grasp.control import (
     setpoints,
 )
 from continuum_grasp.export.control.kernels import Adapter, adapters_of
-from continuum_grasp.export.fields import Field, Real, Struct, identifiers, named_fields, unit_of
+from continuum_grasp.export.fields import Field, Real, Struct, identifiers, unit_of
 from continuum_grasp.scene import ControlScene
 
 DIAGNOSIS = (
@@ -165,14 +165,14 @@ class Loop(ControlParts):
     @cached_property
     def measurement(self) -> Struct:
         text = "What is measured, NaN where it was not." if self.estimation else "The state."
-        return Struct("measurement", text, named_fields(self.measurement_names, self.ranges.measurement))
+        return Struct("measurement", text, Field.named(self.measurement_names, self.ranges.measurement))
 
     @cached_property
     def estimate(self) -> Struct:
         """States and disturbances."""
         ranges = np.vstack([self.ranges.x, self.ranges.disturbances])
         text = "State of the finger and, behind it, what disturbs it."
-        return Struct("estimate", text, named_fields(self.estimated_names, ranges))
+        return Struct("estimate", text, Field.named(self.estimated_names, ranges))
 
     @property
     def start(self) -> Struct:
@@ -183,13 +183,13 @@ class Loop(ControlParts):
         """The input."""
         ranges = np.stack([self.stages.u_min, self.stages.u_max], axis=1)
         return Struct(
-            "command", "What the drives are to do until the next one.", named_fields(self.stages.u_names, ranges)
+            "command", "What the drives are to do until the next one.", Field.named(self.stages.u_names, ranges)
         )
 
     @cached_property
     def applied(self) -> Struct:
         """Struct of the applied command, which may be off or beyond what can be commanded."""
-        return Struct("applied", "", named_fields(self.stages.u_names, self.ranges.applied))
+        return Struct("applied", "", Field.named(self.stages.u_names, self.ranges.applied))
 
     @cached_property
     def wanted(self) -> Array:
@@ -216,14 +216,14 @@ class Loop(ControlParts):
     @cached_property
     def known(self) -> Struct | None:
         """Parameters of the prediction, None where it has none."""
-        fields = named_fields(self.stages.p_names, self.ranges.p)
+        fields = Field.named(self.stages.p_names, self.ranges.p)
         text = "What is known of the model: parameters, forces."
         return Struct("known", text, fields) if fields else None
 
     @cached_property
     def reference(self) -> Struct:
         """Setpoints of all nodes."""
-        fields = named_fields(self.stages.r_names, self.ranges.r)
+        fields = Field.named(self.stages.r_names, self.ranges.r)
         text = f"Setpoints from now on, one each {self.stages.stage:g} s."
         return Struct("reference", text, tuple(replace(field, shape=(self.nodes,)) for field in fields))
 

@@ -11,9 +11,9 @@ from functools import cache, partial
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.base import Array, InputError
+from continuum_grasp.base import Array
 from continuum_grasp.export.fields import Field, Struct, fill, outside
-from continuum_grasp.export.kernel import Kernel, check_size
+from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Code, PackagePart, Rows
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
@@ -187,16 +187,7 @@ def check_derivatives(model: FingerModel | System, name: str) -> None:
     """Refuse derivatives of a model by its states that are too much code for certain, before they are found."""
     # 0.3: least instructions that the derivative by one state adds, per those of the model: 0.33 to 0.51 of arcs and
     # clothoids, 4 to 15 elements
-    check_size(name, round(0.3 * model.nx * model.instructions))
-
-
-def has_linearization(subject: Subject) -> bool:
-    """Whether the part ``linearization`` is no more code than is written."""
-    try:
-        linearization(subject)
-    except InputError:
-        return False
-    return True
+    Kernel.check_size(name, round(0.3 * model.nx * model.instructions))
 
 
 def moment_note(subject: Subject) -> str:
