@@ -34,7 +34,7 @@ from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED, basin_starts, h
 from continuum_grasp.grasp.starts.values import GraspStart, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
-from continuum_grasp.nlp import STALLED, Budget, SolverStatus
+from continuum_grasp.nlp import Budget, SolverStatus
 from continuum_grasp.scene import Effort, GraspScene
 
 HELD = 3
@@ -278,7 +278,7 @@ class GraspSearch:
         ends: dict[str, Any] = {"patience": patience, "standstill": STANDSTILL, "enough": self._enough}
         tried = self.attempt(basin.start, smoothed=True, options_at=options_at, iterations=iterations, **ends)
         basin.tried = True
-        if tried is not None and tried.attempt.outcome == STALLED:
+        if tried is not None and tried.attempt.stalled:
             self._missed.append((tried.attempt.badness, basin.start, options_at))
         # What takes more than was estimated, where that tells, is another basin's.
         promised = basin.start.estimate + self._least_difference

@@ -40,7 +40,7 @@ from continuum_grasp.grasp.values import (
     force_units,
     tension_of,
 )
-from continuum_grasp.nlp import Budget, Violation, outcome_words
+from continuum_grasp.nlp import Budget, Violation
 from continuum_grasp.scene import ONE_TURN, TOUCHING, GraspScene, scene_of
 
 
@@ -293,7 +293,7 @@ class _Verdict:
         if best is self.search.fallback and self.search.best is None:
             yield "the least tension there is; nothing was found for the objective"
         elif not best.attempt.optimal and not self.search.proven:
-            yield f"the solver stopped early ({outcome_words(best.attempt.outcome)})"
+            yield f"the solver stopped early ({best.attempt.why_it_ended})"
         if self._before is not None:
             yield f"which stations press was found by a local search, in {self.search.exploration.modes} sets"
         search, explored = self.search, self.search.exploration

@@ -9,13 +9,10 @@ __all__ = [
     "Budget",
     "Constraints",
     "Multipliers",
-    "OptionSet",
     "Settings",
     "Solver",
     "SolverStatus",
     "Start",
     "Violation",
-    "new_solver",
-    "outcome_words",
 ]
 __getattr__, __dir__, _ = attach_stub(__name__, __file__)

@@ -7,11 +7,26 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Literal
 
 import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene import SolverOptions
+
+STALLED, KNOWN, SPENT, STOP_REQUESTED = "Stalled", "Known", "Budget_Spent", "User_Requested_Stop"
+"""Outcomes of a run that lost its patience, that came to a known solution, whose budget was spent, and that was stopped
+in another way."""
+_WORDS = {
+    "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
+    "Invalid_Number_Detected": "values were not finite",
+    "Maximum_Iterations_Exceeded": "the iterations were used up",
+    "Restoration_Failed": "the solver ended where no step lowers what is violated",
+    "Search_Direction_Becomes_Too_Small": "further steps gained next to nothing",
+    STOP_REQUESTED: "the search was interrupted",
+    STALLED: "constraints stayed violated while the solver went on",
+    SPENT: "the iterations of this start were used up",
+}
 
 
 class SolverStatus(StrEnum):
@@ -30,6 +45,21 @@ class SolverStatus(StrEnum):
     FAILED = "failed"
     """Anything else, such as values that are not finite; the solver's own status says more."""
 
+    @classmethod
+    def of(cls, outcome: str) -> SolverStatus:
+        """Status by the outcome of a run; CasADi's solvers share these names."""
+        return _STATUS.get(outcome, cls.FAILED)
+
+
+_STATUS = {
+    "Solve_Succeeded": SolverStatus.SOLVED,
+    "Solved_To_Acceptable_Level": SolverStatus.ACCEPTABLE,
+    "Infeasible_Problem_Detected": SolverStatus.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": SolverStatus.ITERATION_LIMIT,
+    **dict.fromkeys((STOP_REQUESTED, STALLED, KNOWN, SPENT), SolverStatus.STOPPED),
+}
+"""Status by outcome; any other is a failure."""
+
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
@@ -39,24 +69,15 @@ class Multipliers:
     constraints: Array
 
 
-class OptionSet(StrEnum):
-    """Assumed distance of a start from a solution; a solver has options for each, and builds for those that are
-    used.
-    """
-
-    DEFAULT = "default"
-    """Rough: what the settings say."""
-    REFINED = "refined"
-    """Nearly exact: few, bold iterations."""
-    REFINED_MONOTONE = "refined_monotone"
-    """Nearly exact, where bold iterations left it."""
+OptionSet = Literal["default", "refined", "refined_monotone"]
+"""Assumed distance of a start from a solution; a solver has options for each, and builds for those that are used."""
 
 
 @dataclass(frozen=True)
 class Approach:
     """Properties of a start that decide on the options of a solver; see `Start`."""
 
-    option_set: OptionSet = OptionSet.DEFAULT
+    option_set: OptionSet = "default"
     barrier: float | None = None
     warm: bool = False  # whether multipliers are known
 
@@ -79,15 +100,16 @@ class Start:
         Known where the start is next to a solution, which is then looked for nearby.
     barrier : float or None
         First barrier parameter of an interior-point method, for a start that is worth staying near.
-    option_set : OptionSet
-        How near a solution it is.
+    option_set : {"default", "refined", "refined_monotone"}
+        How near a solution it is: rough, so that the settings hold; nearly exact, for few, bold iterations; nearly
+        exact, where bold iterations left it.
     patience : int or None
-        How many iterations may leave a violation as it is, until it is half of what it was; then the run ends with the
-        outcome ``Stalled``. None: any number.
+        How many iterations may leave a violation as it is, until it is half of what it was; then the run ends as
+        `Attempt.stalled`. None: any number.
     standstill : int or None
         How many iterations in a row may leave a violation the same to 0.1 %, after which the run ends likewise.
     known : sequence of (n,) ndarray
-        Solutions: a run that comes to one of them ends with the outcome ``Known``.
+        Solutions: a run that comes to one of them ends as `Attempt.known`.
     """
 
     x: Array
@@ -98,7 +120,7 @@ class Start:
     p: Array = field(default_factory=lambda: np.empty(0))
     multipliers: Multipliers | None = None
     barrier: float | None = None
-    option_set: OptionSet = OptionSet.DEFAULT
+    option_set: OptionSet = "default"
     patience: int | None = None
     standstill: int | None = None
     known: Sequence[Array] = ()
@@ -122,7 +144,7 @@ class Attempt:
 
     Attributes
     ----------
-    status : Status
+    status : SolverStatus
     outcome : str
         The solver's own return status.
     x, g : ndarray
@@ -134,7 +156,7 @@ class Attempt:
     violation : float
         Largest amount by which a constraint or a bound is violated, in units of the problem.
     error : float
-        Of the conditions of optimality, scaled; see `continuum_grasp.nlp.solver`. Infinite where a constraint is
+        Of the conditions of optimality, scaled; see `NLP.optimality_error`. Infinite where a constraint is
         violated by more than an acceptable point may.
     """
 
@@ -153,6 +175,23 @@ class Attempt:
     def converged(self) -> bool:
         """Whether it is a local optimum, if only to the acceptable tolerance."""
         return self.status in (SolverStatus.SOLVED, SolverStatus.ACCEPTABLE)
+
+    @property
+    def stalled(self) -> bool:
+        """Whether the run lost its patience; see `Start.patience`."""
+        return self.outcome == STALLED
+
+    @property
+    def known(self) -> bool:
+        """Whether the run came to a known solution; see `Start.known`."""
+        return self.outcome == KNOWN
+
+    @property
+    def why_it_ended(self) -> str:
+        """Why the run ended, for those who do not know the solver's own names."""
+        if " " in self.outcome:  # words already
+            return self.outcome
+        return _WORDS.get(self.outcome) or f"the solver ended with {self.outcome.replace('_', ' ').lower()}"
 
 
 @dataclass
@@ -214,6 +253,11 @@ class Budget:
             return True
         self.stopped |= time.monotonic() > self.until
         return self.stopped
+
+    @property
+    def outcome_of_stop(self) -> str:
+        """Outcome of a run that was stopped: by this budget, or by a user."""
+        return SPENT if self.over else STOP_REQUESTED
 
     @property
     def cut(self) -> str:

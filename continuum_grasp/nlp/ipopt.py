@@ -20,11 +20,11 @@ _NEAR = 1e-4
 _REFINED = {"mu_init": 1e-3, "bound_mult_init_method": "mu-based", **dict.fromkeys(_PUSHES[:4], 1e-3)}
 """Options for starts within 1e-3 of a solution: no farther from it than they are."""
 _SETS: dict[OptionSet, dict[str, Any]] = {
-    OptionSet.DEFAULT: {},
+    "default": {},
     # From refined starts of 73 grasps: 72 verified after a median of 7 iterations; monotone 71 after 13; the defaults
     # of grasps, monotone from 1e-2, 68 after 15.
-    OptionSet.REFINED: {"mu_strategy": "adaptive", **_REFINED},
-    OptionSet.REFINED_MONOTONE: {"mu_strategy": "monotone", **_REFINED},
+    "refined": {"mu_strategy": "adaptive", **_REFINED},
+    "refined_monotone": {"mu_strategy": "monotone", **_REFINED},
 }
 """Options of a cold start, beyond those of the settings."""
 

@@ -16,92 +16,23 @@ from typing import Any, ClassVar, cast
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.base import Array, check_arguments, interrupt_pressed, interrupts_held
-from continuum_grasp.nlp.attempt import Approach, Attempt, Budget, Multipliers, SolverStatus, Start
+from continuum_grasp.base import interrupt_pressed, interrupts_held
+from continuum_grasp.nlp.attempt import (
+    KNOWN,
+    STALLED,
+    STOP_REQUESTED,
+    Approach,
+    Attempt,
+    Budget,
+    Multipliers,
+    SolverStatus,
+    Start,
+)
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.scene import Method
 
-_GREATEST = 100.0
-"""Greatest gradient at the start, beyond which functions are scaled, and greatest mean multiplier (IPOPT:
-nlp_scaling_max_gradient, s_max)."""
-
-
-def optimality_error(problem: NLP, start: Start, x: Array, multipliers: Multipliers) -> float:
-    """Compute the scaled error of a point in the conditions of optimality, whatever a solver says of it.
-
-    Karush, Kuhn and Tucker: with the multipliers lam of constraints and z of bounds, which are negative at lower ends,
-    grad f + J' lam + z = 0, lower <= g <= upper, low <= x <= high, and each multiplier times the slack that is left to
-    its end is 0. The error is that of IPOPT (A. Waechter, L. T. Biegler, doi:10.1007/s10107-004-0559-y, equations 5 and
-    6, section 3.8): the greatest of dual, primal and complementarity errors, of functions whose gradients at the start
-    are scaled down to 100, dual and complementarity divided by the mean multiplier per 100, where that exceeds one. It
-    is infinite where something is not finite. The start is that of the solver: it has bounds, parameters, and the point
-    that scales the functions.
-    """
-    by_f, by_g = _scales(problem, start)
-    _, gradient = (np.array(v).ravel() for v in problem.functions["grad_f"](x, start.p))
-    value, jacobian = problem.functions["jac_g"](x, start.p)
-    g, forces, bounds = np.array(value).ravel(), multipliers.constraints, multipliers.bounds
-    slope = gradient + np.array(jacobian.T @ forces).ravel() + bounds
-    fixed = start.low == start.high  # no condition: the multiplier is whatever balances
-    low, high = np.concatenate([start.low, start.lower]), np.concatenate([start.high, start.upper])
-    at, scale = np.concatenate([x, g]), np.concatenate([np.ones(x.size), by_g])
-    pressed = by_f * np.concatenate([bounds, forces]) / scale
-    if not all(np.isfinite(v).all() for v in (at, slope, pressed)):
-        return float("inf")
-    primal = scale * np.maximum(np.maximum(low - at, at - high), 0.0)
-    # A multiplier whose end is infinite has the wrong sign.
-    push = np.stack([np.maximum(-pressed, 0.0), np.maximum(pressed, 0.0)])
-    # Beyond its end a point has no slack; by how much counts as primal.
-    slack = np.maximum(np.stack([at - low, high - at]), 0.0) * scale
-    bounded = np.isfinite(slack) & (low != high)
-    mean = np.abs(pressed).mean() if pressed.size else 0.0
-    share = max(_GREATEST, float(mean)) / _GREATEST
-    dual = np.concatenate([by_f * np.abs(slope[~fixed]), push[~np.isfinite(slack)]]) / share
-    gap = push * np.where(bounded, slack, 0.0) / share
-    return float(max(dual.max(initial=0.0), primal.max(initial=0.0), gap.max(initial=0.0)))
-
-
-def _scales(problem: NLP, start: Start) -> tuple[float, Array]:
-    """Factors of the objective and of the constraints (m,)."""
-    x = np.clip(start.x, start.low, start.high)
-    gradient = np.array(problem.functions["grad_f"](x, start.p)[1]).ravel()
-    jacobian = problem.functions["jac_g"](x, start.p)[1]
-    rows = np.zeros(jacobian.shape[0])
-    np.maximum.at(rows, np.array(jacobian.sparsity().row(), dtype=int), np.abs(np.array(jacobian.nonzeros())))
-    return float(_scale(np.abs(gradient).max(initial=0.0))), _scale(rows)
-
-
-def _scale(slopes: Any) -> Any:
-    with np.errstate(divide="ignore"):
-        # 1e-8: least scale of functions (IPOPT: nlp_scaling_min_value)
-        return np.maximum(np.minimum(_GREATEST / np.asarray(slopes), 1.0), 1e-8)
-
-
-STALLED, KNOWN, SPENT = "Stalled", "Known", "Budget_Spent"
-"""Outcomes of a run that lost its patience, that came to a known solution, or whose budget was spent."""
 CLOSE = 1e-3
 """Distance of every unknown from a known solution at which a run ends there [units of the problem]."""
-STATUS_OF = {
-    "Solve_Succeeded": SolverStatus.SOLVED,
-    "Solved_To_Acceptable_Level": SolverStatus.ACCEPTABLE,
-    "Infeasible_Problem_Detected": SolverStatus.INFEASIBLE,
-    "Maximum_Iterations_Exceeded": SolverStatus.ITERATION_LIMIT,
-    "User_Requested_Stop": SolverStatus.STOPPED,
-    STALLED: SolverStatus.STOPPED,
-    KNOWN: SolverStatus.STOPPED,
-    SPENT: SolverStatus.STOPPED,
-}
-"""Status by outcome; any other is a failure. CasADi's solvers share these names but the last three."""
-_WORDS = {
-    "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
-    "Invalid_Number_Detected": "values were not finite",
-    "Maximum_Iterations_Exceeded": "the iterations were used up",
-    "Restoration_Failed": "the solver ended where no step lowers what is violated",
-    "Search_Direction_Becomes_Too_Small": "further steps gained next to nothing",
-    "User_Requested_Stop": "the search was interrupted",
-    STALLED: "constraints stayed violated while the solver went on",
-    SPENT: "the iterations of this start were used up",
-}
 _VIOLATED, _SAME, _STILL = 1e-3, 0.03, 1e-3
 """Violation from which on a run may lose its patience, and relative changes of one that stays as it is, and of one that
 stands still: where steps become so short, IPOPT is at a point that violates least nearby, or about to restore
@@ -110,30 +41,6 @@ _UNKNOWNS, _CONSTRAINTS = 0, 2
 """Places of unknowns and constraints among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
 """Errors of an acceptable point per tolerance."""
-
-
-@check_arguments
-def outcome_words(outcome: str) -> str:
-    """Say why a solver run ended, for those who do not know the solver's own names.
-
-    Parameters
-    ----------
-    outcome : str
-        That of an `Attempt`.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> from continuum_grasp.nlp import outcome_words
-    >>> outcome_words("Maximum_Iterations_Exceeded")
-    'the iterations were used up'
-    """
-    if " " in outcome:  # words already
-        return outcome
-    return _WORDS.get(outcome) or f"the solver ended with {outcome.replace('_', ' ').lower()}"
 
 
 @dataclass(frozen=True)
@@ -159,6 +66,23 @@ class Settings:
     constraint_tolerance: float = 1e-4
     max_iterations: int = 3000
     tuning: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def solver(self) -> Solver:
+        """Make the solver of this name.
+
+        Examples
+        --------
+        >>> import casadi as ca
+        >>> import numpy as np
+        >>> from continuum_grasp.nlp import NLP, Budget, Settings, Start
+        >>> x = ca.SX.sym("x", 2)
+        >>> start = Start(np.array([0.0, -1.0]), *np.array([[-9.0, -9.0], [9.0, 9.0]]), *np.zeros((2, 1)))
+        >>> found = Settings().solver().solve(NLP("circle", x, x[0] + x[1], ca.dot(x, x) - 2), start, Budget())
+        >>> found.status, found.x.round(6)
+        (<SolverStatus.SOLVED: 'solved'>, array([-1., -1.]))
+        """
+        module = import_module(f"continuum_grasp.nlp.{self.method}")
+        return cast("Solver", getattr(module, self.method.capitalize())(self))
 
 
 class Solver(ABC):
@@ -214,13 +138,13 @@ class Solver(ABC):
         x, g, bound_forces, forces = (np.array(solution[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
         iterations = int(stats.get("iter_count", stop.calls - 1))
         outcome = stop.outcome or str(stats["return_status"])
-        if outcome == "User_Requested_Stop" and until.over:  # by what it was given, not by a user
-            outcome = SPENT
+        if outcome == STOP_REQUESTED:
+            outcome = until.outcome_of_stop
         multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
         # Where constraints are violated, the other conditions say nothing.
         near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
-        error = optimality_error(problem, start, x, multipliers) if near else np.inf
-        status = self._status(STATUS_OF.get(outcome, SolverStatus.FAILED), error, violation)
+        error = problem.optimality_error(start, x, multipliers) if near else np.inf
+        status = self._status(SolverStatus.of(outcome), error, violation)
         seconds, objective = time.perf_counter() - began, float(solution["f"])
         return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)
 
@@ -257,34 +181,6 @@ class Solver(ABC):
             options = common | self.options(problem, approach)
             self._built[key] = ca.nlpsol(problem.name, self.plugin, expressions, options), stop
         return self._built[key]
-
-
-@check_arguments
-def new_solver(settings: Settings) -> Solver:
-    """Make the solver that settings name.
-
-    Parameters
-    ----------
-    settings : Settings
-        Its name, tolerances and options.
-
-    Returns
-    -------
-    Solver
-
-    Examples
-    --------
-    >>> import casadi as ca
-    >>> import numpy as np
-    >>> from continuum_grasp.nlp import NLP, Budget, Settings, Start, new_solver
-    >>> x = ca.SX.sym("x", 2)
-    >>> start = Start(np.array([0.0, -1.0]), *np.array([[-9.0, -9.0], [9.0, 9.0]]), *np.zeros((2, 1)))
-    >>> found = new_solver(Settings()).solve(NLP("circle", x, x[0] + x[1], ca.dot(x, x) - 2), start, Budget())
-    >>> found.status, found.x.round(6)
-    (<SolverStatus.SOLVED: 'solved'>, array([-1., -1.]))
-    """
-    module = import_module(f"continuum_grasp.nlp.{settings.method}")
-    return cast("Solver", getattr(module, settings.method.capitalize())(settings))
 
 
 class _Stop(ca.Callback):

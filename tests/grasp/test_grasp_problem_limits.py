@@ -155,9 +155,9 @@ def points_of_backbones():
 
 
 COUNTS = [
-    ("iterations and options of the boldest runs", (40, nlp.OptionSet.REFINED), 0),
-    ("of bold ones", (60, nlp.OptionSet.REFINED_MONOTONE), 1),
-    ("of rough ones", (200, nlp.OptionSet.DEFAULT), 2),
+    ("iterations and options of the boldest runs", (40, "refined"), 0),
+    ("of bold ones", (60, "refined_monotone"), 1),
+    ("of rough ones", (200, "default"), 2),
 ]
 
 

@@ -29,13 +29,10 @@ from scipy.sparse.linalg import splu
 from continuum_grasp.addons.planning.problem import PlanProblem
 from continuum_grasp.base import Array, interrupt_pressed
 from continuum_grasp.nlp import (
-    SPENT,
-    STATUS_OF,
     Attempt,
     Budget,
     Multipliers,
     SolverStatus,
-    optimality_error,
     qp_solver,
 )
 
@@ -114,7 +111,7 @@ class Condensed:
                 break
             if count >= most or budget.over or interrupt_pressed():
                 if count < most:
-                    outcome = SPENT if budget.over else "User_Requested_Stop"
+                    outcome = budget.outcome_of_stop
                 break
             count, budget.left = count + 1, budget.left - 1
             new, share = self._tried(point, model, step, predicted, radius, penalty)
@@ -134,8 +131,8 @@ class Condensed:
             outcome = "Invalid_Number_Detected"
         x, g, f = (start.x, np.full(start.lower.size, np.nan), np.nan) if point is None else (point.w, point.g, point.f)
         violation = start.violation(x, g)
-        error = optimality_error(self.problem.assembly.nlp, start, x, lam) if point else float("inf")
-        status, seconds = STATUS_OF.get(outcome, SolverStatus.FAILED), time.perf_counter() - began
+        error = self.problem.assembly.nlp.optimality_error(start, x, lam) if point else float("inf")
+        status, seconds = SolverStatus.of(outcome), time.perf_counter() - began
         return Attempt(status, outcome, x, g, f, lam, count, seconds, violation, error)
 
     def _tried(

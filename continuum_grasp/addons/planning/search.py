@@ -21,7 +21,7 @@ from continuum_grasp.addons.planning.problem import OneWay, PlanProblem
 from continuum_grasp.addons.planning.result import MotionPlan
 from continuum_grasp.addons.planning.scene import DurationRange, Goal, PlanScene
 from continuum_grasp.base import Array, InputError, NumericalError, interrupts_held
-from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, SolverStatus, new_solver
+from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, SolverStatus
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
@@ -100,9 +100,7 @@ class PlanSearch:
             ipopt |= _MOVING
         # Constraints are met to 1e-8 also where the optimum is asked for less accurately.
         tolerance, iterations = options.tolerance, options.max_iterations
-        self._solver = new_solver(
-            Settings(options.method, tolerance, min(1e-8, tolerance), iterations, {"ipopt": ipopt})
-        )
+        self._solver = Settings(options.method, tolerance, min(1e-8, tolerance), iterations, {"ipopt": ipopt}).solver()
 
     def run(self) -> None:
         """Try all starts.

@@ -16,7 +16,7 @@ from continuum_grasp.addons.planning.result import MotionPlan, PlanStatus
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.base import Array, Interrupted, SolverError, check_arguments, interruptible
-from continuum_grasp.nlp import Attempt, outcome_words
+from continuum_grasp.nlp import Attempt
 from continuum_grasp.scene import scene_of
 
 if TYPE_CHECKING:
@@ -222,4 +222,4 @@ def _stopped(search: PlanSearch, attempt: Attempt) -> str:
     """Why the solver stopped."""
     if search.budget.cut:
         return _cut(search)
-    return outcome_words(attempt.outcome)
+    return attempt.why_it_ended

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import product
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,18 +31,15 @@ from continuum_grasp.grasp.starts.values import GraspStart, start_from
 from continuum_grasp.grasp.values import LITTLE, SATISFIED
 from continuum_grasp.model import Feature, surface_of
 from continuum_grasp.nlp import (
-    KNOWN,
     NLP,
     Attempt,
     Budget,
     Multipliers,
-    OptionSet,
     Settings,
     Solver,
     SolverStatus,
     Start,
     Violation,
-    new_solver,
 )
 from continuum_grasp.scene import GraspScene, GraspSolver
 
@@ -51,10 +48,10 @@ MODEST = 0.8
 zero for a trace of another limit."""
 ROUNDS = 8
 """Number of times that the places that must stay clear are moved to where fingers are deepest."""
-OPTION_SETS: tuple[tuple[OptionSet, int], ...] = (
-    (OptionSet.REFINED, 40),
-    (OptionSet.REFINED_MONOTONE, 60),
-    (OptionSet.DEFAULT, 200),
+OPTION_SETS: tuple[tuple[Literal["default", "refined", "refined_monotone"], int], ...] = (
+    ("refined", 40),
+    ("refined_monotone", 60),
+    ("default", 200),
 )
 """Ways to solve from a start, boldest first: options, and the most iterations of one solver run."""
 OVERDETERMINED = "More_Equations_Than_Unknowns"
@@ -97,7 +94,7 @@ class GraspSolverRun:
         options = scene.solver
         key = (options.method, options.tolerance, options.max_iterations)
         if key not in self._solvers:
-            self._solvers[key] = new_solver(settings_of(options))
+            self._solvers[key] = settings_of(options).solver()
             self._solvers[key].prepare(self.nlp)
         return self._solvers[key]
 
@@ -261,7 +258,7 @@ class GraspSolverRun:
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
         last = replace(last, seconds=time.perf_counter() - began)
-        if last.outcome == KNOWN:
+        if last.known:
             return min(alike, key=lambda earlier: float(np.abs(earlier.x - last.x).max()))
         violations = problem.rows.violations(last.g, SATISFIED, units_of_rows(scene))
         return GraspAttempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)

@@ -42,7 +42,7 @@ from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, with_contacts
 from continuum_grasp.grasp.values import SAME
 from continuum_grasp.model import Feature
-from continuum_grasp.nlp import NLP, Budget, Start, new_solver
+from continuum_grasp.nlp import NLP, Budget, Start
 from continuum_grasp.scene import GraspScene
 
 _Side = tuple[GraspScene, GraspStart, dict[str, Feature]]
@@ -197,7 +197,7 @@ class JointSolverRun:
             x0 = np.concatenate(list(points))
         x = np.clip(x0, low, high)
         begin = Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
-        solve = partial(new_solver(settings_of(scene.solver)).solve, self.nlp)
+        solve = partial(settings_of(scene.solver).solver().solve, self.nlp)
         last, numbers = solve_clear(solve, self.nlp, begin, look, allowed_depth(scene), budget, OPTION_SETS[-1][1])
         return GraspAttempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
 
