@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import ProcessPool
-from continuum_grasp.core import Compiler, find_compiler
+from continuum_grasp.core import Compiler
 
 ROOT = Path(__file__).parents[1]
 CONFIGS = ROOT / "configs"
@@ -125,7 +125,7 @@ def spread(
 
 def compiler() -> Compiler:
     """The C compiler that the package itself would use."""
-    found = find_compiler()
+    found = Compiler.find()
     if found is None:
         raise RuntimeError("no C compiler found: the benchmarks need CC, cc, gcc or clang")
     return found

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from continuum_grasp.core import core, why_no_compiler
+from continuum_grasp.core import Compiler, core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import initial_state
@@ -29,7 +29,7 @@ WEIGHT = 9.81
 def without_compiler(monkeypatch):
     """Run on CasADi's virtual machine, which starts at once and gives the same numbers."""
     monkeypatch.setenv("CC", "")
-    monkeypatch.setattr(core, "_WARNED", {why_no_compiler()})
+    monkeypatch.setattr(core, "_WARNED", {Compiler.why_none()})
 
 
 def rod_scene(

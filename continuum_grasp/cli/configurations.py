@@ -189,9 +189,9 @@ def doctor(output: Output) -> None:
     import casadi
 
     from continuum_grasp import __version__
-    from continuum_grasp.core import find_compiler
+    from continuum_grasp.core import Compiler
 
-    compiler = find_compiler()
+    compiler = Compiler.find()
     facts = {"continuum_grasp": __version__, "python": platform.python_version(), "platform": platform.platform()}
     for package in _PACKAGES:
         try:

@@ -13,10 +13,9 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-
-from continuum_grasp.core.compiler import Compiler
 
 try:
     import fcntl
@@ -35,74 +34,76 @@ def cache_folder(kind: str = "compiled") -> Path:
     return Path(base) / "continuum_grasp" / kind
 
 
-def library_for(source: str, compiler: Compiler, what: str = "code") -> Path:
-    """The shared library of a C source, compiled unless it is in the cache; the log calls it ``what``.
+@dataclass(frozen=True)
+class Cache:
+    """Files of a kind that take long to make, stored by the content that they were made of.
 
-    An entry is used only if it belongs to this user alone, its record names this very content, and the library's own
-    hash is the recorded one, so that truncated, stale or foreign files are built again. Entries are written under a
-    temporary name and then renamed, the record last; any number of processes may build the same one. CompileError if
-    the compiler refuses the source, OSError if no folder can be written or the disk is full.
+    An entry is used only if it belongs to this user alone, its record names this very content, and the file's own hash
+    is the recorded one, so that truncated, stale or foreign files are made again. Entries are written under a temporary
+    name and then renamed, the record last; any number of processes may make the same one.
     """
 
-    def build(work: Path) -> Path:
-        code, built = work / "code.c", work / "code.so"
-        code.write_text(source, encoding="utf-8")
-        compiler.build(code, built, what)
-        built.chmod(0o700)
-        return built
+    kind: str = "compiled"
+    suffix: str = ".so"
 
-    return entry_for(compiler.identity(source), ".so", build, compiler.version)
+    def entry(self, identity: str, build: Callable[[Path], Path], maker: str) -> Path:
+        """File of an identity; where there is none, ``build`` writes it in an empty folder and returns its path there.
 
-
-def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], maker: str, kind: str = "compiled") -> Path:
-    """Cached file of an identity; where there is none, ``build`` writes it in an empty folder and returns its path
-    there.
-
-    ``identity`` is everything that it depends on, ``maker`` a note of what made it. The rules are those of
-    `library_for`.
-    """
-    folder = private_folder(kind)
-    _remove_left_builds(folder)
-    key, entry, record = _names(folder, identity, suffix)
-    if _sound(entry, record, key):
+        ``identity`` is everything that it depends on, ``maker`` a note of what made it. OSError if no folder can be
+        written or the disk is full.
+        """
+        folder = private_folder(self.kind)
+        _remove_left_builds(folder)
+        key, entry, record = _names(folder, identity, self.suffix)
+        if _sound(entry, record, key):
+            return entry
+        with _build_folder(folder) as work:
+            built, written = build(work), work / "record.json"
+            written.write_text(json.dumps({"key": key, "sha256": _hash(built), "maker": maker}), encoding="utf-8")
+            written.chmod(0o600)
+            try:
+                os.replace(built, entry)
+                os.replace(written, record)
+            except PermissionError:  # Windows replaces no library that a process has loaded
+                if not _sound(entry, record, key):
+                    raise
         return entry
-    with _build_folder(folder) as work:
-        built, written = build(work), work / "record.json"
-        written.write_text(json.dumps({"key": key, "sha256": _hash(built), "maker": maker}), encoding="utf-8")
-        written.chmod(0o600)
-        try:
-            os.replace(built, entry)
-            os.replace(written, record)
-        except PermissionError:  # Windows replaces no library that a process has loaded
-            if not _sound(entry, record, key):
-                raise
-    return entry
 
+    def known(self, identity: str) -> Path | None:
+        """File of an identity, which counts as used now; None where there is none."""
+        folder = _lasting_folder(self.kind)
+        key, entry, record = _names(folder or Path(), identity, self.suffix)
+        if folder is None or not _sound(entry, record, key):
+            return None
+        with suppress(OSError):
+            os.utime(entry)
+        return entry
 
-def known_entry(identity: str, suffix: str, kind: str = "compiled") -> Path | None:
-    """The entry of an identity, which counts as used now; None where it is not in the cache."""
-    folder = lasting_folder(kind)
-    key, entry, record = _names(folder or Path(), identity, suffix)
-    if folder is None or not _sound(entry, record, key):
-        return None
-    with suppress(OSError):
-        os.utime(entry)
-    return entry
+    def forget_oldest(self, stored: int) -> None:
+        """Remove all entries but so many, those used last."""
+        with suppress(OSError):  # another process removes them, too
+            for entry in sorted(private_folder(self.kind).glob(f"*{self.suffix}"), key=os.path.getmtime)[:-stored]:
+                entry.with_suffix(".json").unlink(missing_ok=True)
+                entry.unlink(missing_ok=True)
 
+    @property
+    def lasts(self) -> bool:
+        """Whether entries outlast this process: their folder can be had for this user alone."""
+        return _lasting_folder(self.kind) is not None
 
-def forget_oldest(suffix: str, kind: str, stored: int) -> None:
-    """Remove all entries of a kind but so many, those used last."""
-    with suppress(OSError):  # another process removes them, too
-        for entry in sorted(private_folder(kind).glob(f"*{suffix}"), key=os.path.getmtime)[:-stored]:
-            entry.with_suffix(".json").unlink(missing_ok=True)
-            entry.unlink(missing_ok=True)
+    @property
+    def is_building(self) -> bool:
+        """Whether a process builds an entry."""
+        folder = private_folder(self.kind)
+        _remove_left_builds(folder)
+        return any(folder.glob("build-*"))
 
-
-@cache
-def hash_of_code(*packages: str) -> str:
-    """Hash of the Python files of some packages of this one."""
-    files = (file for name in packages for file in sorted((Path(__file__).parents[1] / name).rglob("*.py")))
-    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
+    @staticmethod
+    @cache
+    def hash_of_code(*packages: str) -> str:
+        """Hash of the Python files of some packages of this one, for identities."""
+        files = (file for name in packages for file in sorted((Path(__file__).parents[1] / name).rglob("*.py")))
+        return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def _names(folder: Path, identity: str, suffix: str) -> tuple[str, Path, Path]:
@@ -132,13 +133,6 @@ def _build_folder(folder: Path) -> Iterator[Path]:
             yield work
 
 
-def is_building(kind: str) -> bool:
-    """Whether a process builds an entry of a kind."""
-    folder = private_folder(kind)
-    _remove_left_builds(folder)
-    return any(folder.glob("build-*"))
-
-
 def _is_left(build: Path) -> bool:
     """Whether no process works in a folder of a build any more."""
     # 2.0 * 3600.0: age at which a build is over where there are no locks [s]; a compiler is stopped after half an hour
@@ -159,7 +153,7 @@ def private_folder(kind: str = "compiled") -> Path:
         return _temporary_folder(kind, str(error))
 
 
-def lasting_folder(kind: str = "compiled") -> Path | None:
+def _lasting_folder(kind: str) -> Path | None:
     """The cache folder of a kind; None where it cannot be had for this user alone."""
     with suppress(OSError, RuntimeError):
         return _own_folder(kind)

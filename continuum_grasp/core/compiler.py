@@ -19,6 +19,7 @@ from functools import cache
 from pathlib import Path
 
 from continuum_grasp.base import ContinuumGraspError, InputError
+from continuum_grasp.core.cache import Cache
 
 # gnu11 for vector types, -w: generated C warns.
 _COMMON = ("-std=gnu11", "-fPIC", "-w")
@@ -62,6 +63,44 @@ class Compiler:
     command: tuple[str, ...]
     version: str
     machine: str
+
+    @staticmethod
+    def find() -> Compiler | None:
+        """The compiler named by ``CC``, else the first of cc, gcc and clang; None if there is none."""
+        return next((compiler for _, compiler in _tried() if isinstance(compiler, Compiler)), None)
+
+    @staticmethod
+    def why_none() -> str:
+        """Compilers that were tried, and why none of them works."""
+        named = os.environ.get("CC")
+        if named is None:
+            return "no C compiler found (" + "; ".join(f"{command}: {why}" for command, why in _tried()) + ")"
+        if not named.strip():
+            return "no C compiler: CC is set and empty (unset it to have cc, gcc and clang tried)"
+        why = "; ".join(str(why) for _, why in _tried())
+        return f"no C compiler: CC={named}: {why} (nothing else is tried while CC is set)"
+
+    def library(self, source: str, what: str = "code") -> Path:
+        """The shared library of a C source, compiled unless it is in the cache; the log calls it ``what``.
+
+        CompileError if the compiler refuses the source, OSError if no folder can be written or the disk is full.
+        """
+
+        def build(work: Path) -> Path:
+            code, built = work / "code.c", work / "code.so"
+            code.write_text(source, encoding="utf-8")
+            self.build(code, built, what)
+            built.chmod(0o700)
+            return built
+
+        return Cache().entry(self.identity(source), build, self.version)
+
+    @staticmethod
+    def portable_level(lines: int) -> str:
+        """Optimization level of a source file of so many lines, for libraries that run on other machines, too."""
+        if quick_compile():
+            return "-O0"
+        return "-O1" if lines > LONG else "-O2"
 
     def flags(self, unit: str) -> tuple[str, ...]:
         """Compiler flags for a translation unit.
@@ -136,22 +175,6 @@ def _logged(what: str, units: Sequence[str]) -> Iterator[None]:
 def quick_compile() -> bool:
     """Whether compiling quickly matters more than fast code: ``CONTINUUM_GRASP_QUICK_COMPILE=1`` in the environment."""
     return os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE", "0") not in ("", "0")
-
-
-def find_compiler() -> Compiler | None:
-    """The compiler named by ``CC``, else the first of cc, gcc and clang; None if there is none."""
-    return next((compiler for _, compiler in _tried() if isinstance(compiler, Compiler)), None)
-
-
-def why_no_compiler() -> str:
-    """Compilers that were tried, and why none of them works."""
-    named = os.environ.get("CC")
-    if named is None:
-        return "no C compiler found (" + "; ".join(f"{command}: {why}" for command, why in _tried()) + ")"
-    if not named.strip():
-        return "no C compiler: CC is set and empty (unset it to have cc, gcc and clang tried)"
-    why = "; ".join(str(why) for _, why in _tried())
-    return f"no C compiler: CC={named}: {why} (nothing else is tried while CC is set)"
 
 
 def _tried() -> Iterator[tuple[str, Compiler | str]]:

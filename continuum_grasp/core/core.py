@@ -23,9 +23,8 @@ from continuum_grasp.base import (
     whole,
 )
 from continuum_grasp.core.batches import Batch
-from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.caller import Caller, check_moment, finite, section_check, shaped
-from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
+from continuum_grasp.core.compiler import CompileError, Compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import generated, rollout_source, rollouts_source
@@ -99,13 +98,13 @@ class Core(Remade, Summarized):
     def __init__(self, model: FingerModel | System, *, compiled: bool = True) -> None:
         self._names = function_names(type(model))
         self.model: Any = model
-        self._compiler: Compiler | None = find_compiler() if compiled else None
+        self._compiler: Compiler | None = Compiler.find() if compiled else None
         self._callers: dict[str, Caller] = {}
         self._batches: dict[str, Batch] = {}
         self._rollouts: dict[tuple[str, bool], Rollouts] = {}
         self._steps: dict[str, ca.Function] = {}
         if compiled and self._compiler is None:
-            _warn(why_no_compiler())
+            _warn(Compiler.why_none())
 
     def headline(self) -> str:
         """Backend that the core runs on."""
@@ -282,7 +281,7 @@ class Core(Remade, Summarized):
         if self._compiler is None:
             return None
         try:
-            return ctypes.CDLL(str(library_for(source(), self._compiler, "the model")))
+            return ctypes.CDLL(str(self._compiler.library(source(), "the model")))
         except (CompileError, OSError) as error:
             _warn(f"compiling failed ({error})")
             self._compiler = None  # what failed once would fail, and take its time, with every function

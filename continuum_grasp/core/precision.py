@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import InputError
-from continuum_grasp.model import FingerModel
 
 PRECISIONS = ("double", "float")
 """C types that controllers and packages may compute in."""
 
 _GREATEST = float(np.finfo(np.float32).max)
 _LEAST = float(np.finfo(np.float32).tiny)
-_ROUNDING = 0.5 * float(np.finfo(np.float32).eps)  # unit roundoff 2^-24
 
 TOKEN = re.compile(
     r"(?P<comment>/\*.*?\*/|//[^\n]*)|(?P<text>\"(?:\\.|[^\"\\])*\"|'(?:\\.|[^'\\])*')|(?P<name>[A-Za-z_]\w*)"
@@ -53,20 +51,3 @@ def literal(value: float, real: str, text: str | None = None) -> str:
             "series are long"
         )
     return f"{text}f"
-
-
-def check_solvable(model: FingerModel) -> None:
-    """Refuse a model of whose accelerations single precision leaves no digit, at the straight finger.
-
-    That is where rounding times the condition of the mass matrix, its diagonal scaled to ones, exceeds one. Scaling
-    leaves a factorization without pivoting as it is, and this one is within a factor n of the best (A. van der Sluis,
-    doi:10.1007/BF02165096).
-    """
-    mass = np.array(model.mass_matrix(np.zeros(model.n), np.zeros(model.nu), model.p_nominal))
-    scale = 1.0 / np.sqrt(np.diag(mass))
-    condition = float(np.linalg.cond(scale[:, None] * mass * scale))
-    if not condition * _ROUNDING <= 1.0:
-        raise InputError(
-            f"single precision may lose all digits of this model's accelerations (condition of the mass matrix "
-            f"{condition:.1g}, expected up to {1.0 / _ROUNDING:.1g}): take double precision, or fewer elements"
-        )

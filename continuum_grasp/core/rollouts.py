@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, InputError, real_array
-from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.caller import finite, pointer, pointers
-from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.core.compiler import CompileError, Compiler
 from continuum_grasp.core.source import rollout_source
 
 _CHUNK = 256
@@ -45,11 +44,11 @@ class Rollouts:
     @classmethod
     def of(cls, step: ca.Function, compiled: bool = True, what: str = "the model") -> Rollouts:
         """Rollouts from one state, in C where there is a compiler; the virtual machine gives the same numbers."""
-        compiler = find_compiler() if compiled else None
+        compiler = Compiler.find() if compiled else None
         library = None
         if compiler is not None:
             with suppress(CompileError, OSError):
-                library = ctypes.CDLL(str(library_for(rollout_source(step), compiler, what)))
+                library = ctypes.CDLL(str(compiler.library(rollout_source(step), what)))
         return cls(step, library, True)
 
     @property

@@ -5,10 +5,14 @@ Of lanes and plain functions, which controllers take, ``real`` is what they comp
 
 from __future__ import annotations
 
+import errno
+import os
 import re
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, lru_cache, reduce
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -113,15 +117,27 @@ def generated(name: str, *functions: ca.Function) -> str:
     """CasADi's C of functions, which are its symbols; ``name`` stands before those of its own help functions."""
     # The type of lanes is that of the source, which ``single`` may change.
     prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
-    return with_loops(with_static_help(str(generator_of(name, functions, with_export=False).dump())), _fill, prelude)
+    return with_loops(_with_static_help(str(_generator_of(name, functions, with_export=False).dump())), _fill, prelude)
 
 
 def externals_source(functions: Sequence[ca.Function]) -> str:
     """CasADi's C of functions, as ``casadi.external`` takes it from a library."""
-    return with_static_help(str(generator_of("functions", functions).dump()))
+    return _with_static_help(str(_generator_of("functions", functions).dump()))
 
 
-def generator_of(name: str, functions: Iterable[ca.Function], **options: bool) -> ca.CodeGenerator:
+def source_and_header(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
+    """CasADi's C of functions, and its header; OSError where the disk is full."""
+    generator = _generator_of(name, functions, with_header=True, with_export=False)
+    with tempfile.TemporaryDirectory() as folder:
+        generator.generate(f"{folder}/")
+        source, header = ((Path(folder) / f"{name}.{suffix}").read_text(encoding="utf-8") for suffix in ("c", "h"))
+    # CasADi writes to files alone, and reports nothing where the disk is full.
+    if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
+    return _with_static_help(source), header
+
+
+def _generator_of(name: str, functions: Iterable[ca.Function], **options: bool) -> ca.CodeGenerator:
     """CasADi's writer of C for functions."""
     generator = ca.CodeGenerator(f"{name}.c", {"with_mem": False, **options})
     for function in functions:
@@ -129,7 +145,7 @@ def generator_of(name: str, functions: Iterable[ca.Function], **options: bool) -
     return generator
 
 
-def with_static_help(code: str) -> str:
+def _with_static_help(code: str) -> str:
     """CasADi's C whose help functions are static, so that several sources link; its own option is not in CasADi 3.7."""
     return _HELP.sub(r"static \g<0>", code)
 

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.core import TIMEOUT, entry_for, find_compiler, said_by, version_of, why_no_compiler
+from continuum_grasp.core import TIMEOUT, Cache, Compiler, said_by, version_of
 from continuum_grasp.export.fields import fill
 
 FLAGS = {
@@ -37,9 +37,9 @@ def write_files(folder: Path, files: Mapping[str, str]) -> None:
 
 def strict_library(files: Mapping[str, str]) -> ctypes.CDLL:
     """Compile the C among files of a package, with the strict flags, and load it; InputError without a compiler."""
-    compiler = find_compiler()
+    compiler = Compiler.find()
     if compiler is None:
-        raise InputError(f"memory and vectors of estimator and controller need a C compiler: {why_no_compiler()}")
+        raise InputError(f"memory and vectors of estimator and controller need a C compiler: {Compiler.why_none()}")
     # Windows removes no library that is loaded.
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as work:
         write_files(Path(work), files)
@@ -72,7 +72,7 @@ def wasm_module(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
         return work / "module.wasm"
 
     identity = "\0".join([version, *_WASM, *linked, *(part for item in sorted(files.items()) for part in item)])
-    return entry_for(identity, ".wasm", build, version).read_bytes()
+    return Cache(suffix=".wasm").entry(identity, build, version).read_bytes()
 
 
 def clang(folder: Path, *arguments: str) -> str:

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.core import OPERATORS, find_compiler, straight_function
+from continuum_grasp.core import OPERATORS, Compiler, straight_function
 from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.fields import Real, fill
 from continuum_grasp.export.strict_math import FUNCTIONS, c_source, reference
@@ -210,7 +210,7 @@ class Kernel:
 
     def compiled(self, real: Real) -> Callable[..., dict[str, Array]]:
         """``evaluate`` by the C itself, in a quarter of the time for many rows; by numpy without a compiler."""
-        if find_compiler() is None:
+        if Compiler.find() is None:
             return partial(self.evaluate, real)
         arguments = [*self.inputs.items(), *self.outputs.items()]
         source = f"{c_source(self.calls, real, 'c')}\n{self.c_source('c', real)}"

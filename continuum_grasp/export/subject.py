@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, NumericalError
-from continuum_grasp.core import check_solvable
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import control_sources
-from continuum_grasp.export.fields import Field, Real, Struct, outside, to_digits
+from continuum_grasp.export.fields import REALS, Field, Real, Struct, outside, to_digits
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Rows
 from continuum_grasp.export.ranges import (
@@ -81,7 +80,7 @@ class Subject:
         touching = _touching(model, surroundings)
         model = model if touching is None else touching.finger_model
         if real.name == "float":
-            check_solvable(model)
+            _check_solvable(model)
         moving = touching or model
         model_ranges = {name: pair for name, pair in ranges.items() if name != CONTACT_FORCE or touching is None}
         fields = ModelFields(moving)
@@ -247,6 +246,24 @@ def _known(part: T | None) -> T:
     if part is None:
         raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
     return part
+
+
+def _check_solvable(model: FingerModel) -> None:
+    """Refuse a model of whose accelerations single precision leaves no digit, at the straight finger.
+
+    That is where rounding times the condition of the mass matrix, its diagonal scaled to ones, exceeds one. Scaling
+    leaves a factorization without pivoting as it is, and this one is within a factor n of the best (A. van der Sluis,
+    doi:10.1007/BF02165096).
+    """
+    rounding = 0.5 * REALS["float"].epsilon
+    mass = np.array(model.mass_matrix(np.zeros(model.n), np.zeros(model.nu), model.p_nominal))
+    scale = 1.0 / np.sqrt(np.diag(mass))
+    condition = float(np.linalg.cond(scale[:, None] * mass * scale))
+    if not condition * rounding <= 1.0:
+        raise InputError(
+            f"single precision may lose all digits of this model's accelerations (condition of the mass matrix "
+            f"{condition:.1g}, expected up to {1.0 / rounding:.1g}): take double precision, or fewer elements"
+        )
 
 
 def _touching(model: FingerModel, around: Surroundings | None) -> System | None:

@@ -10,11 +10,11 @@ from scipy.integrate import solve_ivp
 
 from continuum_grasp.closed_loop import run_closed_loop
 from continuum_grasp.control import Controller, Prediction, first_state
-from continuum_grasp.core import find_compiler
+from continuum_grasp.core import Compiler
 from continuum_grasp.scene import ControlScene
 from tests.features import FEATURES, scene_of
 
-pytestmark = [pytest.mark.deep, pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")]
+pytestmark = [pytest.mark.deep, pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")]
 
 SHARE = 0.2
 """Of the range of the first input, at which the finger comes to rest."""

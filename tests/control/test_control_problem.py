@@ -11,10 +11,10 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Anomaly, CommandStatus
-from continuum_grasp.core import find_compiler
+from continuum_grasp.core import Compiler
 from tests.rti_problems import cart_pole, cart_pole_rates
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 START = np.array([0.3, 0.9, 0.0, 0.0])
 

@@ -11,10 +11,10 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Anomaly
-from continuum_grasp.core import find_compiler
+from continuum_grasp.core import Compiler
 from tests.control_cases import rod_scene
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 TIP = np.array([0.1, 0.58])
 COST = {"tip": 2e3, "speed": 0.1, "effort": 0.1}

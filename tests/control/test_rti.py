@@ -19,15 +19,15 @@ from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.control import ABSENT, Stages, stages_of
 from continuum_grasp.control.iteration.source import iteration_source
 from continuum_grasp.control.ocp.stages import cost_functions, step_function
+from continuum_grasp.core import Compiler
 from continuum_grasp.core import compiler as compilers
-from continuum_grasp.core import find_compiler
 from continuum_grasp.scene import Fidelity
 from tests.control_cases import driven_scene, hand_scene, rod_scene
 from tests.export_cases import loop_scene
 from tests.marks import few
 from tests.rti_cases import LOOSE, SIZES, by_ipopt, disturb, random_stages
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 START = np.array([2.5, 0.0, 0.0])
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror"]
@@ -407,7 +407,7 @@ def test_after_a_failure_it_goes_on(rti):
 def test_the_c_has_no_warning_no_memory_of_its_own_and_no_allocation(stages, real, tmp_path):
     source, built = tmp_path / "rti.c", tmp_path / "rti.o"
     source.write_text(iteration_source(stages(), real=real, lanes=False))
-    compiler = list(find_compiler().command)
+    compiler = list(Compiler.find().command)
     done = subprocess.run([*compiler, *STRICT, "-O2", "-c", source, "-o", built], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[:2000]
     assert done.stderr == ""

@@ -10,10 +10,10 @@ from scipy.optimize import lsq_linear
 
 from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control import ABSENT
-from continuum_grasp.core import find_compiler
+from continuum_grasp.core import Compiler
 from tests.rti_cases import SIZES, change_of_plan, changed, disturb, qp_of, random_stages
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 EPS = {"double": 2.0**-52, "float": 2.0**-23}
 

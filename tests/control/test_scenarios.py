@@ -15,12 +15,12 @@ from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Stages, stages_of
 from continuum_grasp.control.ocp.stages import Scenarios
-from continuum_grasp.core import find_compiler
+from continuum_grasp.core import Compiler
 from tests.control_cases import HAND, Reality, hand_scene, swing_scene
 from tests.marks import few
 from tests.rti_cases import QP, SIZES, PlanOf, by_ipopt, change_of_plan, disturb, qp_of, random_stages
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 PLANTS = ({"stiffness": 0.6, "weight": 2.0}, {}, {"stiffness": 1.7, "time_constant": 0.05, "tip_mass": 0.003})
 TIP = np.array([-0.08, 0.12])

@@ -16,12 +16,12 @@ from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import Plant, run_closed_loop
 from continuum_grasp.control import Anomaly, Controller, Health, MeasurementVerdict, Sight, Trip
 from continuum_grasp.control.status import _TRIPS
-from continuum_grasp.core import find_compiler
+from continuum_grasp.core import Compiler
 from continuum_grasp.scene import ControlScene, load
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
 from tests.marks import few
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 SCENE = "configs/mpc/steady_tip.yaml"
 OFF = np.array([0.1, 0.0, 0.0, 0.0])

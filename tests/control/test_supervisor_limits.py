@@ -13,9 +13,9 @@ from functools import lru_cache
 import pytest
 
 from continuum_grasp.control import Health, MeasurementVerdict, Trip, load_library, template
-from continuum_grasp.core import find_compiler
+from continuum_grasp.core import Compiler
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 W = 20
 """Window [1]."""

@@ -11,9 +11,9 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.core import (
+    Compiler,
     call,
     calls_source,
-    find_compiler,
     lane_function,
     plain_source,
     straight_function,
@@ -21,7 +21,7 @@ from continuum_grasp.core import (
 )
 from continuum_grasp.core.source import lane_prelude
 
-needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 
 def doubled_pendulum() -> ca.Function:
@@ -63,7 +63,7 @@ def test_calls_give_what_the_formula_gives(lanes, tmp_path):
     source = tmp_path / "calls.c"
     source.write_text("\n".join([*parts, f"void run(const double *given, double *found)\n{{{body}\n}}\n"]))
     line = [
-        *find_compiler().command,
+        *Compiler.find().command,
         "-std=gnu11",
         "-O1",
         "-w",

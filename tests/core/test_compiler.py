@@ -18,14 +18,12 @@ from continuum_grasp.core import (
     cache,
     compiler,
     externals_source,
-    find_compiler,
     generated,
-    library_for,
 )
 from continuum_grasp.core.compiler import longest_function, translation_units
 from continuum_grasp.core.source import batch_source, rollout_source
 
-needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler")
 
 
 def chain(length: int, name: str = "chain") -> ca.Function:
@@ -81,7 +79,7 @@ def test_each_function_has_the_level_of_its_own_length(command, levels, monkeypa
     monkeypatch.setenv("CC", command)
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
     code = externals_source([chain(20, "brief"), chain(400, "long_one"), chain(30, "after")])
-    library = ctypes.CDLL(str(library_for(code, find_compiler())))
+    library = ctypes.CDLL(str(Compiler.find().library(code)))
     assert sorted(level for _, level in levels) == ["-O1", "-O3"]
     assert all((level == "-O3") == (lines <= 300) for lines, level in levels)
     x = np.array([0.4, -0.7])
@@ -105,7 +103,7 @@ def test_units_export_what_the_source_exports(levels, tmp_path):
             compiler.LONG = limit
             code, library = tmp_path / f"code{limit}.c", tmp_path / f"code{limit}.so"
             code.write_text(source)
-            find_compiler().build(code, library)
+            Compiler.find().build(code, library)
             listed = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True)
             names.append([line.split()[2] for line in listed.stdout.splitlines()])
         assert names[0] == names[1]
@@ -133,7 +131,7 @@ def test_quick_builds_do_not_optimize_long_functions(levels, monkeypatch, tmp_pa
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
     for length, level in ((20, "-O1"), (400, "-O0")):
         levels.clear()
-        library = ctypes.CDLL(str(library_for(generated("chain", chain(length)), find_compiler())))
+        library = ctypes.CDLL(str(Compiler.find().library(generated("chain", chain(length)))))
         assert {found for lines, found in levels if lines > 300 or length == 20} == {level}
         x = np.array([0.4, -0.7])
         assert called(library, chain(length).name(), x) == pytest.approx(reference(x, length), rel=1e-12)
@@ -144,11 +142,11 @@ def test_what_takes_long_is_logged_and_nothing_is_printed(monkeypatch, tmp_path,
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
     source = "int answer(void)\n{\n  return 42;\n}\n"
     with caplog.at_level(logging.INFO, "continuum_grasp"):
-        library_for(source, find_compiler(), "the model")
+        Compiler.find().library(source, "the model")
         assert not caplog.messages
         monkeypatch.setattr(compiler, "_ANNOUNCED", 0.0)
         for _ in range(2):  # the second time it is in the cache
-            library_for(f"{source}/* long */\n", find_compiler(), "the model")
+            Compiler.find().library(f"{source}/* long */\n", "the model")
     begun, ended = caplog.messages
     assert re.fullmatch(r"compiling the model, about \S+ s the first time; cached afterwards", begun)
     assert re.fullmatch(r"compiled the model in \S+ s", ended)
@@ -167,15 +165,15 @@ def stand_in(folder, name: str, script: str):
 def test_a_compiler_that_knows_no_march_native_is_asked_without(tmp_path, monkeypatch):
     """As clang before 15 on Apple's processors: the library is built, for the processor that the compiler takes."""
     refuses = 'case " $* " in *" -march=native "*) echo "unsupported argument: native" >&2; exit 1;; esac'
-    file = stand_in(tmp_path, "apple cc", f'{refuses}\nexec {find_compiler().command[0]} "$@"')
+    file = stand_in(tmp_path, "apple cc", f'{refuses}\nexec {Compiler.find().command[0]} "$@"')
     monkeypatch.setenv("CC", f"'{file}'")
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
-    assert "-march=native" not in find_compiler().flags("")
+    assert "-march=native" not in Compiler.find().flags("")
     x = np.array([0.4, -0.7])
-    library = ctypes.CDLL(str(library_for(generated("chain", chain(20)), find_compiler())))
+    library = ctypes.CDLL(str(Compiler.find().library(generated("chain", chain(20)))))
     assert called(library, "chain", x) == pytest.approx(reference(x, 20), rel=1e-12)
     monkeypatch.delenv("CC")
-    assert "-march=native" in find_compiler().flags("")
+    assert "-march=native" in Compiler.find().flags("")
 
 
 def test_messages_of_a_compiler_may_be_in_any_encoding(tmp_path, monkeypatch):
@@ -184,7 +182,7 @@ def test_messages_of_a_compiler_may_be_in_any_encoding(tmp_path, monkeypatch):
     )
     monkeypatch.setenv("CC", str(file))
     with pytest.raises(CompileError, match=r"Fehler .ber"):
-        find_compiler().run(["-c", "a.c"])
+        Compiler.find().run(["-c", "a.c"])
 
 
 def test_a_path_of_windows_is_one_word_of_a_command(monkeypatch):
@@ -199,7 +197,7 @@ def test_a_path_of_windows_is_one_word_of_a_command(monkeypatch):
 def test_a_library_that_another_process_has_loaded_serves(tmp_path, monkeypatch):
     """Windows refuses to replace it; where it is none of this content, the error is reported."""
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
-    entry = library_for(generated("chain", chain(20)), find_compiler())
+    entry = Compiler.find().library(generated("chain", chain(20)))
     whole = entry.read_bytes()
 
     def refused(source, target):
@@ -208,8 +206,8 @@ def test_a_library_that_another_process_has_loaded_serves(tmp_path, monkeypatch)
     sound, known = cache._sound, [False, True]
     monkeypatch.setattr(cache.os, "replace", refused)
     monkeypatch.setattr(cache, "_sound", lambda *names: known.pop(0) and sound(*names))
-    assert library_for(generated("chain", chain(20)), find_compiler()) == entry
+    assert Compiler.find().library(generated("chain", chain(20))) == entry
     assert entry.read_bytes() == whole
     known[:] = [False, False]
     with pytest.raises(PermissionError):
-        library_for(generated("chain", chain(20)), find_compiler())
+        Compiler.find().library(generated("chain", chain(20)))

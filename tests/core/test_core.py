@@ -24,10 +24,7 @@ from continuum_grasp.core import (
     Scan,
     cache,
     core,
-    find_compiler,
-    library_for,
     step_function,
-    why_no_compiler,
 )
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import MATRICES, function_names
@@ -35,7 +32,7 @@ from continuum_grasp.scene import INTEGRATORS, SIMULATION_METHODS, Finger, Point
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
 from tests.marks import few
 
-needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 
 @lru_cache
@@ -477,8 +474,8 @@ def test_why_there_is_no_compiler(name, monkeypatch):
         monkeypatch.setenv("PATH", "")
     else:
         monkeypatch.setenv("CC", named)
-    assert find_compiler() is None
-    assert words in why_no_compiler()
+    assert Compiler.find() is None
+    assert words in Compiler.why_none()
     monkeypatch.setattr(core, "_WARNED", set())
     with pytest.warns(RuntimeWarning, match="virtual machine") as caught:
         cg.compile(small()[0], ())
@@ -488,7 +485,7 @@ def test_why_there_is_no_compiler(name, monkeypatch):
 def test_divergence_without_a_compiler(monkeypatch):
     model, compiled = small()
     monkeypatch.setenv("CC", "no-such-compiler")
-    monkeypatch.setattr(core, "_WARNED", {why_no_compiler()})
+    monkeypatch.setattr(core, "_WARNED", {Compiler.why_none()})
     results = []
     for c in (cg.compile(model), compiled):
         with pytest.raises(NumericalError) as caught:
@@ -561,7 +558,7 @@ def test_another_model_is_another_entry(builds):
 
 @needs_compiler
 def test_another_compiler_or_machine_is_another_entry(builds):
-    here = find_compiler()
+    here = Compiler.find()
     others = [
         here,
         *(
@@ -573,7 +570,7 @@ def test_another_compiler_or_machine_is_another_entry(builds):
             )
         ),
     ]
-    assert len({library_for(SOURCE, compiler) for compiler in others}) == 4
+    assert len({compiler.library(SOURCE) for compiler in others}) == 4
     assert len(builds) == 4
 
 
@@ -597,22 +594,22 @@ SPOILT = {
 @needs_compiler
 @pytest.mark.parametrize("name", SPOILT)
 def test_a_spoilt_entry_is_built_again(name, builds):
-    compiler = find_compiler()
-    library = library_for(SOURCE, compiler)
-    other = library_for(SOURCE.replace("42", "43"), compiler)
+    compiler = Compiler.find()
+    library = compiler.library(SOURCE)
+    other = compiler.library(SOURCE.replace("42", "43"))
     record = library.with_suffix(".json")
     SPOILT[name](library, record, other)
-    assert library_for(SOURCE, compiler) == library
+    assert compiler.library(SOURCE) == library
     assert len(builds) == 3
     assert json.loads(record.read_text())["sha256"] == sha(library)
     assert sha(library) != sha(other)
-    assert library_for(SOURCE, compiler) == library
+    assert compiler.library(SOURCE) == library
     assert len(builds) == 3
 
 
 @needs_compiler
 def test_the_cache_is_private(builds):
-    library = library_for(SOURCE, find_compiler())
+    library = Compiler.find().library(SOURCE)
     folder = cache_folder()
     modes = {path.suffix: path.stat().st_mode & 0o777 for path in (folder, library, library.with_suffix(".json"))}
     assert modes == {"": 0o700, ".so": 0o700, ".json": 0o600}
@@ -622,9 +619,9 @@ def test_the_cache_is_private(builds):
 @pytest.mark.parametrize("mode", [0o720, 0o702])
 @pytest.mark.parametrize("suffix", [".so", ".json"])
 def test_an_entry_that_others_could_have_written_is_built_again(suffix, mode, builds):
-    library = library_for(SOURCE, find_compiler())
+    library = Compiler.find().library(SOURCE)
     library.with_suffix(suffix).chmod(mode)
-    assert library_for(SOURCE, find_compiler()) == library
+    assert Compiler.find().library(SOURCE) == library
     assert len(builds) == 2
     assert library.with_suffix(suffix).stat().st_mode & 0o077 == 0
 
@@ -649,13 +646,13 @@ def test_an_unusable_folder_is_left_alone(why, builds, monkeypatch, tmp_path):
             owner = os.getuid()
             monkeypatch.setattr(cache.os, "getuid", lambda: owner + 1)
     with pytest.warns(RuntimeWarning, match="stored for this process only"):
-        library = library_for(SOURCE, find_compiler())
+        library = Compiler.find().library(SOURCE)
     assert library.exists()
     assert library.parent != folder
     assert library.parent.stat().st_mode & 0o077 == 0
     if why == "open to others":
         assert folder.stat().st_mode & 0o777 == 0o777
-        assert library_for(SOURCE, find_compiler()) == library
+        assert Compiler.find().library(SOURCE) == library
         assert len(builds) == 1
     cache._temporary_folder.cache_clear()
 
@@ -663,7 +660,7 @@ def test_an_unusable_folder_is_left_alone(why, builds, monkeypatch, tmp_path):
 @needs_compiler
 def test_a_refused_source_leaves_nothing(builds):
     with pytest.raises(CompileError, match="error"):
-        library_for("this is not C", find_compiler())
+        Compiler.find().library("this is not C")
     assert list(cache_folder().iterdir()) == []
 
 
@@ -671,9 +668,9 @@ def test_a_refused_source_leaves_nothing(builds):
 @needs_compiler
 def test_processes_may_build_the_same_at_once(builds):
     code = (
-        "import ctypes; from continuum_grasp.core.cache import library_for;"
-        "from continuum_grasp.core.compiler import find_compiler;"
-        f"path = library_for({SOURCE!r}, find_compiler());"
+        "import ctypes;"
+        "from continuum_grasp.core import Compiler;"
+        f"path = Compiler.find().library({SOURCE!r});"
         "f = ctypes.CDLL(str(path)).answer; f.restype = ctypes.c_double; print(path, f())"
     )
     running = [
@@ -692,7 +689,7 @@ def test_processes_may_build_the_same_at_once(builds):
     assert said[0][0].split()[1] == "42.0"
     assert sorted(p.suffix for p in cache_folder().iterdir()) == [".json", ".so"]
     library = next(cache_folder().glob("*.so"))
-    assert library_for(SOURCE, find_compiler()) == library
+    assert Compiler.find().library(SOURCE) == library
     assert builds == []
 
 

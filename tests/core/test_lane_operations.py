@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.core import find_compiler, lane_function
+from continuum_grasp.core import Compiler, lane_function
 from continuum_grasp.core.integrators.derivatives import solve
 from continuum_grasp.core.source import lane_prelude
 
-pytestmark = pytest.mark.skipif(find_compiler() is None, reason="no C compiler here")
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
 _EDGES = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan]
 
@@ -39,7 +39,7 @@ void run(int count, const cg_real *given, cg_real *found)
   }}
 }}""")
     library = folder / "lanes.so"
-    command = [*find_compiler().command, "-std=gnu11", "-O2", "-w", *flags, "-shared", "-fPIC", source, "-o", library]
+    command = [*Compiler.find().command, "-std=gnu11", "-O2", "-w", *flags, "-shared", "-fPIC", source, "-o", library]
     subprocess.run([*command, "-lm"], check=True)
     run = ctypes.CDLL(str(library)).run
 

@@ -6,7 +6,6 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
-from continuum_grasp.core import check_solvable
 from continuum_grasp.core.precision import single
 from continuum_grasp.scene import Finger
 from tests.finger_cases import ROD
@@ -29,13 +28,6 @@ def test_literals_are_rewritten_by_tokens():
 def test_constants_beyond_single_precision_are_refused(number):
     with pytest.raises(InputError, match=r"beyond single precision.*coarser accuracy"):
         single(f"a = {number};")
-
-
-def test_a_model_whose_accelerations_would_be_lost_says_so():
-    slender = Finger(rod=ROD.model_copy(update={"rotary_inertia": 0.0}))
-    with pytest.raises(InputError, match="fewer elements"):
-        check_solvable(cg.FingerModel(slender, family="arc", elements=32))
-    check_solvable(cg.FingerModel(slender, family="arc", elements=8))
 
 
 def test_models_compute_in_double_alone():

@@ -23,9 +23,10 @@ from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import STABLE, Subject
 from continuum_grasp.export.vectors import reach_of, split
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene import Scene, load
+from continuum_grasp.scene import Finger, Scene, load
 from tests.export_cases import DISC, ROOT, STRICT, TENDONS, needs, run, scene, shared_library, two_arcs, values
 from tests.features import FEATURES, scene_of
+from tests.finger_cases import ROD
 from tests.marks import but
 from tests.rods import after, order
 
@@ -522,3 +523,10 @@ def test_a_wider_parameter_shortens_the_step():
         Subject.of(model, "finger", REALS["double"], {"tip_mass": pair}) for pair in ((0.0, 2e-3), (2e-3, 5e-3))
     )
     assert light.longest_step < heavy.longest_step
+
+
+def test_a_model_whose_accelerations_would_be_lost_says_so(tmp_path):
+    slender = Finger(rod=ROD.model_copy(update={"rotary_inertia": 0.0}))
+    with pytest.raises(InputError, match="fewer elements"):
+        export_c(FingerModel(slender, family="arc", elements=32), tmp_path, what=["kinematics"], real="float")
+    export_c(FingerModel(slender, family="arc", elements=8), tmp_path, what=["kinematics"], real="float")

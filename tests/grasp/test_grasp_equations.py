@@ -17,7 +17,7 @@ import pytest
 from grasp_scenes import CONFIGS, make_scene
 
 import continuum_grasp
-from continuum_grasp.core import Compiler, find_compiler, forget_oldest
+from continuum_grasp.core import Cache, Compiler
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.grasp import ProblemSpec
 from continuum_grasp.grasp.modes import contact_modes
@@ -26,7 +26,7 @@ from continuum_grasp.grasp.problem.unit_finger import unit_model
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.scene import Box
 
-needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="needs a C compiler")
+needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="needs a C compiler")
 BOX = Box(shape="box", width=0.08, height=0.06, mass=0.3, position=(0.04, 0.0))
 SOLVE = """
 import json, sys
@@ -104,14 +104,14 @@ def test_a_layout_is_that_of_the_expressions():
 
 def test_structures_differ_by_every_key(monkeypatch):
     """Also by the surfaces that are touched, which are objects."""
-    spec, compiler = small(), find_compiler() or Compiler(("cc",), "1", "here")
+    spec, compiler = small(), Compiler.find() or Compiler(("cc",), "1", "here")
     finger = replace(spec.fingers[0], weighs=not spec.fingers[0].weighs)
     boxed = ProblemSpec.of(make_scene(object=BOX), {}).surfaces
     others = [spec, replace(spec, steadied=True), replace(spec, fingers=(finger,)), replace(spec, surfaces=boxed)]
     assert len({problem._identity(each, compiler) for each in others}) == 4
     assert problem._identity(pickle.loads(pickle.dumps(spec)), compiler) == problem._identity(spec, compiler)
     before = problem._identity(spec, compiler)
-    monkeypatch.setattr(problem, "hash_of_code", lambda *_: "other code")
+    monkeypatch.setattr(Cache, "hash_of_code", lambda *_: "other code")
     assert problem._identity(spec, compiler) != before
 
 
@@ -171,7 +171,7 @@ def test_libraries_used_last_stay(folder):
             file = folder / f"{age}{suffix}"
             file.write_text("")
             os.utime(file, (100 - age, 100 - age))
-    forget_oldest(".so", problem.KIND, 2)
+    Cache(problem.KIND).forget_oldest(2)
     assert sorted(file.name for file in folder.iterdir()) == ["0.json", "0.so", "1.json", "1.so"]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.core import find_compiler, library_for
+from continuum_grasp.core import Compiler
 from continuum_grasp.results import begin_run, kind_of_run, read_run, replacing, write_run
 from continuum_grasp.results.record import note_part
 from tests.commands import ROOT, environment, python, run, said
@@ -289,5 +289,5 @@ def test_a_full_disk_while_compiling_is_an_error_of_the_system(tmp_path, monkeyp
     compiler.chmod(0o755)
     monkeypatch.setenv("CC", str(compiler))
     with pytest.raises(OSError, match="No space left") as caught:
-        library_for("int x;", find_compiler())
+        Compiler.find().library("int x;")
     assert caught.value.errno == errno.ENOSPC

@@ -7,14 +7,10 @@ it agrees to rounding, not to the last bit.
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import math
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -23,7 +19,7 @@ import numpy as np
 from continuum_grasp.addons.fmu.variable import TIP, Kind, UnitContents, count, variables_of
 from continuum_grasp.closed_loop import PlantModel, Sensors, choose_method
 from continuum_grasp.control import Prediction
-from continuum_grasp.core import generator_of, step_function, with_static_help
+from continuum_grasp.core import source_and_header, step_function
 from continuum_grasp.export import (
     Code,
     ContactFields,
@@ -143,14 +139,7 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
             # 100_000: instructions of one function of a plant, without loops: the 80,000 of configs/mpc/spirob.yaml
             # take 31 s and 0.8 GB to compile, once
             Kernel.check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 100_000)
-    generator = generator_of(name, functions, with_header=True, with_export=False)
-    with tempfile.TemporaryDirectory() as folder:
-        generator.generate(f"{folder}/")
-        source, header = ((Path(folder) / f"{name}.{suffix}").read_text(encoding="utf-8") for suffix in ("c", "h"))
-    # CasADi writes to files alone, and reports nothing where the disk is full.
-    if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
-    return with_static_help(source), header
+    return source_and_header(name, functions)
 
 
 def finger_unit(

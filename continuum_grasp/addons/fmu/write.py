@@ -26,7 +26,7 @@ from continuum_grasp.addons.fmu.plant import finger_unit, loop_plant_unit
 from continuum_grasp.addons.fmu.variable import UnitContents
 from continuum_grasp.addons.mission import MissionRun, MissionScene
 from continuum_grasp.base import InputError, check_arguments, interruptible
-from continuum_grasp.core import LONG, CompileError, filled, find_compiler, quick_compile, why_no_compiler
+from continuum_grasp.core import CompileError, Compiler, filled
 from continuum_grasp.export import (
     check_file,
     chosen,
@@ -319,13 +319,13 @@ def _platform(fmi: str) -> tuple[str, str]:
 
 def _compiled(unit: UnitContents, files: Mapping[str, str], suffix: str, work: Path) -> bytes:
     """The shared library of this machine; what versions of the standard have in common is compiled once in ``work``."""
-    compiler = find_compiler()
+    compiler = Compiler.find()
     if compiler is None:
-        raise InputError(f"no C compiler for the binary: {why_no_compiler()}; or leave the binary out", key="binary")
+        raise InputError(f"no C compiler for the binary: {Compiler.why_none()}; or leave the binary out", key="binary")
     flags = [flag for flag in strict_flags(compiler.version) if flag in unit.flags]
     sources = {Path(name).name: text for name, text in files.items() if name.startswith("sources/")}
-    level = "-O1" if max(text.count("\n") for text in sources.values()) > LONG else "-O2"
-    flags += ["-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
+    level = compiler.portable_level(max(text.count("\n") for text in sources.values()))
+    flags += [level, "-w", "-fPIC", "-fvisibility=hidden"]
     folder = work / unit.identifier
     folder.mkdir(exist_ok=True)
     for name, text in sources.items():

@@ -16,7 +16,7 @@ from numpy.polynomial import Chebyshev
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array
-from continuum_grasp.core import CompileError, externals_source, find_compiler, library_for
+from continuum_grasp.core import CompileError, Compiler, externals_source
 
 _MARGIN = np.array([1.0, 1.2, 1.5])[:, None]
 """Factors on the eigenvalues up to which steps must be stable [1], since they are those of some shapes alone."""
@@ -67,12 +67,12 @@ def derived(name: str, z: ca.SX, d: ca.SX, o: ca.SX, *, exact: bool = True, squa
 
 def compiled(term: Term) -> Term:
     """A term as compiled code, or the term itself where nothing can be compiled."""
-    compiler = find_compiler()
+    compiler = Compiler.find()
     if compiler is None:
         return term
     functions = (term.value, term.jacobian, term.hessian)
     try:
-        library = str(library_for(externals_source(functions), compiler, "the plan"))
+        library = str(compiler.library(externals_source(functions), "the plan"))
     except (CompileError, OSError):
         return term
     return Term(*(ca.external(function.name(), library) for function in functions))

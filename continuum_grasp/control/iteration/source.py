@@ -16,14 +16,12 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core import (
     CompileError,
-    find_compiler,
+    Compiler,
     in_lanes,
     lane_function,
-    library_for,
     plain_source,
     straight_function,
     straight_functions,
-    why_no_compiler,
 )
 
 TOLERANCE = {"double": 1e-8, "float": 1e-4}
@@ -167,11 +165,11 @@ def scenario_settings(stages: Stages) -> dict[str, NDArray[np.float64]]:
 
 def load_library(source: str, what: str) -> ctypes.CDLL:
     """Compile a C source, or find it in the cache, and load it; messages call it ``what``."""
-    compiler = find_compiler()
+    compiler = Compiler.find()
     if compiler is None:
-        raise InputError(f"{what} needs a C compiler: {why_no_compiler()}")
+        raise InputError(f"{what} needs a C compiler: {Compiler.why_none()}")
     try:
-        return ctypes.CDLL(str(library_for(source, compiler, what)))
+        return ctypes.CDLL(str(compiler.library(source, what)))
     except (CompileError, OSError) as error:
         raise InputError(f"{what} needs a C compiler, and compiling failed: {error}") from error
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import casadi as ca
 
@@ -31,9 +32,13 @@ def differentiated_step(
     a step leaves the stage equations unsolved; ``sdirk2_contact`` has one more. Half the step is a step of its own: an
     L-stable method has no continuous extension.
     """
-    first_guess = predict(f"{name}_predict", slope)
-    corrections = [correct(f"{name}_{which}", slope, which == "first", instants > 0) for which in ("first", "last")]
-    again = refine(f"{name}_refine", slope)
+    of_stages = Sdirk2Stages(slope)
+    first_guess = of_stages.predict(f"{name}_predict")
+    corrections = [
+        of_stages.correct(f"{name}_{which}", is_first=which == "first", with_derivatives=instants > 0)
+        for which in ("first", "last")
+    ]
+    again = of_stages.refine(f"{name}_refine")
     stages: list[list[ca.MX]] = []
     for share in (1.0, 0.5)[: max(1, instants)]:
         # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
@@ -47,54 +52,59 @@ def differentiated_step(
     return [stages[0][0], *(derivatives for _, *following in stages for derivatives in following)]
 
 
-def _given(slope: ca.Function) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
-    """Inputs: the step, the share of it that is taken, a state, rate and Jacobian; and the lengths of both stages."""
-    sizes = {"h": 1, "share": 1, "start": slope.size1_in(0), "rate": slope.size1_out(0)}
-    symbols = {key: ca.SX.sym(key, size) for key, size in (sizes | {"jacobian": slope.sparsity_out(1)}).items()}
-    length = symbols["share"] * symbols["h"]
-    return symbols, GAMMA * length, (1.0 - GAMMA) * length
+@dataclass(frozen=True)
+class Sdirk2Stages:
+    """Newton iterations of the stages, of a slope: (state, ...) -> rate and its Jacobian."""
 
+    slope: ca.Function
 
-def predict(name: str, slope: ca.Function) -> ca.Function:
-    """First Newton iteration of a stage: its rate, and the state where the second one linearizes."""
-    symbols, step, _ = _given(slope)
-    start, rate, n = symbols["start"], symbols["rate"], slope.size1_out(0)
-    k = solve(ca.SX.eye(n) - step * parts(symbols["jacobian"])[0], rate)
-    return straight_function(name, symbols, {"k": k, "at": ca.vertcat(start[:n, :] + step * k, start[n:, :])})
+    def predict(self, name: str) -> ca.Function:
+        """First Newton iteration of a stage: its rate, and the state where the second one linearizes."""
+        symbols, step, _ = self._given()
+        start, rate, n = symbols["start"], symbols["rate"], self.slope.size1_out(0)
+        k = solve(ca.SX.eye(n) - step * parts(symbols["jacobian"])[0], rate)
+        return straight_function(name, symbols, {"k": k, "at": ca.vertcat(start[:n, :] + step * k, start[n:, :])})
 
+    def refine(self, name: str) -> ca.Function:
+        """A Newton iteration between the first and the last one of a stage."""
+        symbols, step, _ = self._given()
+        start, n = symbols["start"], self.slope.size1_out(0)
+        k = ca.SX.sym("k", n)
+        rates = k + solve(ca.SX.eye(n) - step * parts(symbols["jacobian"])[0], symbols["rate"] - k)
+        results = {"next": rates, "at": ca.vertcat(start[:n, :] + step * rates, start[n:, :])}
+        return straight_function(name, symbols | {"k": k}, results)
 
-def refine(name: str, slope: ca.Function) -> ca.Function:
-    """A Newton iteration between the first and the last one of a stage."""
-    symbols, step, _ = _given(slope)
-    start, n = symbols["start"], slope.size1_out(0)
-    k = ca.SX.sym("k", n)
-    rates = k + solve(ca.SX.eye(n) - step * parts(symbols["jacobian"])[0], symbols["rate"] - k)
-    results = {"next": rates, "at": ca.vertcat(start[:n, :] + step * rates, start[n:, :])}
-    return straight_function(name, symbols | {"k": k}, results)
+    def correct(self, name: str, *, is_first: bool, with_derivatives: bool) -> ca.Function:
+        """Second Newton iteration: of the first stage where the second starts and the rate, of the second one the end
+        of the step; with derivatives, those of the last one of these.
 
+        A stage ``y = base + step f(y, u)`` has derivatives Y with ``(I - step J) Y = Y_base + step J_u``.
+        """
+        symbols, step, ahead = self._given()
+        n, pattern, start = self.slope.size1_out(0), derivative_pattern(self.slope), symbols["start"]
+        k, before, reached = ca.SX.sym("k", n), ca.SX.sym("before", n), ca.SX.sym("reached", pattern)
+        by_state, by_input = parts(symbols["jacobian"])
+        unmoved = identity(pattern)
+        # The base of the second stage goes on with the rate of the first, from which the derivatives there have come.
+        base = unmoved if is_first else unmoved + (1.0 - GAMMA) / GAMMA * (reached - unmoved)
+        columns = ca.horzcat(symbols["rate"] - k, *[base + step * by_input] * with_derivatives)
+        solved = solve(ca.SX.eye(n) - step * by_state, columns)
+        rates = k + solved[:, 0]
+        symbols["k"] = k
+        if is_first:
+            results = {"next": ca.vertcat(start[:n, :] + ahead * rates, start[n:, :]), "rates": rates}
+        else:
+            symbols |= {"before": before} | ({"reached": reached} if with_derivatives else {})
+            results = {"end": start[:n, :] + ahead * before + step * rates}
+        if with_derivatives:
+            results["by"] = ca.project(solved[:, 1:], pattern)
+        return straight_function(name, symbols, results)
 
-def correct(name: str, slope: ca.Function, is_first: bool, with_derivatives: bool) -> ca.Function:
-    """Second Newton iteration: of the first stage where the second starts and the rate, of the second one the end of
-    the step; with derivatives, those of the last one of these.
-
-    A stage ``y = base + step f(y, u)`` has derivatives Y with ``(I - step J) Y = Y_base + step J_u``.
-    """
-    symbols, step, ahead = _given(slope)
-    n, pattern, start = slope.size1_out(0), derivative_pattern(slope), symbols["start"]
-    k, before, reached = ca.SX.sym("k", n), ca.SX.sym("before", n), ca.SX.sym("reached", pattern)
-    by_state, by_input = parts(symbols["jacobian"])
-    unmoved = identity(pattern)
-    # The base of the second stage goes on with the rate of the first, from which the derivatives there have come.
-    base = unmoved if is_first else unmoved + (1.0 - GAMMA) / GAMMA * (reached - unmoved)
-    columns = ca.horzcat(symbols["rate"] - k, *[base + step * by_input] * with_derivatives)
-    solved = solve(ca.SX.eye(n) - step * by_state, columns)
-    rates = k + solved[:, 0]
-    symbols["k"] = k
-    if is_first:
-        results = {"next": ca.vertcat(start[:n, :] + ahead * rates, start[n:, :]), "rates": rates}
-    else:
-        symbols |= {"before": before} | ({"reached": reached} if with_derivatives else {})
-        results = {"end": start[:n, :] + ahead * before + step * rates}
-    if with_derivatives:
-        results["by"] = ca.project(solved[:, 1:], pattern)
-    return straight_function(name, symbols, results)
+    def _given(self) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
+        """Inputs (the step, the share of it that is taken, a state, rate, Jacobian) and the lengths of both stages."""
+        sizes = {"h": 1, "share": 1, "start": self.slope.size1_in(0), "rate": self.slope.size1_out(0)}
+        symbols = {
+            key: ca.SX.sym(key, size) for key, size in (sizes | {"jacobian": self.slope.sparsity_out(1)}).items()
+        }
+        length = symbols["share"] * symbols["h"]
+        return symbols, GAMMA * length, (1.0 - GAMMA) * length

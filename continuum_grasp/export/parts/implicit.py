@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.core import correct, predict, straight_function
+from continuum_grasp.core import Sdirk2Stages, straight_function
 from continuum_grasp.export.fields import fill
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Code, PackagePart, Rows
@@ -81,6 +81,7 @@ def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
     rate = ca.densify(column(eq.state_rate))
     symbols = {"x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}
     slope = straight_function("slope", symbols, {"rate": rate, "jacobian": ca.jacobian(rate, eq.x)})
+    stages = Sdirk2Stages(slope)
     x, at = ca.SX.sym("x", moving.nx), ca.SX.sym("at", moving.nx)
     off: ca.SX = ca.SX(0.0)
     for j, field in enumerate(subject.state.fields[: moving.n]):
@@ -90,12 +91,12 @@ def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
         return Kernel(f"implicit_{name}", function, text, called=True)
 
     def second(name: str) -> Kernel:
-        function = correct(name, slope, name == "first", with_derivatives=False)
+        function = stages.correct(name, is_first=name == "first", with_derivatives=False)
         return kernel(name, _whole(function), f"Second Newton iteration of the {name} stage.")
 
     return (
         kernel("slope", slope, "Rate of change of the state, and its derivative by the state."),
-        kernel("guess", _whole(predict("guess", slope)), "First Newton iteration of a stage."),
+        kernel("guess", _whole(stages.predict("guess")), "First Newton iteration of a stage."),
         second("first"),
         second("last"),
         kernel(

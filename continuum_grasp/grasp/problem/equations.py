@@ -25,18 +25,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.core import (
-    CompileError,
-    Compiler,
-    entry_for,
-    externals_source,
-    find_compiler,
-    forget_oldest,
-    hash_of_code,
-    is_building,
-    known_entry,
-    lasting_folder,
-)
+from continuum_grasp.core import Cache, CompileError, Compiler, externals_source
 from continuum_grasp.grasp.problem.points import BACKBONE_POINTS
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -46,6 +35,7 @@ from continuum_grasp.nlp import NLP
 
 KIND = "grasps"
 """Folder of the cache."""
+_LIBRARIES = Cache(KIND)
 _CODE = ("grasp/problem", "model", "nlp", "scene")
 """Packages whose code decides on the equations."""
 _FLAGS = ("-std=gnu11", "-O0", "-ffp-contract=off", "-fPIC", "-w")
@@ -69,9 +59,9 @@ class GraspEquations:
 
 def equations(spec: ProblemSpec) -> GraspEquations:
     """The equations of a structure; those of expressions are compiled when this process ends, for the next one."""
-    compiler = find_compiler()
+    compiler = Compiler.find()
     if compiler is not None:
-        library = known_entry(_identity(spec, compiler), ".so", KIND)
+        library = _LIBRARIES.known(_identity(spec, compiler))
         if library is not None:
             with suppress(OSError, RuntimeError):  # of another C library, say
                 return _loaded(spec, library)
@@ -103,7 +93,7 @@ def _loaded(spec: ProblemSpec, library: Path) -> GraspEquations:
 
 
 def _identity(spec: ProblemSpec, compiler: Compiler) -> str:
-    versions = __version__, ca.CasadiMeta.version(), hash_of_code(*_CODE)
+    versions = __version__, ca.CasadiMeta.version(), Cache.hash_of_code(*_CODE)
     return "\0".join((repr(spec), *versions, compiler.identity(" ".join(_FLAGS))))
 
 
@@ -114,7 +104,7 @@ _wanted: dict[ProblemSpec, None] = {}
 
 def _compile_later(spec: ProblemSpec) -> None:
     """Compile a structure when this process ends."""
-    if os.environ.get("CONTINUUM_GRASP_BACKGROUND") == "0" or lasting_folder(KIND) is None:
+    if os.environ.get("CONTINUUM_GRASP_BACKGROUND") == "0" or not _LIBRARIES.lasts:
         return
     if not _wanted:
         atexit.register(_start_compiling)
@@ -142,15 +132,15 @@ def _start_compiling() -> None:
 
 def compile_equations(specs: Iterable[ProblemSpec]) -> None:
     """Compile structures into the cache, unless another process does so or there is no compiler."""
-    compiler = find_compiler()
-    if compiler is None or lasting_folder(KIND) is None or is_building(KIND):
+    compiler = Compiler.find()
+    if compiler is None or not _LIBRARIES.lasts or _LIBRARIES.is_building:
         return
     with suppress(CompileError, OSError):
         for spec in specs:
             build = partial(_compiled, spec, compiler)
-            entry_for(_identity(spec, compiler), ".so", build, compiler.version, KIND)
+            _LIBRARIES.entry(_identity(spec, compiler), build, compiler.version)
     # 100: libraries that are stored, those used last: 2 MB each with four elements
-    forget_oldest(".so", KIND, 100)
+    _LIBRARIES.forget_oldest(100)
 
 
 def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:

@@ -21,7 +21,7 @@ import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.base import InputError, SolverError, Summarized, check_arguments, interruptible, quoted
-from continuum_grasp.core import entry_for, hash_of_code
+from continuum_grasp.core import Cache
 from continuum_grasp.scene import Fidelity, Initial, Scene, Timing, scene_of
 from continuum_grasp.simulation.accuracy.choice import ACCURACIES, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.simulation.accuracy.truth import Truth, find_truth
@@ -240,8 +240,8 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
 
     maker = f"{__version__} {ca.CasadiMeta.version()}"
     # The code of what measures too: another version may find other errors. Not the name, which changes nothing.
-    code = hash_of_code("rod", "model", "scene", "simulation")
+    code = Cache.hash_of_code("rod", "model", "scene", "simulation")
     identity = "\n".join([maker, code, asked.model_copy(update={"name": None}).model_dump_json()])
-    entry = entry_for(identity, ".choice", choose, maker, kind="choices")
+    entry = Cache("choices", ".choice").entry(identity, choose, maker)
     known, note = json.loads(entry.read_text(encoding="utf-8"))
     return scene.model_copy(update={"fidelity": Fidelity.model_validate(known)}), str(note)

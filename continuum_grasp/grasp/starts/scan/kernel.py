@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.core import CompileError, find_compiler, library_for
+from continuum_grasp.core import CompileError, Compiler
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.nlp import qp_solver
 
@@ -27,12 +27,12 @@ def library() -> ctypes.CDLL | None:
 
 @cache
 def _library(_named: str | None, _path: str | None) -> ctypes.CDLL | None:
-    compiler = find_compiler()
+    compiler = Compiler.find()
     if compiler is None:
         return None
     source = files(__package__).joinpath("kernel.c").read_text(encoding="utf-8")
     try:
-        return ctypes.CDLL(str(library_for(source, compiler, "the scan of postures")))
+        return ctypes.CDLL(str(compiler.library(source, "the scan of postures")))
     except (CompileError, OSError):
         return None
 
