@@ -24,7 +24,7 @@ from continuum_grasp.control import (
     tracked_groups,
     tracking_of,
 )
-from continuum_grasp.results import POSE, TIME, XY, Dimension, File, MotionResult, Picture, Stored
+from continuum_grasp.results import Dimension, File, MotionResult, Picture, Stored
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import CONTACT, ContactHistory
 from continuum_grasp.simulation import STORED as CONTACTS_STORED
@@ -79,7 +79,7 @@ class ControlRun(MotionResult):
         Stored("object_pose", "(time, pose)", "", "pose of an object that moves: x, y [m], angle [rad], height [m]"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
-        TIME,
+        Dimension.TIME,
         Dimension("period", "instants at which commands were given", "command_times", "s"),
         Dimension("state", "states of the plant", "x_names"),
         Dimension("input", "tendon tensions or tip moment", "u_names"),
@@ -93,8 +93,8 @@ class ControlRun(MotionResult):
         Dimension("stage", "nodes of the horizon"),
         Dimension("phase", "phases of a step", "phase_names"),
         Dimension("bound", "bounds", "bound_names"),
-        XY,
-        POSE,
+        Dimension.XY,
+        Dimension.POSE,
         CONTACT,
     )
     texts: ClassVar[tuple[File, ...]] = (

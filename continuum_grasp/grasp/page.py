@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from continuum_grasp.grasp.html import cards, details, escaped, folded, items, report, section, table
 from continuum_grasp.grasp.text import amount, answer_words, further_advice, parts
-from continuum_grasp.results import cards, details, escaped, folded, items, report, section, table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

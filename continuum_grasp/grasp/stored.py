@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from continuum_grasp.results import POSE, XY, Dimension, Stored
+from continuum_grasp.results import Dimension, Stored
 
 _POSTURE = (
     Stored("object.pose", "(pose,)", "", "pose of the object: x, y [m], angle [rad]"),
@@ -71,8 +71,8 @@ STORED = (
 """Stored arrays; where there is no grasp: of the first repair, or of the point that comes closest, or none of them."""
 DIMENSIONS = (
     Dimension("contact", "contacts of the object", "contact_names"),
-    XY,
-    POSE,
+    Dimension.XY,
+    Dimension.POSE,
     Dimension("part", "parts of a contact force", ("normal", "friction", "lift")),
     Dimension("tendon", "tendons: on the finger's left (-X side), on its right", ("left", "right")),
     Dimension("base", "pose of the base", ("x [m]", "y [m]", "angle [rad]")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -82,10 +82,14 @@ class Dimension:
     labels: str | tuple[str, ...] | int = ()
     unit: str = ""
 
+    TIME: ClassVar[Dimension]
+    XY: ClassVar[Dimension]
+    POSE: ClassVar[Dimension]
 
-TIME = Dimension("time", "instants", "t", "s")
-XY = Dimension("xy", "world axes", ("x", "y"))
-POSE = Dimension("pose", "pose of the object", ("x [m]", "y [m]", "angle [rad]", "height [m]"))
+
+Dimension.TIME = Dimension("time", "instants", "t", "s")
+Dimension.XY = Dimension("xy", "world axes", ("x", "y"))
+Dimension.POSE = Dimension("pose", "pose of the object", ("x [m]", "y [m]", "angle [rad]", "height [m]"))
 
 
 @dataclass(frozen=True)

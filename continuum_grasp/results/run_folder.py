@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import InputError, Summarized, check_arguments
 from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain_values import digest, plain
-from continuum_grasp.results.record import begin_run, created_now, machine, versions
+from continuum_grasp.results.record import begin_run, created_now, machine, naming, swapped, versions
 
 RESULT = "result.npz"
 META = "meta.json"
@@ -117,8 +117,18 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
 
 
 def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> bytes:
-    """The content of ``result.npz`` alone, for who writes many runs and does that elsewhere; `read_run` reads it."""
+    """The content of ``result.npz`` alone, for who writes many runs elsewhere, by `write_packed_run`."""
     return _packed(arrays, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
+
+
+def write_packed_run(folder: Path, content: bytes) -> None:
+    """Write what `pack_run` gave into a folder, without a record of its files; `read_run` reads it."""
+    target = folder / RESULT
+    with naming(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+    # Always the same name: what a killed process leaves is replaced.
+    with swapped(target, "") as temporary:
+        temporary.write_bytes(content)
 
 
 @check_arguments

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, check_arguments, named_value
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results import XY, Dimension, Picture, Result, Stored
+from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.slack import TensionLimit, tension_limits
 from continuum_grasp.simulation.trajectory import acting_forces, backbones, error_text
@@ -64,7 +64,7 @@ class Equilibrium(Result):
         Dimension("drive", "motors", 1),
         Dimension("end", "least and greatest"),
         Dimension("place", "places along the finger", "places", "m"),
-        XY,
+        Dimension.XY,
     )
     pictures: ClassVar[tuple[Picture, ...]] = (Picture("shape", "continuum_grasp.plotting.motion:plot_shape"),)
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.base import Array
 from continuum_grasp.core import Core
 from continuum_grasp.model import WIDEST, FingerModel, System
-from continuum_grasp.results import POSE, TIME, XY, Dimension, MotionResult, Picture, Stored
+from continuum_grasp.results import Dimension, MotionResult, Picture, Stored
 from continuum_grasp.scene import ForceLoad, Scene
 from continuum_grasp.simulation.contacts import CONTACT, ContactHistory
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
@@ -73,12 +73,12 @@ class Trajectory(MotionResult):
         *CONTACTS_STORED,
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
-        TIME,
+        Dimension.TIME,
         Dimension("state", "bending coordinates, their rates, and what else moves", "x_names"),
         Dimension("input", "tendon tensions or tip moment, and their rates where the model needs them", "u_names"),
         Dimension("force_component", "forces and moments that act, in the world's axes", "w_names"),
-        XY,
-        POSE,
+        Dimension.XY,
+        Dimension.POSE,
         Dimension("tendon", "tendons, that on the -X side first", 1),
         CONTACT,
     )

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import Array, check_arguments, named_value, whole
 from continuum_grasp.core import Core
 from continuum_grasp.model import STATEFUL, FingerModel, compliance, state_of
-from continuum_grasp.results import XY, Dimension, Picture, Result, Stored
+from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene, nodes_of
 from continuum_grasp.simulation.slack import least_pull
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
@@ -62,7 +62,7 @@ class Modes(Result):
         Dimension("mode", "modes, from the lowest frequency", 1),
         Dimension("free_mode", "modes with motors that turn, from the lowest frequency"),
         Dimension("place", "places along the finger, evenly spaced from base to tip", "places", "m"),
-        XY,
+        Dimension.XY,
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("modes", "continuum_grasp.plotting.motion:plot_modes", panels=True),

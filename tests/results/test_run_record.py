@@ -13,8 +13,8 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.core import Compiler
-from continuum_grasp.results import begin_run, kind_of_run, read_run, replacing, write_run
-from continuum_grasp.results.record import note_part
+from continuum_grasp.results import begin_run, read_run, replacing, write_run
+from continuum_grasp.results.record import kind_of_run, note_part
 from tests.commands import ROOT, environment, python, run, said
 
 RELEASE = ROOT / "configs/simulate/nitinol_release_020g.yaml"

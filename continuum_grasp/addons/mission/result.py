@@ -22,9 +22,6 @@ from continuum_grasp.base import Array, InputError, amount_text, columns
 from continuum_grasp.closed_loop import ControlRun
 from continuum_grasp.control import Stages
 from continuum_grasp.results import (
-    POSE,
-    TIME,
-    XY,
     Dimension,
     File,
     MotionResult,
@@ -61,10 +58,10 @@ class MissionRun(MissionRecord, MotionResult):
         Stored("pulls", "(pull, wrench)", "", "wrench of each pull: x, y [N], moment [N m]", "wrenches"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
-        TIME,
+        Dimension.TIME,
         Dimension("period", "instants at which commands were given", "command_times", "s"),
-        POSE,
-        XY,
+        Dimension.POSE,
+        Dimension.XY,
         CONTACT,
         Dimension("held", "of each finger, the held contact that presses hardest", "held_forces"),
         Dimension("pull", "pulls, in order", "pulls"),

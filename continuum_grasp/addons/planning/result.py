@@ -19,7 +19,7 @@ from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.base import Array, prefixed, unit_of
 from continuum_grasp.control import Prediction
 from continuum_grasp.model import System
-from continuum_grasp.results import TIME, XY, Dimension, MotionResult, Picture, Stored
+from continuum_grasp.results import Dimension, MotionResult, Picture, Stored
 from continuum_grasp.simulation import ContactHistory
 
 _PARTS = {
@@ -162,10 +162,10 @@ class MotionPlan(MotionResult):
         Stored("solver units", "(scaled,)", "", "units in which the unknowns are scaled", "solver_state.units"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
-        TIME,
+        Dimension.TIME,
         Dimension("state", "states of the model", "x_names"),
         Dimension("input", "tendon tensions or tip moment", "u_names"),
-        XY,
+        Dimension.XY,
         Dimension("{constraint} place", "nodes or intervals at which it holds"),
         Dimension("{constraint} entry", "its entries, in its unit (``constraints`` of ``meta.json``)"),
         Dimension("unknown", "unknowns of the NLP"),

@@ -18,14 +18,13 @@ from typing import Any
 from continuum_grasp.addons.sweeps.plan import SweepPlan, differences
 from continuum_grasp.base import InputError
 from continuum_grasp.results import (
-    RESULT,
     begin_run,
+    check_folder,
     created_now,
-    kind_of_run,
     locked,
     naming,
-    swapped,
     versions,
+    write_packed_run,
     write_text,
 )
 from continuum_grasp.scene import refuse_what_is_no_file
@@ -49,8 +48,7 @@ def store_plan(folder: Path, plan: SweepPlan) -> list[str]:
     if not (folder / PLAN).exists():
         if (folder / TABLE).exists():
             raise InputError(f"there is a {TABLE} without its {PLAN}; take another folder", file=str(folder))
-        if kind_of_run(folder) not in (None, "sweep"):
-            raise InputError(f"there is a run of {kind_of_run(folder)} in it; take another folder", file=str(folder))
+        check_folder(folder, "sweep")
         about = {"name": plan.sweep.name, "created": created_now(), "versions": versions()}
         _write(folder, {**about, "columns": list(plan.columns), "units": plan.units, "pictures": pictures, **new})
         return []
@@ -166,12 +164,7 @@ def run_path(folder: Path, index: int) -> Path:
 
 
 def write_run_file(folder: Path, index: int, content: bytes) -> None:
-    target = run_path(folder, index) / RESULT
-    with naming(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-    # Always the same name: what a killed process leaves is replaced.
-    with swapped(target, "") as temporary:
-        temporary.write_bytes(content)
+    write_packed_run(run_path(folder, index), content)
 
 
 def held_folder(folder: Path) -> AbstractContextManager[None]:

@@ -6,7 +6,7 @@ import html
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from continuum_grasp.results.plain_values import yaml_text
+from continuum_grasp.results import yaml_text
 
 _STYLE = """
 :root { color-scheme: light dark; --paper: #fff; --ink: #222; --quiet: #5f5f5f; --line: #ddd; --panel: #f6f6f4;
