@@ -40,7 +40,7 @@ from continuum_grasp.addons.fmu import FunctionalMockupUnit
 from continuum_grasp.addons.fmu.write import export_fmu
 from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.closed_loop import PlantModel
-from continuum_grasp.control import Outputs, Prediction, setpoints
+from continuum_grasp.control import Outputs, Prediction, Setpoints
 from continuum_grasp.export import export_c
 from continuum_grasp.scene import ControlScene, Scene, load
 from tests.export_cases import shared_library
@@ -94,7 +94,7 @@ def loop(scene: ControlScene, units: dict[tuple[str, str], Unit]) -> tuple[str, 
     period, horizon = scene.controller.step, scene.controller.horizon
     scene = scene.replaced(plant=scene.plant.replaced(noise=0.0), duration=STEPS * period)
     run = cg.run_closed_loop(scene)
-    rows = setpoints(Outputs.of(scene.controller.cost, Prediction(scene)), scene.reference).rows
+    rows = Setpoints.of(Outputs.of(scene.controller.cost, Prediction(scene)), scene.reference).rows
     model, h = PlantModel(scene), units["plant", "2"].step
     ahead, far = horizon.stage * np.arange(horizon.stages + 1), 0.0
     for fmi in ("2", "3"):

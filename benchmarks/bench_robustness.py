@@ -20,7 +20,7 @@ from benchmarks.report import Report, begun
 from benchmarks.wrong_plants import FAULT, Bench, Wrong, wrongs
 from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.closed_loop import ControlRun, run_closed_loop
-from continuum_grasp.control import Command, Controller, Outputs, setpoints
+from continuum_grasp.control import Command, Controller, Outputs, Setpoints
 
 LOOPS = tuple(path.stem for path in sorted((CONFIGS / "mpc").glob("*.yaml")) if cg.load(path).reference.tip is not None)
 """Those whose tip has a setpoint, by which they are judged."""
@@ -115,7 +115,7 @@ def run_of(bench: Bench, loop: str, wrong: Wrong, seed: int) -> tuple[ControlRun
     """A closed loop, and whether the plant's motion was lost in it."""
     scene, control = bench.scene, bench.control
     plant = bench.plant(wrong, seed)
-    points = setpoints(Outputs.of(scene.controller.cost, control.prediction), scene.reference)
+    points = Setpoints.of(Outputs.of(scene.controller.cost, control.prediction), scene.reference)
     again = REPEATED.get(loop, math.inf)
     duration = DURATION.get(loop, OTHERS) + DRIFTING * (wrong.fault == "drift")
     # Repeated ones are functions of time.

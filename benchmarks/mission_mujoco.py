@@ -31,7 +31,7 @@ from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.run import variations
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import plant_scene
-from continuum_grasp.control import Controller, measurement_std
+from continuum_grasp.control import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
 from continuum_grasp.scene import Box, Scene, Table, load
 
@@ -194,7 +194,7 @@ class _Sensors:
         # Joints of the object count from where it stands first.
         self._start = None if measured.object is None or scene.object is None else np.array(scene.object.pose)
         ys += OBJECT_POSE if self._start is not None else ()
-        self.std = of.mission.plant.noise * np.array([measurement_std(of.control, name) for name in ys])
+        self.std = of.mission.plant.noise * np.array([of.control.measurement_std(name) for name in ys])
 
     def read(self, answer: dict[str, Any]) -> Array:
         """Tip, tensions, angles, and what a camera sees of the object."""

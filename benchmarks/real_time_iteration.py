@@ -15,6 +15,7 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.base import SolverError
 from continuum_grasp.control import Stages
 from continuum_grasp.control.iteration import source as rti
+from continuum_grasp.control.members import CHANGEABLE
 
 STATUS = {
     0: "solved",
@@ -65,7 +66,7 @@ class Settings:
     """
 
     def __init__(self, stages: Stages, real: Any) -> None:
-        nominal = {name: getattr(stages, name) for name in rti.SETTINGS}
+        nominal = {name: getattr(stages, name) for name, *_ in CHANGEABLE}
         # An array without entries has one in C, which has no arrays of length zero.
         arrays = [(name, real, (max(len(value), 1),)) for name, value in nominal.items()]
         numbers: list[Any] = [("stage", real), ("substeps", np.intc), ("iterations", np.intc)]

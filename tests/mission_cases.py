@@ -14,7 +14,7 @@ from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.plan import PhasePlan
 from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.addons.mission.scene import Phases
-from continuum_grasp.control import Anomaly, CommandStatus, Health, Sight, Trip
+from continuum_grasp.control import Anomaly, Command, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.scene import load
 from continuum_grasp.simulation import ContactHistory
@@ -119,7 +119,9 @@ def commanded(force, *, std=0.1, u=None, **seen):
         "suspect": None,
         "mismatch": 1.0,
     }
-    return SimpleNamespace(contact_forces=felt, u=u, **usual | seen)
+    command = SimpleNamespace(contact_forces=felt, u=u, **usual | seen)
+    command.doubt = Command.doubt.fget(command)  # in words as those of a real one
+    return command
 
 
 def carried_out(of, forces, *, height=lambda t: 0.0, seen=lambda t: {}, **commands):

@@ -30,9 +30,7 @@ from continuum_grasp.control import (
     Controller,
     ControlLog,
     Health,
-    safe_ramp,
     spread,
-    start_state,
     vector,
 )
 from continuum_grasp.scene import Initial
@@ -209,7 +207,7 @@ def _first(controller: Controller, start: ArrayLike | Command | None) -> Array:
             raise InputError("the controller before has another model: give the input that acts", key="start")
     else:
         u = vector("start", start, rest.size)
-        x = start_state(controller.scene, controller.prediction, Initial(pose="equilibrium"), u.tolist())
+        x = controller.prediction.start_state(Initial(pose="equilibrium"), u.tolist())
     controller.reset(state=x, u=u)
     return u
 
@@ -304,7 +302,7 @@ class _Loop:
         """Go from the last command to the input at rest, period by period, also where the driver fails again."""
         period, first = self.controller.period, self._last
         command = self._command or self.controller.step(None, late=True)
-        whole = safe_ramp(self.controller.scene.finger)
+        whole = self.controller.parts.calls.ramp
         count = max(1, math.ceil(whole * float(np.max(np.abs(first - self._rest) / self._range)) / period))
         for k in range(count):
             try:

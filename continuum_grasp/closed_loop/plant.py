@@ -18,7 +18,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.readings import quantities_of
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.closed_loop.wiring import wiring_of
-from continuum_grasp.control import Prediction, measurement_std, sensed
+from continuum_grasp.control import Prediction, sensed
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import TARGET_RADIUS, partial_step, sample_shapes, stiff_method
 
@@ -247,7 +247,7 @@ class Sensors:
         }
         self.names = tuple(measured)
         self.delay = scene.estimator.delay if scene.plant.delay is None else scene.plant.delay
-        self.std = scene.plant.noise * np.array([measurement_std(scene, name) for name in self.names])
+        self.std = scene.plant.noise * np.array([scene.measurement_std(name) for name in self.names])
         self.value = plant.function("measured", y=ca.vertcat(*measured.values()))
 
     def read(self, x: Array, u: Array, w: Array) -> Array:

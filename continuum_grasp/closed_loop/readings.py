@@ -11,16 +11,8 @@ import numpy as np
 
 from continuum_grasp.base import Array, unit_of
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control import (
-    Prediction,
-    Quantities,
-    Stages,
-    Tracking,
-    amount,
-    cost_terms,
-    curvature_limits,
-    distance_from,
-)
+from continuum_grasp.closed_loop.tracking import Tracking, amount
+from continuum_grasp.control import Outputs, Prediction, Quantities, Stages, curvature_limits
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import ContactHistory
 
@@ -74,7 +66,7 @@ def tracked_expression(plant: PlantModel, prediction: Prediction, held: ca.SX, s
     """
     cost = plant.control.controller.cost
     quantities = quantities_of(plant, prediction, plant.command, (plant.command - held) / stage)
-    return ca.SX(ca.vertcat(*[term.value(quantities, cost) for term in cost_terms(cost)]))
+    return ca.SX(ca.vertcat(*[term.value(quantities, cost) for term in Outputs.of(cost, prediction).terms]))
 
 
 class Readings:
@@ -130,7 +122,7 @@ class Readings:
     def tracked(self, x: Array, u: Array, w: Array, held: Array) -> Array:
         """Outputs (K, nr) in the order of the setpoints; ``held`` (K, nu) are the inputs before."""
         cost = self._scene.controller.cost
-        terms = cost_terms(cost)
+        terms = Outputs.of(cost, self._prediction).terms
         plant = quantities_of(self.plant, self._prediction, u, (u - held) / self._stages.stage)
         of_state = ca.vertcat(*[term.value(plant, cost) for term in terms if term.of_state])
         columns = [self._rows(of_state, x, u, w)]
@@ -163,7 +155,7 @@ class Readings:
             for name, zone in bounds.keep_out.items():
                 of = slice(None) if zone.of == "backbone" else slice(-1, None)
                 # The surface, half a thickness from the backbone, without the clearance that is asked for.
-                depth = half[of] - distance_from(zone, *fine[:, of].transpose(2, 0, 1))
+                depth = half[of] - zone.distance(*fine[:, of].transpose(2, 0, 1))
                 exceeded.append(Bound(name, "m", depth.max(axis=1), self._length))
         return exceeded
 

@@ -13,17 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, amount_text, columns, name_of, unit_of
 from continuum_grasp.closed_loop.readings import Bound, Metrics, PhaseTimes, Readings, violation_of
-from continuum_grasp.control import (
-    Adapted,
-    ControlLog,
-    Tracked,
-    amount,
-    missed_setpoints,
-    rms,
-    spread,
-    tracked_groups,
-    tracking_of,
-)
+from continuum_grasp.closed_loop.tracking import Tracked, amount, missed_setpoints, rms, tracked_groups, tracking_of
+from continuum_grasp.control import Adapted, ControlLog, spread
 from continuum_grasp.results import Dimension, File, MotionResult, Picture, Stored
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import CONTACT, ContactHistory

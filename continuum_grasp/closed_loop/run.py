@@ -24,7 +24,7 @@ from continuum_grasp.base import (
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.control import Controller, Function, Outputs, Prediction, Stages, setpoints
+from continuum_grasp.control import Controller, Outputs, Prediction, Setpoints, Stages
 from continuum_grasp.scene import ControlScene, scene_of
 
 
@@ -65,7 +65,7 @@ def run_closed_loop(
     *,
     controller: Controls | None = None,
     plant: Plant | None = None,
-    functions: Mapping[str, Function] | None = None,
+    functions: Mapping[str, Callable[[float], ArrayLike]] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ControlRun:
     """Let a controller move a plant.
@@ -112,7 +112,7 @@ def run_closed_loop(
     tried = Plant(scene, model, control.period) if plant is None else plant
     if scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", key="duration")
-    rows = setpoints(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows
+    rows = Setpoints.of(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows
     loop = FingerLoop(scene, control, tried, rows)
     (run,), error = run_fingers([loop], SharedPlant([tried]), scene.duration, progress, began)
     if error is not None:

@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.base import Array, InputError, Summarized, name_of, quoted
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.parts import ControlParts
-from continuum_grasp.control.status import CALL_RATE, Anomaly, CommandStatus, Health, Sight, Trip, health_text, texts
+from continuum_grasp.control.status import Anomaly, CommandStatus, Health, Sight, Trip, health_text, texts
 
 _HEALTH = tuple(Health)
 
@@ -239,7 +239,7 @@ class Command(Summarized):
         sensor, entry = int(self._number("sensor")), int(self._number("entry"))
         if self.health in (Health.FROZEN, Health.TRIPPED) and entry >= 0:
             return self._control.measurement_names[entry].split(" ")[0]
-        names = (*self._control.sensor_names, CALL_RATE)
+        names = self._control.watched
         return names[sensor] if self.health and 0 <= sensor < len(names) else None
 
     @property
@@ -263,6 +263,23 @@ class Command(Summarized):
     def sight(self) -> Sight:
         """Worth of the estimate now; ``health`` may be of an earlier contradiction."""
         return Sight(int(self._number("sight")))
+
+    @property
+    def doubt(self) -> str:
+        """Why the estimate is in doubt, in words; empty where it is not."""
+        if self.sight is Sight.SEES:
+            return ""
+        if self.sight is Sight.CONTRADICTED:
+            return f"{self.suspect} contradicts the model"
+        if Anomaly.BLIND in self.anomaly:
+            return "nothing was measured"
+        if self.trip:
+            return f"the controller is tripped ({self.trip.name.lower()})"
+        if self.health is Health.FROZEN:
+            return "a reading is frozen"
+        if self.status is CommandStatus.SAFE_RAMP:
+            return "no plan was found for as long as one lasts"
+        return "no sensor shows the shape"
 
     @property
     def activity(self) -> float:

@@ -11,29 +11,16 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.iteration import source as rti
+from continuum_grasp.control.members import REPORTED
 from continuum_grasp.control.parts import ControlParts, Settings, is_whole
 from continuum_grasp.core import in_lanes, plain_source
-
-
-def macros(parts: ControlParts, *, controls: bool) -> list[str]:
-    """Write the dimensions of what a controller has beside its iterations; without ``controls`` of the filter alone."""
-    s, e, sizes = parts.stages, parts.estimation, dict[str, int]()
-    if controls:
-        dimensions = {"ND": s.nd, "NM": len(parts.measurement_names), "NS": len(parts.sensor_names)}
-        dimensions |= {"ESTIMATES": int(e is not None)}
-        sizes |= {f"CONTROLLER_{name}": size for name, size in dimensions.items()}
-    if e is not None:
-        dimensions = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NS": len(e.sensor_names), "NM": e.nm}
-        dimensions |= {"DELAY": parts.periods, "AHEAD": parts.ahead, "NF": len(e.friction), "NA": len(e.adapted)}
-        sizes |= {f"EKF_{name}": size for name, size in dimensions.items()}
-    return [f"#define {name} {size}" for name, size in sizes.items()]
 
 
 def estimator_source(parts: ControlParts, real: str) -> str:
     """Write the C of an estimator for Python: the functions of ``c/estimator_python.c``."""
     return _joined(
         real,
-        *macros(parts, controls=False),
+        *parts.macros(controls=False),
         *_estimator(parts, real),
         _setter("ekf_settings", parts.filter),
         _templates("doubles.h", "estimator_python.c"),
@@ -46,7 +33,7 @@ def controller_source(parts: ControlParts, real: str) -> str:
     filtered = None if estimation is None else estimation.single
     iterations = rti.iteration_source(parts.stages, real=real, filtered=filtered)
     # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
-    texts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iterations, *macros(parts, controls=True)]
+    texts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iterations, *parts.macros(controls=True)]
     texts += ["#define CG_SINGLE" if real == "float" else "", _templates("checks.h")]
     # CasADi defines the prefix of its helpers' names once per file; here those of the stages come first.
     if estimation is not None:
@@ -54,6 +41,7 @@ def controller_source(parts: ControlParts, real: str) -> str:
     texts += [
         _templates("timing.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
         _setter("controller_settings", parts.settings_in(real)),
+        _reported(),
         _templates("doubles.h", "controller_python.c"),
     ]
     return "\n".join(texts)
@@ -105,6 +93,13 @@ def _setter(structure: str, settings: Settings) -> str:
                 f"  v += {values.size};",
             ]
     return "\n".join([*lines, "}"])
+
+
+def _reported() -> str:
+    """Write ``cg_write_reported``, which writes what is reported of a call as doubles."""
+    lines = [f"  *out++ = (double)from->{each.place};" for each in REPORTED]
+    head = "static double *cg_write_reported(double *out, const controller_output *from)"
+    return "\n".join([head, "{", *lines, "  return out;", "}"])
 
 
 def _values(settings: Settings) -> Array:

@@ -15,6 +15,7 @@ from continuum_grasp.base import Array, InputError, Summarized, check_arguments,
 from continuum_grasp.control.arguments import named, numbers, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled import Compiled, controller_source
+from continuum_grasp.control.members import CHANGEABLE, REPORTED
 from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import ControlParts, Settings
@@ -23,18 +24,11 @@ from continuum_grasp.core import precision_of
 from continuum_grasp.model import Remade
 
 _STATUS = tuple(CommandStatus)
-CHANGEABLE: tuple[str, ...] = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
-"""Members of ``rti_settings`` that may be changed between calls, in the order of exported C."""
 _CHUNK = 128
 """Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and
 little to hold (30 stages of 6 setpoints: 190 kB)."""
 _LATE, _APPLIED = 1, 2
 """Flags of ``cg_controller_step``."""
-_NUMBERS = (
-    *("anomalies", "iterations", "violation", "residual", "cost"),
-    *("health", "sensor", "entry", "reason", "rung", "sight", "ahead", "mismatch", "activity"),
-)
-"""Scalars of ``cg_controller_step`` in ``c/controller_python.c``, in its order."""
 
 
 class CompiledController(Remade, Summarized):
@@ -64,7 +58,7 @@ class CompiledController(Remade, Summarized):
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
         nm = len(self.measurement_names)
         inputs = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
-        sizes = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
+        sizes = {number.name: 1 for number in REPORTED} | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
         sizes |= {"excess": s.nc, "then": nz, "upper": nz * nz, "diagonal": nz}
         sizes |= {"innovation": ny, "innovation_variance": ny}
         sizes |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
@@ -175,10 +169,10 @@ class CompiledController(Remade, Summarized):
         A limit that is moved past the last command is approached at ``controller.input.rate_max``: until a command is
         within it, steps report ``Anomaly.BEYOND_LIMIT``.
         """
-        changed = dict(self._settings)
+        changed, known = dict(self._settings), [member.name for member in CHANGEABLE]
         for name, setting in settings.items():
-            if name not in CHANGEABLE:
-                raise InputError(f"expected some of {', '.join(CHANGEABLE)}, got {name!r:.60}", key=name)
+            if name not in known:
+                raise InputError(f"expected some of {', '.join(known)}, got {name!r:.60}", key=name)
             nominal = getattr(self.stages, name)
             value = vector(name, setting, nominal.size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):

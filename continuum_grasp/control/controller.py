@@ -14,9 +14,9 @@ from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
 from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
+from continuum_grasp.control.ocp.setpoints import Function, Setpoints
 from continuum_grasp.control.parts import ControlParts
-from continuum_grasp.control.prediction import Prediction, first_state
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene import ControlScene, scene_of
 
 
@@ -107,7 +107,7 @@ class Controller(CompiledController):
             parts.sensor_names,
             parts.estimated_names,
         )
-        self.first = first_state(self.scene, self.prediction)
+        self.first = self.prediction.first_state()
         self.reset()
 
     def headline(self) -> str:
@@ -232,7 +232,7 @@ class Controller(CompiledController):
         >>> rising.rows([0.0, 1.0])[:, :2].round(3).tolist()
         [[-0.05, 0.15], [-0.05, 0.16]]
         """
-        return setpoints(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference, functions)
+        return Setpoints.of(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference, functions)
 
     @cached_property
     def nominal_setpoints(self) -> Setpoints:  # type: ignore[override]

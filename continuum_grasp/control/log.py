@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
-
-COMMANDED = "commanded_"
-"""Before the name of an input in the heading of a command: sensors of tensions have the names of inputs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +45,9 @@ class ControlLog:
     <BLANKLINE>
     """
 
+    COMMANDED: ClassVar[str] = "commanded_"
+    """Before the name of an input in the heading of a command: sensors of tensions have the names of inputs."""
+
     t: Array
     u: Array
     y: Array
@@ -72,7 +73,7 @@ class ControlLog:
 
     def text(self) -> str:
         """The log as CSV: ``t [s]``, a column per command, its name behind ``commanded_``, and one per measurement."""
-        headings = ["t [s]", *(COMMANDED + name for name in self.u_names), *self.y_names]
+        headings = ["t [s]", *(self.COMMANDED + name for name in self.u_names), *self.y_names]
         rows = np.column_stack([self.t, self.u, self.y])
         lines = [",".join("" if np.isnan(value) else f"{value:.7g}" for value in row) for row in rows]
         return "\n".join([",".join(headings), *lines, ""])

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +16,15 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.excitation import memory_of, quiet_sensitivities
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
-from continuum_grasp.control.estimation.noise import Ranges, measurement_std, noise_of, ranges_of
+from continuum_grasp.control.estimation.noise import Ranges, noise_of, ranges_of
 from continuum_grasp.control.iteration import source as rti
+from continuum_grasp.control.members import CHANGEABLE, REPORTED, Changeable, Reported
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.scene import ControlScene, Finger
+from continuum_grasp.control.status import CALL_RATE
+from continuum_grasp.scene import ControlScene
 
 Settings = dict[str, ArrayLike]
 
@@ -77,6 +79,9 @@ class ControllerCalls(NamedTuple):
 class ControlParts:
     """Parts that a controller is compiled from: a problem, and of a scene what estimates and supervises."""
 
+    changeable: ClassVar[tuple[Changeable, ...]] = CHANGEABLE
+    reported: ClassVar[tuple[Reported, ...]] = REPORTED
+
     stages: Stages
     calls: ControllerCalls
     ranges: Ranges  # beyond which what is given to it is implausible
@@ -99,13 +104,15 @@ class ControlParts:
         touches = model.system.surroundings is not None or any("contact" in name for name in unknown)
         return ControlParts(
             stages=stages,
-            calls=ControllerCalls(asked.step, np.array(scene.rest_input), safe_ramp(scene.finger), *counts),
+            calls=ControllerCalls(
+                asked.step, np.array(scene.rest_input), _RAMP * scene.finger.rod.natural_time, *counts
+            ),
             ranges=ranges,
             rate=np.full(stages.nu, asked.input.rate_max or ABSENT),
             supervisor=_supervised(scene, stages, estimation, touches),
             filter={} if estimation is None else _filter(scene, model, stages, estimation, ranges),
             estimation=estimation,
-            periods=delay_periods(scene),
+            periods=scene.delay_periods,
         )
 
     @staticmethod
@@ -118,7 +125,7 @@ class ControlParts:
         return ControlParts(
             stages=stages,
             calls=calls,
-            ranges=free_ranges(stages, ABSENT),
+            ranges=_free_ranges(stages, ABSENT),
             rate=np.full(stages.nu, ABSENT),
             supervisor=_unsupervised(stages),
             filter={},
@@ -148,6 +155,11 @@ class ControlParts:
         return () if self.estimation is None else self.estimation.sensor_names
 
     @property
+    def watched(self) -> tuple[str, ...]:
+        """Signals that the supervisor watches: the sensors, then the call rate."""
+        return (*self.sensor_names, CALL_RATE)
+
+    @property
     def ahead(self) -> int:
         """Number of the filter's steps from a measurement, some periods ago, to now.
 
@@ -155,11 +167,38 @@ class ControlParts:
         """
         return self.periods * int(np.asarray(self.filter["substeps"]))
 
+    def unlimited(self) -> ControlParts:
+        """Parts that take any finite number."""
+        return replace(self, ranges=_free_ranges(self.stages, np.inf))
+
+    def macros(self, *, controls: bool, iterations: str = "") -> list[str]:
+        """Write the dimensions of the C: of the filter, with ``controls`` of the controller too.
+
+        ``iterations`` is the type in which the real-time iterations compute; empty: they have theirs already.
+        """
+        s, e, sizes = self.stages, self.estimation, dict[str, int]()
+        if controls:
+            dimensions = {"ND": s.nd, "NM": len(self.measurement_names), "NS": len(self.sensor_names)}
+            dimensions |= {"ESTIMATES": int(e is not None)}
+            sizes |= {f"CONTROLLER_{name}": size for name, size in dimensions.items()}
+        if e is not None:
+            dimensions = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NM": e.nm}
+            dimensions |= {"NS": len(e.sensor_names), "NF": len(e.friction), "NA": len(e.adapted)}
+            dimensions |= {"DELAY": self.periods, "AHEAD": self.ahead}
+            sizes |= {f"EKF_{name}": size for name, size in dimensions.items()}
+        lines = rti.dimensions(s, iterations) if iterations else []
+        return [*lines, *(f"#define {name} {size}" for name, size in sizes.items())]
+
+    @property
+    def iteration_bodies(self) -> list[str]:
+        """C of the real-time iterations behind their header, without vector lanes."""
+        return rti.iteration_bodies(self.stages, lanes=False)
+
     def settings_in(self, precision: str) -> Settings:
         """Members of ``controller_settings``, for C in double or float."""
         s, calls, ranges = self.stages, self.calls, self.ranges
         real = np.float64 if precision == "double" else np.float32
-        iteration: Settings = {name: getattr(s, name) for name in rti.SETTINGS}
+        iteration: Settings = {member.name: getattr(s, member.name) for member in self.changeable}
         iteration |= {"stage": s.stage, "substeps": s.substeps, "iterations": calls.iterations}
         iteration |= {"tolerance": float(real(rti.TOLERANCE[precision]))}
         iteration |= {"regularization": rti.regularization(s.u_min, s.u_max), **rti.scenario_settings(s)}
@@ -178,7 +217,7 @@ class ControlParts:
         }
 
 
-def free_ranges(stages: Stages, most: float) -> Ranges:
+def _free_ranges(stages: Stages, most: float) -> Ranges:
     """Ranges of a problem without a scene: all numbers up to a magnitude."""
     sizes = {"x": stages.nd, "r": stages.nr, "p": stages.np, "applied": stages.nu}
     limits = {key: np.tile((-most, most), (size, 1)) for key, size in sizes.items()}
@@ -197,16 +236,6 @@ def _check_period(period: float, stages: Stages, key: str) -> None:
             "a period of at most a stage",
             key=key,
         )
-
-
-def safe_ramp(finger: Finger) -> float:
-    """Time in which the safe ramp crosses the whole range of an input [s]."""
-    return _RAMP * finger.rod.natural_time
-
-
-def delay_periods(scene: ControlScene) -> int:
-    """Return the age of measurements in control periods."""
-    return 0 if scene.estimator is None else round(scene.estimator.delay / scene.controller.step)
 
 
 def _window(scene: ControlScene) -> int:
@@ -286,7 +315,7 @@ def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | No
     rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / crossing)
     return {
         "window": _window(scene) if asked.supervisor else 0,
-        "delay": delay_periods(scene) + _SETTLING,
+        "delay": scene.delay_periods + _SETTLING,
         # Without a weight of the command's rate there is nothing to raise.
         "rungs": _RUNGS if asked.cost.input_rate else 0,
         "sensor": sensor,
@@ -296,9 +325,9 @@ def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | No
         # A tension moves with its own command, everything else with all of them.
         "cause": [_first(name, stages.u_names) for name in names],
         # Below zero: not tested.
-        "still": [_STILL * measurement_std(scene, name) if checks_frozen else -1.0 for name in names],
+        "still": [_STILL * scene.measurement_std(name) if checks_frozen else -1.0 for name in names],
         # A finger that touches something is held by it, whatever its drives do: then below zero.
-        "noise": [measurement_std(scene, name) if free else -1.0 for name in names],
+        "noise": [scene.measurement_std(name) if free else -1.0 for name in names],
         "hidden": [_HELD**2 if scene.finger.has_tendon_friction else 0.0] * len(names),
         # Divisors in the C: not zero where an input cannot move.
         "change": np.maximum(rate * period, 1e-12),

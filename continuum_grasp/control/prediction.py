@@ -17,7 +17,6 @@ from continuum_grasp.scene import (
     FAMILIES,
     Actuation,
     CommandedScene,
-    ControlScene,
     ForceLoad,
     Initial,
     MomentLoad,
@@ -291,6 +290,49 @@ class Prediction(Remade):
         """
         return sample_shapes(self.system.finger_model, np.zeros(self.system.finger_model.n))[:count]
 
+    def first_state(self) -> Array:
+        """Compute the state (nx) of the scene's initial pose at rest, under the scene's ``rest_input``.
+
+        Coordinates and friction states of ``initial`` belong to the plant's model. They are used where the controller's
+        model has as many; otherwise the state is that of the unloaded shape, and tendons have not slid.
+        ``SolverError`` where an initial equilibrium is not found.
+        """
+        initial, finger = self.scene.initial, self.system.finger_model
+        coordinates, cells = initial.q, initial.friction_states
+        if coordinates is not None and len(coordinates) != finger.n:
+            initial = initial.replaced(pose="rest", q=None, qd=None)
+        if cells is not None and len(cells) != len(finger.friction_names):
+            initial = initial.replaced(reached_by=None, friction_states=None)
+        return self.start_state(initial, self.scene.rest_input)
+
+    def start_state(self, initial: Initial, u: Sequence[float], loads: Sequence[ForceLoad] = ()) -> Array:
+        """Compute the state (nx) of an initial pose under an input (nu) and loads.
+
+        Errors are those of ``initial_state``.
+        """
+        finger, scene = self.system.finger_model, self.scene
+        # Equilibria are those of simulated scenes: of the finger alone.
+        alone = Scene(
+            finger=scene.finger,
+            gravity=scene.gravity,
+            contacts=scene.contacts,
+            fidelity=scene.fidelity,
+            actuation=Actuation.of(scene.finger.input_keys, u),
+            initial=initial,
+            loads=tuple(loads),
+        )
+        rest_model = FingerModel(
+            alone,
+            family=finger.family,
+            elements=finger.lengths,
+            accuracy=finger.structure.accuracy,
+            input_rates=False,  # nothing moves
+        )
+        start = initial_state(alone, rest_model)
+        x = self.at_rest(start[: finger.n], u, start[rest_model.nx - len(rest_model.friction_names) :])
+        x[finger.n : 2 * finger.n] = start[finger.n : 2 * finger.n]
+        return x
+
     def eigenvalues(self, u_min: Array, u_max: Array, p: Array | None = None) -> Array:
         """Find the eigenvalues of the linearized motion [1/s], over inputs (nu) within their limits.
 
@@ -363,47 +405,3 @@ def _drives(scene: CommandedScene) -> list[tuple[tuple[float, ...], float | None
 def _greatest(arms: tuple[float, ...], limits: tuple[Sequence[float], Sequence[float]]) -> float:
     extremes = np.array(limits) * np.array(arms)
     return float(max(extremes.max(axis=0).sum(), -extremes.min(axis=0).sum()))
-
-
-def first_state(scene: ControlScene, model: Prediction) -> Array:
-    """Compute the state (nx) of the scene's initial pose at rest, under the scene's ``rest_input``.
-
-    Coordinates and friction states of ``initial`` belong to the plant's model. They are used where the controller's
-    model has as many; otherwise the state is that of the unloaded shape, and tendons have not slid.
-    ``SolverError`` where an initial equilibrium is not found.
-    """
-    initial, finger = scene.initial, model.system.finger_model
-    coordinates, cells = initial.q, initial.friction_states
-    if coordinates is not None and len(coordinates) != finger.n:
-        initial = initial.replaced(pose="rest", q=None, qd=None)
-    if cells is not None and len(cells) != len(finger.friction_names):
-        initial = initial.replaced(reached_by=None, friction_states=None)
-    return start_state(scene, model, initial, scene.rest_input)
-
-
-def start_state(
-    scene: CommandedScene, model: Prediction, initial: Initial, u: Sequence[float], loads: Sequence[ForceLoad] = ()
-) -> Array:
-    """Compute the state (nx) of an initial pose under an input (nu) and loads; raises what ``initial_state`` does."""
-    finger = model.system.finger_model
-    # Equilibria are those of simulated scenes: of the finger alone.
-    alone = Scene(
-        finger=scene.finger,
-        gravity=scene.gravity,
-        contacts=scene.contacts,
-        fidelity=scene.fidelity,
-        actuation=Actuation.of(scene.finger.input_keys, u),
-        initial=initial,
-        loads=tuple(loads),
-    )
-    rest_model = FingerModel(
-        alone,
-        family=finger.family,
-        elements=finger.lengths,
-        accuracy=finger.structure.accuracy,
-        input_rates=False,  # nothing moves
-    )
-    start = initial_state(alone, rest_model)
-    x = model.at_rest(start[: finger.n], u, start[rest_model.nx - len(rest_model.friction_names) :])
-    x[finger.n : 2 * finger.n] = start[finger.n : 2 * finger.n]
-    return x

@@ -95,6 +95,11 @@ class Anomaly(IntFlag):
     BEYOND_LIMIT = 32768
     PLAN_GAPS = 65536
 
+    @property
+    def description(self) -> str:
+        """What a single bit means."""
+        return ANOMALY_TEXTS.get(self) or f"a reading: {MEASUREMENT_TEXTS[MeasurementVerdict[str(self.name)]]}"
+
 
 class MeasurementVerdict(IntEnum):
     """Verdict on a measurement."""

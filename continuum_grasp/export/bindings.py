@@ -21,7 +21,7 @@ def _interface(contents: Contents) -> dict[str, object]:
     words = contents.words
     structs = {s.name: [[f.name, list(f.shape), "real", f.unit] for f in s.fields] for s in contents.structs}
     if any(function.types[0] == "controller" for function in contents.stateful):
-        structs["diagnosis"] = [[name, [], kind, text] for kind, name, text in DIAGNOSIS]
+        structs["diagnosis"] = [[number.exported, [], number.kind, number.text] for number in DIAGNOSIS]
     return {
         "real": contents.subject.real.name,
         "abi": int(words["abi"][:-1], 16),

@@ -217,6 +217,15 @@ class ControlScene(CommandedScene):
         return self.finger.with_drives(_never_saturates)
 
     @property
+    def delay_periods(self) -> int:
+        """Age of measurements in control periods."""
+        return 0 if self.estimator is None else round(self.estimator.delay / self.controller.step)
+
+    def measurement_std(self, name: str) -> float:
+        """Standard deviation of a measurement, by its name; infinite where it is not measured."""
+        return (self.estimator and self.estimator.measured.std_of(name)) or math.inf
+
+    @property
     def disturbances(self) -> frozenset[str]:
         """Names of the disturbances that are estimated."""
         return frozenset() if self.estimator is None else frozenset(self.estimator.disturbances.stated())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from operator import attrgetter
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -72,6 +72,10 @@ class HalfPlaneZone(_Zone):
     normal_angle: Angle
     """World angle of the normal that points out of the zone [rad]."""
 
+    def distance(self, x: Any, y: Any) -> Any:
+        """Distance of points from the edge, positive outside [m], of numbers or expressions."""
+        return math.cos(self.normal_angle) * (x - self.point[0]) + math.sin(self.normal_angle) * (y - self.point[1])
+
 
 class DiscZone(_Zone):
     """A disc."""
@@ -81,6 +85,12 @@ class DiscZone(_Zone):
     """World position of its center [m]."""
     radius: Annotated[Positive, Unit("m")]
     """Radius [m]."""
+
+    def distance(self, x: Any, y: Any) -> Any:
+        """Distance of points from the edge, positive outside [m], of numbers or expressions."""
+        dx, dy = x - self.center[0], y - self.center[1]
+        # (1 um)^2 keeps the derivative finite at the center.
+        return (dx * dx + dy * dy + 1e-12) ** 0.5 - self.radius
 
 
 Zone = Annotated[HalfPlaneZone | DiscZone, Field(discriminator="type")]

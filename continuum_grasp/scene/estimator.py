@@ -4,7 +4,7 @@ bench is mounted, whose camera, load cells and drives count otherwise than the m
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -86,6 +86,21 @@ class ObjectSensor(Value):
     """Standard deviation of the measured angle [rad]."""
 
 
+_SENSOR_KEYS = {
+    "tip_x": "tip",
+    "tip_y": "tip",
+    "length_": "length",
+    "motor_angle_": "angle",
+    "motor_torque_": "torque",
+} | {
+    "pressure_": "pressure",
+    "angle_": "bending.std",
+    "object_angle": "object.angle",
+    "object_": "object.position",
+}
+"""Key in ``estimator.measured`` by how a name of a measurement begins; others are tensions and moments."""
+
+
 class Measured(Value):
     """Measured quantities, each with the standard deviation of its noise."""
 
@@ -107,6 +122,14 @@ class Measured(Value):
     """Noise of the angle of each drum, with ``drive.kind: motor`` [rad]; of an encoder, a step over the root of 12."""
     torque: Annotated[Positive, Field(examples=[1e-4]), Unit("N m")] | None = None
     """Noise of the torque of each motor at its drum [N m]."""
+
+    def std_of(self, name: str) -> float | None:
+        """Standard deviation of a number that is measured, by its name; None where it is not measured."""
+        key = next((key for start, key in _SENSOR_KEYS.items() if name.startswith(start)), "tension")
+        std: Any = self
+        for part in key.split("."):
+            std = std and getattr(std, part)
+        return std or None
 
     def _check(self) -> None:
         shows = ("tip", "bending", "length", "angle")

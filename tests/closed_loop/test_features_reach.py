@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from continuum_grasp.closed_loop import run_closed_loop
-from continuum_grasp.control import Controller, Prediction, first_state
+from continuum_grasp.control import Controller, Prediction
 from continuum_grasp.core import Compiler
 from continuum_grasp.scene import ControlScene
 from tests.features import FEATURES, scene_of
@@ -34,7 +34,7 @@ def test_the_tip_reaches_where_the_finger_can_rest(name):
     # Of a change by the whole range in a stage, as much for every drive.
     weights["input_rate"] = 3e-3 / np.max(most - least).item() ** 2
     model = Prediction(scene)
-    first = np.array(first_state(scene, model)).ravel()
+    first = np.array(model.first_state()).ravel()
     u = np.where(least < 0.0, 0.0, least)
     u[0] += SHARE * (most[0] - u[0])
     if "winches" in name or "motors" in name:

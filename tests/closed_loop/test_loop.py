@@ -20,11 +20,12 @@ from continuum_grasp.closed_loop import (
     Readings,
     Sensors,
     SimulatedBench,
+    missed_setpoints,
     plant_scene,
     run_closed_loop,
 )
 from continuum_grasp.closed_loop.readings import Bound
-from continuum_grasp.control import Controller, Prediction, missed_setpoints, stages_of
+from continuum_grasp.control import Controller, Prediction, stages_of
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.plotting import control as plotting
 from continuum_grasp.scene import ControlScene, Damping, Fidelity, Finger, ForceLoad, Reference, Scene, VectorSamples

@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 
 from continuum_grasp.closed_loop import run_closed_loop
-from continuum_grasp.control import rms
 from continuum_grasp.scene import ControlScene, load
 from tests.marks import few
 
 FOLDER = Path(__file__).parents[2] / "configs/mpc"
 FINE = 4  # clothoids of the plant, which are compiled in half the time of eight
 ARCS = "fidelity.family=arc"  # a controller that is compiled in a quarter of the time
+
+
+def _rms(errors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
 
 
 def run(name, seconds, *changes):
@@ -191,7 +194,7 @@ def test_scenarios_hold_the_tip_with_a_camera_that_is_late():
 
 @pytest.mark.deep
 def test_without_scenarios_the_late_camera_makes_it_swing():
-    assert rms(late_camera("controller.scenarios=[]", "controller.supervisor=false")) > 0.008
+    assert _rms(late_camera("controller.scenarios=[]", "controller.supervisor=false")) > 0.008
 
 
 @pytest.mark.deep
@@ -201,7 +204,7 @@ def test_a_payload_stiffness_and_lag_are_learned_from_the_motion():
     adapted = checked(run("unknown_payload", 1.5, *quick))
     plain = run("unknown_payload", 1.5, *quick, "estimator.adapt=null", "parameters=[]")
     errors = [np.linalg.norm(one.tracked[-50:, :2] - one.r[-50:, :2], axis=1) for one in (adapted, plain)]
-    assert rms(errors[0]) < 0.2 * rms(errors[1])
+    assert _rms(errors[0]) < 0.2 * _rms(errors[1])
     assert "mismatch" in plain.health
     assert (adapted.health[-1], adapted.mismatch[-1] < 1.5) == ("ok", True)
     truth = {"bending_stiffness": 1.3 * 6.11e-3, "drive_time_constant": 0.03, "tip_mass": 0.005}

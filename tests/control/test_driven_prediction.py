@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
-from continuum_grasp.control import Prediction, first_state
+from continuum_grasp.control import Prediction
 from continuum_grasp.simulation import initial_state
 from tests.control_cases import DRIVES, HAND, driven_scene
 from tests.truth.differences import differences
@@ -32,7 +32,7 @@ def test_motion_is_that_of_the_simulation(name):
     assert list(model.u_names) == [f"{quantity}_{k + 1} [{UNITS[quantity]}]" for k in range(2 if name in EACH else 1)]
     rng = np.random.default_rng(1)
     for _ in range(5):
-        x = first_state(scene, model) + rng.normal(size=model.nx) * 0.02
+        x = model.first_state() + rng.normal(size=model.nx) * 0.02
         x[-4:] = rng.uniform(-1.5, 1.5, 4)
         u = rng.uniform(*map(np.array, scene.input_limits))
         expected = np.array(simulated.forward_dynamics(x, u, [], [])).ravel()
@@ -43,7 +43,7 @@ def test_motion_is_that_of_the_simulation(name):
 def test_rest_input_holds_the_straight_finger_at_its_pretension(name):
     scene = driven_scene(name)
     model = Prediction(scene)
-    x = first_state(scene, model)
+    x = model.first_state()
     assert np.allclose(np.array(model.dynamics(x, scene.rest_input, [])), 0.0, atol=1e-9)
     # Torques on one pulley have no hold on its pretension: cables of 2 N are there at zero torque.
     assert np.allclose(np.array(model.tensions(x, scene.rest_input, [])), 2.0, atol=1e-6)
@@ -69,7 +69,7 @@ def test_the_first_state_has_the_history_that_the_scene_names(reached_by):
         initial=scene.initial,
         actuation=lengths,
     )
-    found = first_state(scene, model)
+    found = model.first_state()
     assert np.allclose(found, initial_state(simulated, cg.FingerModel(simulated)), rtol=1e-9, atol=1e-12)
     assert np.abs(found[-4:]).min() > 0.1
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.control import Outputs, Prediction, setpoints
+from continuum_grasp.control import Outputs, Prediction, Setpoints
 from continuum_grasp.scene import (
     CircleReference,
     ControllerSettings,
@@ -37,7 +37,7 @@ def points(cost, functions=None, **reference):
         reference=Reference(**reference),
     )
     model = Prediction(scene)
-    return setpoints(Outputs.of(scene.controller.cost, model), scene.reference, functions)
+    return Setpoints.of(Outputs.of(scene.controller.cost, model), scene.reference, functions)
 
 
 def test_a_circle_waits_and_then_turns_at_constant_speed():

@@ -22,7 +22,7 @@ from continuum_grasp.addons.fmu.write import export_fmu
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import PlantModel, Sensors
-from continuum_grasp.control import Outputs, Prediction, setpoints
+from continuum_grasp.control import Outputs, Prediction, Setpoints
 from continuum_grasp.export import export_c
 from continuum_grasp.scene import load
 from tests.export.test_export_touching import scene as touching_scene
@@ -219,7 +219,7 @@ def test_controller_and_plant_together_are_the_closed_loop(fmi, noise, opened):
     scene = scene.replaced(plant=scene.plant.replaced(noise=noise))
     loop = cg.run_closed_loop(scene)
     control, plant, prediction = opened("controller", fmi), opened("plant", fmi), Prediction(scene)
-    rows = setpoints(Outputs.of(scene.controller.cost, prediction), scene.reference).rows
+    rows = Setpoints.of(Outputs.of(scene.controller.cost, prediction), scene.reference).rows
     rng, std = np.random.default_rng(scene.plant.seed), Sensors(scene, PlantModel(scene), prediction, None).std
     period = scene.controller.step
     ahead = scene.controller.horizon.stage * np.arange(scene.controller.horizon.stages + 1)

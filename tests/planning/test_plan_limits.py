@@ -79,10 +79,10 @@ def verdict(monkeypatch, states, *, drift=0.0, method="collocation", end="held",
     monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
     monkeypatch.setattr(fine, "first_state_of_plan", lambda *_: (np.zeros(7), None))
     monkeypatch.setattr(fine, "Prediction", lambda _: other)
-    bounded = SimpleNamespace(names=("speed", "comfort"), least=[-1.0, -1.0], most=[2.0, 2.0])
-    motion = SimpleNamespace(
-        scene=scene, prediction=own, bounded=bounded, hard=np.array([True, False]), rows=SimpleNamespace(map=rows_of)
+    bounded = SimpleNamespace(
+        names=("speed", "comfort"), least=[-1.0, -1.0], most=[2.0, 2.0], hard=np.array([True, False])
     )
+    motion = SimpleNamespace(scene=scene, prediction=own, bounded=bounded, rows=SimpleNamespace(map=rows_of))
     return fine.checked(Made(scene), motion)
 
 

@@ -12,9 +12,9 @@ from continuum_grasp.addons.mission import MissionRun, MissionScene
 from continuum_grasp.export import DIAGNOSIS, Field, Library, PackageOptions, strict_flags
 from continuum_grasp.scene import ControlScene
 
-_COUNTS = [name for kind, name, _ in DIAGNOSIS if kind != "real"]
-_REALS = [name for kind, name, _ in DIAGNOSIS if kind == "real"]
-_TEXTS = {name: text for _, name, text in DIAGNOSIS}
+_COUNTS = [number.exported for number in DIAGNOSIS if number.kind != "real"]
+_REALS = [number.exported for number in DIAGNOSIS if number.kind == "real"]
+_TEXTS = {number.exported: number.text for number in DIAGNOSIS}
 _EVENTS = {
     "release": "above 0.5: let the object go, lowered first where it was lifted",
     "abort": "above 0.5: open at once, wherever the object is",

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from continuum_grasp.addons.identification.calls import calls_of
 from continuum_grasp.addons.identification.inference import middle
 from continuum_grasp.base import Array, InputError, name_of, split_unit, unit_of
-from continuum_grasp.control import COMMANDED, Controller, ControlLog, delay_periods, measurement_std
+from continuum_grasp.control import Controller, ControlLog
 from continuum_grasp.scene import ControlScene, read_table
 
 SWAPPED = " swapped"
@@ -54,7 +54,10 @@ class Periods:
         if controller.estimation is None:
             raise InputError("a replay needs an estimator", key="estimator")
         self.controller, self.estimation = controller, controller.estimation
-        self._names, inputs = controller.measurement_names, tuple(COMMANDED + n for n in controller.stages.u_names)
+        self._names, inputs = (
+            controller.measurement_names,
+            tuple(ControlLog.COMMANDED + n for n in controller.stages.u_names),
+        )
         self._columns, repeated = columns_of(log, (*self._names, *inputs), controller.period)
         if not any(self._columns[name][0].size for name in self._names):
             file = None if isinstance(log, ControlLog) else str(log)
@@ -92,7 +95,7 @@ class Periods:
         sizes = {name: t.size for name, (t, _) in self._columns.items()}
         used = dict(
             zip(
-                (*self._names, *map(COMMANDED.__add__, self.controller.stages.u_names)),
+                (*self._names, *map(ControlLog.COMMANDED.__add__, self.controller.stages.u_names)),
                 np.isfinite(np.hstack([self._y, self.logged])).sum(axis=0),
                 strict=True,
             )
@@ -157,12 +160,12 @@ class Periods:
                 weights = 1.0 / apart.prod(axis=2)
                 rest = (weights * y).sum(axis=1) / np.linalg.norm(weights, axis=1)
                 std = 1.4826 * float(np.median(np.abs(rest)))  # of a normal distribution
-            noises.append(Retuned(f"noise of {name_of(name)}", unit_of(name), measurement_std(scene, name), std))
+            noises.append(Retuned(f"noise of {name_of(name)}", unit_of(name), scene.measurement_std(name), std))
         return noises
 
     def shown(self) -> NDArray[np.bool_]:
         """Periods (K,) whose commands are known, and those of as many before as measurements may be late."""
-        reach = delay_periods(self.controller.scene) + LATER
+        reach = self.controller.scene.delay_periods + LATER
         known = self.calls.seen & np.isfinite(_held(self.logged)).all(axis=1)
         unknown = np.convolve(~known, np.ones(reach))[: known.size]
         return unknown < 0.5
@@ -173,7 +176,7 @@ class Periods:
         The interval is that of a likelihood ratio, wider by how innovations follow one another alike, and a period at
         least: measurements are asked for once in each.
         """
-        period, stated, shown = self.controller.period, delay_periods(self.controller.scene), self.shown()
+        period, stated, shown = self.controller.period, self.controller.scene.delay_periods, self.shown()
         unknown, trials = Retuned("delay", "s", period * stated, math.nan), list[Array]()
         ages = np.arange(stated + LATER)
         for age in ages if shown.any() else ():
@@ -225,7 +228,7 @@ class Periods:
                 columns.append(np.where(shown, np.nan_to_num(acts - seen), 0.0))
             return np.array(columns).T
 
-        stated = np.array([scene.lag, max(delay_periods(scene), 0.5) * period])
+        stated = np.array([scene.lag, max(scene.delay_periods, 0.5) * period])
         options = {"xatol": 1e-6, "fatol": 1e-9, "maxiter": 400}
         optimum = minimize(lambda x: float(np.sum(missed(x) ** 2)), stated, method="Nelder-Mead", options=options)
         numbers = np.abs(optimum.x)
@@ -279,7 +282,7 @@ def columns_of(
     between rows that is expected [s].
     """
     if isinstance(log, ControlLog):
-        names = [*(COMMANDED + name for name in log.u_names), *log.y_names]
+        names = [*(ControlLog.COMMANDED + name for name in log.u_names), *log.y_names]
         t, columns = log.t, dict(zip(names, [*log.u.T, *log.y.T], strict=True))
     else:
         table = read_table(str(log))

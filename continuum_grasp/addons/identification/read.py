@@ -31,7 +31,7 @@ from continuum_grasp.addons.identification.scene import (
 )
 from continuum_grasp.addons.identification.vibrations import fit_damped_sine
 from continuum_grasp.base import Array, InputError, check_arguments, split_unit
-from continuum_grasp.control import COMMANDED
+from continuum_grasp.control import ControlLog
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import DataTable, Scene, by_key, read_table
 
@@ -456,7 +456,11 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
         if name in columns
     )
     # Of the log of a controller the commands: what it measured of the drives has the names of inputs.
-    commands = {key.removeprefix(COMMANDED): of for key, of in columns.items() if key.startswith(COMMANDED)}
+    commands = {
+        key.removeprefix(ControlLog.COMMANDED): of
+        for key, of in columns.items()
+        if key.startswith(ControlLog.COMMANDED)
+    }
     known = _entries_of(scene)
     entries = {key: column for key, column in (commands or columns).items() if key in known}
     conditions = tuple(Condition(name=key, **column.model_dump(exclude_unset=True)) for key, column in entries.items())

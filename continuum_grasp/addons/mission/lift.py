@@ -25,7 +25,6 @@ from continuum_grasp.addons.mission.plan import (
     WAITS,
     PhasePlan,
     certified_forces,
-    doubt,
 )
 from continuum_grasp.addons.mission.plant import Timetable, reserve
 from continuum_grasp.base import Array, amount_text, prefixed
@@ -224,13 +223,13 @@ class LiftCheck:
 
     def _doubts(self) -> tuple[str, ...]:
         fingers = [(self._of[k].name, self._seen[k]) for k in sorted(self._seen)]
-        reasons = ((name, doubt(command), command.mismatch) for name, command in fingers)
+        reasons = ((name, command.doubt, command.mismatch) for name, command in fingers)
         return tuple(f"{why} of {name} (mismatch {mismatch:.3g})" for name, why, mismatch in reasons if why)
 
     def _cause(self) -> str:
         """Cause that keeps the fingers from squeezing harder."""
         worst = max(sorted(self._seen), key=lambda finger: self._seen[finger].sight)
-        if why := doubt(self._seen[worst]):
+        if why := self._seen[worst].doubt:
             return f"{why}, and what {self._of[worst].name} bears is not known"
         reached = []
         for k, assignment in enumerate(self._of):

@@ -17,12 +17,7 @@ from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.base import Array
 from continuum_grasp.control import (
     ABSENT,
-    Anomaly,
-    CommandStatus,
     Compiled,
-    Health,
-    Settings,
-    Sight,
     Stages,
     mission_source,
 )
@@ -58,26 +53,9 @@ def certified_forces(assignments: Sequence[Assignment], of: Assignment) -> Array
     return np.array([np.nan if contact is None else contact.normal_force for contact in contacts])
 
 
-def doubt(command: Any) -> str:
-    """Why the forces that a controller estimates are in doubt; empty where they are not."""
-    if command.sight is Sight.SEES:
-        return ""
-    if command.sight is Sight.CONTRADICTED:
-        return f"{command.suspect} contradicts the model"
-    if Anomaly.BLIND in command.anomaly:
-        return "nothing was measured"
-    if command.trip:
-        return f"the controller is tripped ({command.trip.name.lower()})"
-    if command.health is Health.FROZEN:
-        return "a reading is frozen"
-    if command.status is CommandStatus.SAFE_RAMP:
-        return "no plan was found for as long as one lasts"
-    return "no sensor shows the shape"
-
-
 def mission_settings(
     table: Timetable, stages: Stages, certified: Array, *, leads: bool = True, holds_on: bool = False
-) -> tuple[dict[str, int], Settings]:
+) -> tuple[dict[str, int], dict[str, ArrayLike]]:
     """Dimensions of the C of a finger's phases, and the members of ``mission_settings``."""
     of, moves, phases = table.of, table.moves(stages.r_names), table.phases()
     names, period, patience = [span.name for span in phases], of.control.controller.step, of.mission.phases.squeeze
@@ -94,7 +72,7 @@ def mission_settings(
     # way short of the grasp, and settles there, or lets the other tendon pull against the one that closes: fingers that
     # squeeze on close as in the grasp or tighter.
     tighter = np.where(low > -ABSENT, of.held, low)
-    members: Settings = {
+    members: dict[str, ArrayLike] = {
         "period": period,
         "begin": [span.start for span in phases],
         # Asked once more at the latest instant.
@@ -139,7 +117,7 @@ def _share(share: float, certified: Array) -> Array:
     return np.where(np.isnan(certified) | (share == 0.0), -ABSENT, share * np.nan_to_num(certified))
 
 
-def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Settings:
+def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> dict[str, ArrayLike]:
     """Members of ``mission_settings`` about an object that slips."""
     watches, asked = int(of.mission.slip is not None), of.mission.slip or Slip()
     # Page's test sums log-likelihood ratios of twice the limit against none; limits far within noise would take long.
@@ -242,7 +220,7 @@ class PhasePlan:
         what: int,
         forces: ArrayLike = 0.0,
         reported: int = 0,
-        worth: int = Sight.SEES,
+        worth: int = 0,
         height: float = math.nan,
     ) -> bool:
         now, u, felt, word, seen, at = self._c.given

@@ -219,10 +219,10 @@ def _not_reproduced(plan: MotionPlan, model: Prediction, states: Array, deviatio
 
 def _left(motion: PlannedMotion, states: Array) -> str:
     """The hard bound that states leave most, and by how much; empty where they leave none."""
-    hard = excess_over_intervals(motion, states)[:, motion.hard]
+    hard = excess_over_intervals(motion, states)[:, motion.bounded.hard]
     if hard.max(initial=0.0) <= LEFT:
         return ""
-    name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
+    name = np.array(motion.bounded.names)[motion.bounded.hard][int(hard.max(axis=0).argmax())]
     return f"{name} is left by {100 * hard.max():.2g} % of its limit (of zones: of the finger's length)"
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
 from continuum_grasp.base import Array, InputError, name_of
-from continuum_grasp.control import LEAST_FORCE
+from continuum_grasp.closed_loop import LEAST_FORCE
 from continuum_grasp.scene import check_reach
 
 MET = 1e-5

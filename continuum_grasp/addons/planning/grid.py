@@ -12,7 +12,6 @@ from continuum_grasp.addons.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived, shooting_interval
 from continuum_grasp.base import Array, Indices
-from continuum_grasp.control import ABSENT
 from continuum_grasp.nlp import Block
 
 
@@ -134,12 +133,10 @@ class StateBounds:
         # Terms of each bound by its key, columns that they read, and their numbers.
         self._terms: dict[str, tuple[Term, Indices, Array]] = {}
         bounded = motion.bounded
-        lower = np.where(bounded.least > -ABSENT, bounded.least, -np.inf)
-        upper = np.where(bounded.most < ABSENT, bounded.most, np.inf)
         # With contact at the nodes alone in the first search: with bounds between them too, IPOPT did not solve a plan
         # with a mug in 500 iterations; without, in 334.
         smooth = grid.points.size and (motion.scene.object is None or grid.counts.max() > 1)
-        for key, entries in motion.groups.items():
+        for key, entries in bounded.groups.items():
             name = key.removeprefix("keep_out.")
             of_zone, unit, size = name != key, "of its limit", 1.0
             if of_zone:
@@ -151,7 +148,7 @@ class StateBounds:
                 places, held = grid.at(times.ravel()), np.repeat(grid.v[grid.interval], 4, axis=0)
                 lengths = np.repeat(grid.lengths / 4, 4)
             term, columns, data = self._terms[f"bounds.{key}"] = self._term(entries, *places, held)
-            scale, limits = np.full(len(entries), size), (lower[entries], upper[entries])
+            scale, limits = np.full(len(entries), size), (bounded.least[entries], bounded.most[entries])
             rows = assembly.rows(name, f"bounds.{key}", unit, len(lengths), scale, *limits)
             assembly.add(term, columns, rows, data)
             # Penalties are per second.
@@ -160,7 +157,7 @@ class StateBounds:
                 # 100.0: penalty per share by which a hard bound is violated, where only the distance from the goal is
                 # minimized [units of the squared distance]: large, so that bounds give way last
                 self._soften(rows, np.full(len(entries), 100.0), np.zeros(len(entries)), 1.0)
-            elif not motion.hard[entries].any():
+            elif not bounded.hard[entries].any():
                 self._soften(rows, bounded.linear[entries], bounded.quadratic[entries], share)
 
     def _term(self, entries: list[int], states: Indices, weights: Array, held: Indices) -> tuple[Term, Indices, Array]:

@@ -15,7 +15,8 @@ from continuum_grasp.addons.planning.goal import GoalPart
 from continuum_grasp.addons.planning.motion import PlannedMotion, objective_scale
 from continuum_grasp.addons.planning.scene import PlanScene, RowAim
 from continuum_grasp.base import Array, InputError, Interrupted, SolverError
-from continuum_grasp.control import LEAST_FORCE, Prediction, start_state
+from continuum_grasp.closed_loop import LEAST_FORCE
+from continuum_grasp.control import Prediction
 from continuum_grasp.scene import BasePose, GraspScene
 
 _ITERATIONS = 60
@@ -201,7 +202,7 @@ def smooth_path(
 def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Posture]:
     """State (nx) at time zero, under the input before the motion, and its posture. Raises what `initial_state` does."""
     u, n = scene.initial_input, model.system.finger_model.n
-    x = start_state(scene, model, scene.initial, u, scene.loads)
+    x = model.start_state(scene.initial, u, scene.loads)
     return x, Posture(x[:n], np.array(u))
 
 

@@ -13,15 +13,12 @@ from numpy.typing import ArrayLike
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.addons.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
 from continuum_grasp.base import Array, InputError, unit_of
+from continuum_grasp.closed_loop import missed_setpoints
 from continuum_grasp.control import (
-    HARD,
     BoundedRows,
     Outputs,
     Prediction,
-    cost_terms,
-    missed_setpoints,
-    setpoints,
-    state_bounds,
+    Setpoints,
 )
 from continuum_grasp.model import clipped
 from continuum_grasp.scene import MotorDrive
@@ -55,17 +52,13 @@ class PlannedMotion:
         self.tracked = self._setpoints = None
         if scene.cost is not None:
             # Without changes of the input, whose rows depend on the duration.
-            terms = tuple(term for term in cost_terms(scene.cost) if term.key != "input_rate")
-            self.tracked = Outputs(scene.cost, model, terms)
-            self._setpoints = setpoints(self.tracked, scene.reference)
+            outputs = Outputs.of(scene.cost, model)
+            self.tracked = replace(outputs, terms=tuple(t for t in outputs.terms if t.key != "input_rate"))
+            self._setpoints = Setpoints.of(self.tracked, scene.reference)
         self.nr = 0 if self.tracked is None else len(self.tracked.names)
-        rows = state_bounds(scene.bounds, model)
-        self.bounded, ends = BoundedRows(rows), np.cumsum([0, *(len(row.names) for row in rows)]).tolist()
-        # Entries of each bound, by its key.
-        self.groups = {row.key: list(range(*ends[k : k + 2])) for k, row in enumerate(rows)}
-        for k, tendon in zip(self.groups.get("tension", ()), scene.finger.tendon_list, strict=False):
+        self.bounded = BoundedRows.of_state(scene.bounds, model)
+        for k, tendon in zip(self.bounded.groups.get("tension", ()), scene.finger.tendon_list, strict=False):
             self.bounded.least[k] = scene.least_tension / tendon.max_tension
-        self.hard = self.bounded.linear >= HARD.linear
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu
         self.input_unit = unit_of(model.u_names[0])

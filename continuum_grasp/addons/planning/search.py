@@ -142,7 +142,7 @@ class PlanSearch:
             whole, own = (distances(planned, at).max(axis=1) for at in followed)
             planned_states = problem.states(best.x, PARTS)
             left, inside = (
-                excess_over_intervals(motion, x)[:, motion.hard].max(axis=1, initial=0.0) > LEFT
+                excess_over_intervals(motion, x)[:, motion.bounded.hard].max(axis=1, initial=0.0) > LEFT
                 for x in (states, planned_states)
             )
             coarse = left
@@ -290,7 +290,7 @@ class PlanSearch:
         u, p = np.tile(scene.initial_input, (_FIRST + 1, 1)), motion.numbers([0.0])[0, : motion.prediction.np]
         rows = np.array(motion.rows(self.x0, u[0], p)).ravel()
         beyond = np.maximum(bounded.least - rows, rows - bounded.most)
-        if not (beyond[motion.hard] > 0.0).any():
+        if not (beyond[motion.bounded.hard] > 0.0).any():
             return False
         share = _FIRST / scene.intervals
         least, most = (t * share for t in scene.duration_range)

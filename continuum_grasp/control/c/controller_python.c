@@ -39,8 +39,7 @@ void cg_guess(cg_object *o, const double *in)
 int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 
 /* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is an argument;
- * out: anomalies, iterations, violation, residual, cost, health (with sensor, entry, reason, rung, sight, ahead), mismatch, activity,
- * ticks, u, x, p, verdicts, excess of rows, of the time of the measurement z and its covariance U diag(D) U',
+ * out: the numbers of REPORTED in members.py by cg_write_reported, ticks, u, x, p, verdicts, excess of rows, of the time of the measurement z and its covariance U diag(D) U',
  * innovations, their variances, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
 {
@@ -52,16 +51,7 @@ int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
   in = cg_read(o->setpoints, in, (RTI_N + 1) * RTI_NR);
   cg_read(&given.elapsed, in, 1);
   const int status = controller_step(&o->state, &o->work, &o->settings, &given, found);
-  *out++ = (double)found->anomalies;
-  *out++ = found->rti.iterations;
-  *out++ = (double)found->rti.violation;
-  *out++ = (double)found->rti.kkt;
-  *out++ = (double)found->rti.cost;
-  const supervisor_report *seen = &found->supervisor;
-  const int health[] = {seen->health, seen->sensor, seen->entry, seen->reason, seen->rung, found->sight, seen->ahead};
-  out = cg_write_ints(out, health, 7);
-  *out++ = (double)seen->mismatch;
-  *out++ = (double)seen->activity;
+  out = cg_write_reported(out, found);
   for (int k = 0; k < CONTROLLER_PHASES; ++k) *out++ = found->ticks[k];
   out = cg_write(out, found->u, RTI_NU);
   out = cg_write(out, found->x, RTI_NX);

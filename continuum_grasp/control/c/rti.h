@@ -53,10 +53,10 @@ enum {
 };
 
 typedef struct {
+  real weights[RTI_SIZE(RTI_NR)], terminal_weights[RTI_SIZE(RTI_NR)];
   real u_min[RTI_NU], u_max[RTI_NU];
   real c_min[RTI_SIZE(RTI_NC)], c_max[RTI_SIZE(RTI_NC)];
   real linear[RTI_SIZE(RTI_NC)], quadratic[RTI_SIZE(RTI_NC)];     /* penalty weights, 0 or more */
-  real weights[RTI_SIZE(RTI_NR)], terminal_weights[RTI_SIZE(RTI_NR)];
   real stage;                 /* length of a stage [s], of the integration; the cost has its own */
   int substeps;               /* Runge-Kutta steps per stage */
   int iterations;             /* greatest number of factorizations of a QP, beyond that of the preparation */

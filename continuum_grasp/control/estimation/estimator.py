@@ -12,7 +12,7 @@ from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.parts import ControlParts
-from continuum_grasp.control.prediction import Prediction, first_state
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.status import Anomaly, MeasurementVerdict, texts
 from continuum_grasp.core import precision_of
 from continuum_grasp.model import Remade
@@ -144,7 +144,7 @@ class Estimator(Remade, Summarized):
         self._c = Compiled(estimator_source(parts, self.precision), parts.filter, inputs, sizes, "the estimator")
         self._measurement, self._u, self._p = self._c.given
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
-        self.first = first_state(self.scene, self.prediction)
+        self.first = self.prediction.first_state()
         self.reset()
 
     def headline(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.base import Array, SolverError
 from continuum_grasp.control.estimation.model import Estimation
 from continuum_grasp.control.estimation.noise import noise_of
-from continuum_grasp.control.prediction import Prediction, start_state
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene import ControlScene, Finger, Initial
 
 _AWAY = 1e-3
@@ -70,12 +70,12 @@ def _rests(scene: ControlScene, model: Prediction) -> list[tuple[Array, Array]]:
     u = np.array(scene.rest_input)
     friction = bool(model.system.finger_model.friction_names)
     equilibrium = Initial(pose="equilibrium", reached_by="pulling" if friction else None)
-    rests = [(start_state(scene, model, Initial(pose="rest"), u.tolist()), u)]
+    rests = [(model.start_state(Initial(pose="rest"), u.tolist()), u)]
     for k, limit in enumerate(scene.input_limits[1]):
         bent = np.array(u)
         bent[k] += _BENT * (limit - u[k])
         with suppress(SolverError):
-            rests.append((start_state(scene, model, equilibrium, bent.tolist()), bent))
+            rests.append((model.start_state(equilibrium, bent.tolist()), bent))
     return rests
 
 

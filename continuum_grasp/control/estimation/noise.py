@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.model import OBJECT_POSE, Estimation
-from continuum_grasp.control.ocp.cost_terms import UNLIMITED, cost_terms
+from continuum_grasp.control.ocp.cost_terms import UNLIMITED, Outputs
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene import ControlScene, MotorDrive
@@ -47,15 +46,6 @@ _PAYLOAD = 20.0
 """Greatest unknown mass at the tip, in masses of a rod that is everywhere as at its base [1]: more stops its motion."""
 _KNOWN = 10.0
 """Greatest known force or moment as a multiple of the greatest unknown one [1]: larger than an error."""
-
-
-_SENSORS = {"tip_x": "tip", "tip_y": "tip", "length_": "length", "motor_angle_": "angle", "motor_torque_": "torque"} | {
-    "pressure_": "pressure",
-    "angle_": "bending.std",
-    "object_angle": "object.angle",
-    "object_": "object.position",
-}
-"""Key in ``estimator.measured`` by how a name of a measurement begins; others are tensions and moments."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +105,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
         per_rate = np.array([1.0, 1.0, 1.0 / gyration, *[0.0] * (count - 3)])
         pushed = asked.object_acceleration_std or _OBJECT_ACCELERATION * rod.length * per_time
         process[rates] = (pushed * per_rate) ** 2
-        seen = [measurement_std(scene, name) for name in OBJECT_POSE]
+        seen = [scene.measurement_std(name) for name in OBJECT_POSE]
         # It is where the scene has it but for what a camera would show, and nearly at rest: an acceleration of that
         # size acts on it for a period.
         initial[pose] = np.square([*seen, *[0.0] * (count - 3)])
@@ -125,7 +115,7 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     for at in estimation.friction:
         # They are anywhere between -1 and 1: what the history was is not seen.
         initial[at] = 1.0 / 3.0
-    variances = np.array([measurement_std(scene, name) ** 2 for name in estimation.measurement_names])
+    variances = np.array([scene.measurement_std(name) ** 2 for name in estimation.measurement_names])
     # Measurements are independent: variances add with the squares of their shares.
     return process, initial, estimation.mixing**2 @ variances
 
@@ -143,20 +133,11 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         measurement=np.array([measurement_range(scene, model, name) for name in measured]) if measured else x,
         # What drives can have, and at least what can be commanded: one that is off is below the least tension.
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
-        r=np.vstack([term.ranges(cost, model) for term in cost_terms(cost)]),
+        r=np.vstack([term.ranges(cost, model) for term in Outputs.of(cost, model).terms]),
         p=np.array([_parameter_range(model, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
             -1, 2
         ),
     )
-
-
-def measurement_std(scene: ControlScene, name: str) -> float:
-    """Return the standard deviation of a measurement, by its name; infinite where it is not measured."""
-    key = next((key for start, key in _SENSORS.items() if name.startswith(start)), "tension")
-    std: Any = scene.estimator and scene.estimator.measured
-    for part in key.split("."):
-        std = std and getattr(std, part)
-    return std or math.inf
 
 
 def _state_range(model: Prediction, stages: Stages) -> Array:

@@ -36,9 +36,6 @@ Pattern = NDArray[np.bool_]
 _ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_interior_point.c", "rti.c", "rti_search.c")
 """Templates after the basis and the functions generated for a problem, in their order."""
 
-SETTINGS = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
-"""Arrays of ``rti_settings``, in its order and with the names of ``Stages``."""
-
 
 def regularization(low: Array, high: Array) -> Array:
     """Entries that are added to the inputs' Hessian [cost per input squared], by their limits (nu)."""
@@ -119,7 +116,8 @@ def iteration_source(
     # Rows are padded to four numbers, which fill a vector register of 32 bytes in double.
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
     parts = [
-        dimensions(stages, real),
+        *dimensions(stages, real),
+        f"typedef {real} real;\n",
         width,
         shared or vector,
         functions,
@@ -179,8 +177,8 @@ def template(name: str) -> str:
     return (files("continuum_grasp.control") / "c" / name).read_text(encoding="utf-8")
 
 
-def dimensions(stages: Stages, real: str) -> str:
-    """Write the macros of the dimensions, and the type ``real``."""
+def dimensions(stages: Stages, real: str) -> list[str]:
+    """Write the macros of the dimensions, for C that computes in ``real``."""
     sizes = {"N": stages.stages, "NX": stages.nx, "NU": stages.nu, "NC": stages.nc, "NS": stages.ns}
     sizes |= {"NP": stages.np, "NR": stages.nr}
     lines = [f"#define RTI_{name} {size}" for name, size in sizes.items()]
@@ -190,7 +188,7 @@ def dimensions(stages: Stages, real: str) -> str:
         lines.append("#define RTI_CHECKS_GAPS")
     if real == "float":
         lines.append("#define RTI_SINGLE")
-    return "\n".join([*lines, f"typedef {real} real;", ""])
+    return lines
 
 
 def _check(stages: Stages) -> None:

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import Bounds, DiscZone, HalfPlaneZone, Penalty
+from continuum_grasp.scene import Bounds, Penalty
 
 ABSENT = 1e30
 """Magnitude of a bound that means there is none, in the bound's unit: beyond any quantity, and below the largest number
@@ -44,15 +45,27 @@ class Row(NamedTuple):
 
 
 class BoundedRows:
-    """Rows by entry: their names, values, bounds, and penalty weights."""
+    """Rows by entry: names, values, bounds and penalty weights; ``groups`` has the entries of each row by its key."""
 
     def __init__(self, rows: Sequence[Row]) -> None:
+        ends = np.cumsum([0, *(len(row.names) for row in rows)]).tolist()
+        self.groups = {row.key: list(range(*ends[k : k + 2])) for k, row in enumerate(rows)}
         self.names = [name for row in rows for name in row.names]
         self.column = ca.vertcat(ca.SX(0, 1), *(row.value for row in rows))
         self.least, self.most, self.linear, self.quadratic = (
             np.array([of(row) for row in rows for _ in row.names], dtype=float)
             for of in map(attrgetter, ("least", "most", "penalty.linear", "penalty.quadratic"))
         )
+
+    @staticmethod
+    def of_state(bounds: Bounds, model: Prediction) -> BoundedRows:
+        """Rows of the state alone, by a scene's bounds."""
+        return BoundedRows(state_bounds(bounds, model))
+
+    @property
+    def hard(self) -> NDArray[np.bool_]:
+        """Whether each entry is a hard constraint."""
+        return self.linear >= HARD.linear
 
 
 def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
@@ -93,7 +106,7 @@ def state_bounds(bounds: Bounds, model: Prediction) -> list[Row]:
         greatest_tensions = [tendon.max_tension for tendon in model.scene.finger.tendon_list]
         names = tuple(f"tension_{k + 1}" for k in range(len(greatest_tensions)))
         tensions = model.tensions(*inputs) / ca.DM(greatest_tensions)
-        rows.append(Row(tensions, -ABSENT, 1.0, penalty, names, "tension"))
+        rows.append(Row(tensions, -math.inf, 1.0, penalty, names, "tension"))
     return [*rows, *_zones(bounds, model)]
 
 
@@ -111,19 +124,10 @@ def _zones(bounds: Bounds, model: Prediction) -> Iterator[Row]:
         where = model.sections(tuple(places))(model.x, model.u, model.p)[0]
         # The surface, half a thickness from the backbone, is what must stay outside.
         away = zone.clearance + finger.profile.half_thickness(places)
-        gaps = distance_from(zone, where[0, :], where[1, :]).T - ca.DM(away)
+        gaps = zone.distance(where[0, :], where[1, :]).T - ca.DM(away)
         labels = (name,) if len(places) == 1 else tuple(f"{name}_{k + 1}" for k in range(len(places)))
         penalty = _penalty(zone.penalty or bounds.usual_penalty)
-        yield Row(gaps / finger.rod.length, 0.0, ABSENT, penalty, labels, f"keep_out.{name}")
-
-
-def distance_from(zone: HalfPlaneZone | DiscZone, x: Any, y: Any) -> Any:
-    """Distance of points from the edge of a zone, positive outside [m], of numbers or expressions."""
-    if isinstance(zone, HalfPlaneZone):
-        return math.cos(zone.normal_angle) * (x - zone.point[0]) + math.sin(zone.normal_angle) * (y - zone.point[1])
-    dx, dy = x - zone.center[0], y - zone.center[1]
-    # (1 um)^2 keeps the derivative finite at the center.
-    return (dx * dx + dy * dy + 1e-12) ** 0.5 - zone.radius
+        yield Row(gaps / finger.rod.length, 0.0, math.inf, penalty, labels, f"keep_out.{name}")
 
 
 def _penalty(penalty: Penalty | str) -> Penalty:

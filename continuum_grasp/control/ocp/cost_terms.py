@@ -176,33 +176,6 @@ TERMS: tuple[CostTerm, ...] = (
 first ``nt`` outputs; the input's rate last, since the supervisor raises the last ``nu`` weights."""
 
 
-def cost_terms(cost: Cost) -> tuple[CostTerm, ...]:
-    """Terms that have a weight; one of an explicit 0 for the input is left out, since it would only cost time."""
-    return tuple(term for term in TERMS if getattr(cost, term.key))
-
-
-class Tracked(NamedTuple):
-    """Columns of what a controller tracks that belong to one term; of points, x and y alternate."""
-
-    label: str
-    unit: str
-    columns: tuple[int, ...]
-    of_points: bool
-    reference: str
-
-
-def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
-    """Outputs of a controller that follow setpoints (name and unit each); terms of the input are left out."""
-    groups = []
-    for term in TERMS:
-        # Setpoints of the input are what costs no effort, not what is followed.
-        columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
-        if columns:
-            unit = term.entry.split("[")[1][:-1]
-            groups.append(Tracked(term.label, unit, columns, term.of_points, term.reference))
-    return tuple(groups)
-
-
 def predicted(cost: Cost, model: Prediction, p: ca.SX, input_rate: ca.SX | None = None) -> Quantities:
     """Quantities of a controller's model with parameters p (np)."""
     inputs, names = (model.x, model.u, p), model.contact_names
@@ -234,8 +207,8 @@ class Outputs:
 
     @staticmethod
     def of(cost: Cost, model: Prediction) -> Outputs:
-        """Take all terms that have a weight."""
-        return Outputs(cost, model, cost_terms(cost))
+        """Take all terms that have a weight; one of an explicit 0 for the input would only cost time."""
+        return Outputs(cost, model, tuple(term for term in TERMS if getattr(cost, term.key)))
 
     @property
     def names(self) -> tuple[str, ...]:

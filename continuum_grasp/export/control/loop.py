@@ -2,59 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array
 from continuum_grasp.control import (
-    CALL_RATE,
-    CHANGEABLE,
     ControlParts,
     Outputs,
     Prediction,
     RtiSolver,
     Setpoints,
-    Settings,
     Stages,
-    first_state,
-    free_ranges,
-    setpoints,
 )
 from continuum_grasp.export.control.kernels import Adapter, adapters_of
 from continuum_grasp.export.fields import Field, Real, Struct, identifiers, unit_of
 from continuum_grasp.scene import ControlScene
 
-DIAGNOSIS = (
-    ("uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_... in the header"),
-    ("int", "iterations", "factorizations beyond the first"),
-    ("real", "violation", "largest share by which a soft bound is left in the plan"),
-    ("real", "residual", "of the optimality conditions, relative"),
-    ("real", "cost", "of the plan"),
-    ("int", "health", "..._HEALTH_...: 0 well, 1 mismatch, 2 detuned, 3 a reading is frozen, 4 tripped"),
-    ("int", "sensor", "number of the sensor, ..._SENSOR_..., that contradicts the model most"),
-    ("int", "frozen", "number of a reading that does not move, in the order of the measurement; -1: none"),
-    ("int", "trip", "..._TRIP_...: why the controller is tripped; 0: it is not"),
-    ("int", "rung", "how often the weight of the command's rate is raised fourfold"),
-    ("real", "mismatch", "mean squared normalized innovation of that sensor; about 1 where all is well"),
-    ("real", "activity", "mean squared change of the command, per that at its rate limit"),
-)
-"""C type, name and meaning of what is known of the last call of a controller."""
-_WEIGHTS, _LIMITS, _ROWS = CHANGEABLE[:2], CHANGEABLE[2:4], CHANGEABLE[4:]
-_NAMES = {
-    "weights": ("weight_{}", "of half the squared error of {0}, per second"),
-    "terminal_weights": ("terminal_weight_{}", "the same at the end of the horizon, once"),
-    "u_min": ("least_{}", "least command"),
-    "u_max": ("most_{}", "greatest command"),
-    "c_min": ("least_{}", "least value of row {0}, in shares of its scale"),
-    "c_max": ("most_{}", "greatest value"),
-    "linear": ("penalty_{}", "penalty of leaving it, per share"),
-    "quadratic": ("square_penalty_{}", "of half the squared share"),
-}
+DIAGNOSIS = tuple(number for number in ControlParts.reported if number.exported)
+"""Numbers of the last call of a controller, by their names ``exported``."""
 
 
 class ExportedPhases(NamedTuple):
@@ -65,7 +36,7 @@ class ExportedPhases(NamedTuple):
     """
 
     sizes: dict[str, int]
-    members: Settings
+    members: Mapping[str, ArrayLike]
     names: tuple[str, ...]
     ends: float
     reported: tuple[tuple[str, str], ...]
@@ -87,7 +58,7 @@ class Loop(ControlParts):
 
     parts: tuple[str, ...]
     """Parts that the package has: estimator, mpc."""
-    members: Settings
+    members: Mapping[str, ArrayLike]
     """Numbers of ``controller_settings``."""
     first: Array
     """State (nz) from which the controller starts."""
@@ -109,7 +80,7 @@ class Loop(ControlParts):
         model = Prediction(scene)
         control_parts = ControlParts.of_scene(scene, model)
         z = np.zeros(len(control_parts.estimated_names))
-        z[: model.nx] = first_state(scene, model)  # disturbances start at zero, as nothing is known of them
+        z[: model.nx] = model.first_state()  # disturbances start at zero, as nothing is known of them
         n, kicks = model.system.finger_model.n, np.zeros(model.nx)
         kicks[n : 2 * n] = 1.0  # rates of the coordinates
         return Loop(
@@ -117,7 +88,7 @@ class Loop(ControlParts):
             parts=tuple(parts),
             members=control_parts.settings_in(real.name),
             first=z,
-            setpoints=setpoints(Outputs.of(scene.controller.cost, model), scene.reference),
+            setpoints=Setpoints.of(Outputs.of(scene.controller.cost, model), scene.reference),
             duration=scene.duration or 1.0,
             kicks=kicks,
             safe="the least tensions" if scene.finger.tendons is not None else "no moment",
@@ -129,7 +100,7 @@ class Loop(ControlParts):
         """The loop of a solver, whose measurement is the state and which takes any finite number."""
         nd = solver.stages.nd
         return Loop(
-            **{**vars(solver.parts), "ranges": free_ranges(solver.stages, np.inf)},
+            **vars(solver.parts.unlimited()),
             parts=("mpc",),
             members=solver.parts.settings_in(real.name),
             first=np.zeros(nd),
@@ -154,11 +125,6 @@ class Loop(ControlParts):
     def nodes(self) -> int:
         """Nodes of a reference: from now on, one each stage."""
         return self.stages.stages + 1
-
-    @property
-    def watched(self) -> tuple[str, ...]:
-        """Signals that the supervisor watches: the sensors, then the call rate."""
-        return (*self.sensor_names, CALL_RATE)
 
     # -- structs ------------------------------------------------------------------------------------------------------
 
@@ -229,24 +195,21 @@ class Loop(ControlParts):
 
     @cached_property
     def settings(self) -> Struct:
-        """Settings that may be changed between calls, in the order of ``CHANGEABLE``."""
-        s = self.stages
-        labels = {**dict.fromkeys(_WEIGHTS, s.r_names), **dict.fromkeys(_LIMITS, s.u_names)}
-        labels |= dict.fromkeys(_ROWS, s.c_names)
-        fields = []
-        for member in CHANGEABLE:
-            pattern, text = _NAMES[member]
-            for k, (name, label) in enumerate(zip(identifiers(labels[member]), labels[member], strict=True)):
+        """Settings that may be changed between calls, in the order of ``changeable``."""
+        s, fields = self.stages, list[Field]()
+        for member in self.changeable:
+            labels = getattr(s, f"{member.of}_names")
+            for k, (name, label) in enumerate(zip(identifiers(labels), labels, strict=True)):
                 unit = unit_of(label)
                 low, high = 0.0, np.inf
-                if member in _LIMITS:
+                if member.of == "u":
                     low, high = float(s.u_min[k]), float(s.u_max[k])
-                elif member in _WEIGHTS:
+                elif member.of == "r":
                     # A weight times a squared error is a number per second, or a number.
                     unit = f"1/{unit}2" if unit.isalpha() else f"1/({unit})2"
-                elif member in ("c_min", "c_max"):
+                elif member.name in ("c_min", "c_max"):
                     low = -np.inf
-                fields.append(Field(pattern.format(name), unit, text.format(name), low, high))
+                fields.append(Field(member.exported.format(name), unit, member.text.format(name), low, high))
         text = "Weights, limits and penalties of the controller, which may be changed between calls."
         unique = identifiers(field.name for field in fields)
         return Struct("settings", text, tuple(replace(f, name=n) for f, n in zip(fields, unique, strict=True)))
@@ -254,7 +217,7 @@ class Loop(ControlParts):
     @property
     def nominal_settings(self) -> Array:
         """Values of ``settings`` that the scene gives."""
-        return np.concatenate([np.ravel(getattr(self.stages, member)) for member in CHANGEABLE])
+        return np.concatenate([np.ravel(getattr(self.stages, member.name)) for member in self.changeable])
 
     @cached_property
     def adapters(self) -> list[Adapter]:

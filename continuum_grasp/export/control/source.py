@@ -6,22 +6,14 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from continuum_grasp import __version__
 from continuum_grasp.control import (
-    ANOMALY_TEXTS,
-    CHANGEABLE,
-    MEASUREMENT_TEXTS,
     Anomaly,
-    MeasurementVerdict,
-    Settings,
-    dimensions,
-    is_whole,
-    iteration_bodies,
-    macros,
     template,
 )
 from continuum_grasp.core import TOKEN, calls_source, literal, straight_functions
@@ -117,11 +109,7 @@ UNKNOWN = "0x7fffffff"
 """Placeholder of a size: more than any memory, so that the checks of the sizes in the C hold."""
 _RENAMED = {"BAD_PARAMETERS": "BAD_KNOWN", "INPUT_LIMITED": "COMMAND_LIMITED"}
 """Anomalies of what has another name in a package."""
-ANOMALIES = {
-    _RENAMED.get(str(anomaly.name), str(anomaly.name)): ANOMALY_TEXTS.get(anomaly)
-    or f"a reading: {MEASUREMENT_TEXTS[MeasurementVerdict[str(anomaly.name)]]}"
-    for anomaly in Anomaly
-}
+ANOMALIES = {_RENAMED.get(str(anomaly.name), str(anomaly.name)): anomaly.description for anomaly in Anomaly}
 """Meaning of each bit of anomalies, by its name, from the lowest one on."""
 
 
@@ -147,13 +135,10 @@ class _Writer:
     # -- memory ------------------------------------------------------------------------------------------------------
 
     def macros(self) -> str:
-        loop, lines = self.loop, list[str]()
+        loop, lines = self.loop, []
         if self.mpc:
-            lines += [
-                line for line in dimensions(loop.stages, self.real.name).splitlines() if line.startswith("#define")
-            ]
             lines.append("#define RTI_LANES 1")  # plain C has no vectors: one lane
-        lines += macros(loop, controls=self.mpc)
+        lines += loop.macros(controls=self.mpc, iterations=self.real.name if self.mpc else "")
         if loop.phases is not None:
             lines += [f"#define MISSION_{name} {size}" for name, size in loop.phases.sizes.items()]
         if self.real.name == "float":
@@ -184,7 +169,7 @@ class _Writer:
         return self.renamed("\n".join(texts))
 
     def bodies(self) -> str:
-        iterations = iteration_bodies(self.loop.stages, lanes=False) if self.mpc else []
+        iterations = self.loop.iteration_bodies if self.mpc else []
         others = [template(f"{module}.c") for module in self.modules if module != "rti"]
         text = "\n".join([template("checks.h"), *iterations, *others])
         return self.renamed(without("EKF_VECTOR", without("RTI_VECTOR", self.settled(text))))
@@ -218,21 +203,22 @@ class _Writer:
         settings = {name.removeprefix(start): values for name, values in members if name.startswith(start)}
         return f"static const {self.prefix}_{module}_settings {module}_settings = {self.initializer(settings)};"
 
-    def initializer(self, members: Settings) -> str:
-        lines = (f"  .{name} = {self.braced(np.asarray(v), is_whole(v))}" for name, v in members.items())
+    def initializer(self, members: Mapping[str, ArrayLike]) -> str:
+        lines = (f"  .{name} = {self.braced(np.asarray(v))}" for name, v in members.items())
         return "{\n" + ",\n".join(lines) + "}"
 
-    def braced(self, values: np.ndarray, whole: bool) -> str:
+    def braced(self, values: np.ndarray) -> str:
         if values.ndim == 0:
-            return str(int(values)) if whole else self.real.finite_literal(float(values))
-        inside = ", ".join(self.braced(entry, whole) for entry in values)
+            return str(int(values)) if values.dtype.kind in "biu" else self.real.finite_literal(float(values))
+        inside = ", ".join(self.braced(entry) for entry in values)
         return f"{{{inside or self.real.literal(0.0)}}}"  # C99 takes no empty braces
 
     def words(self, common: dict[str, object]) -> dict[str, object]:
         loop, p = self.loop, self.prefix
         known = loop.known.size if loop.known is not None else 0
-        counts = [np.size(getattr(loop.stages, member)) for member in CHANGEABLE]
-        taken = zip(CHANGEABLE, itertools.accumulate(counts, initial=0), counts, strict=False)
+        names = [member.name for member in loop.changeable]
+        counts = [np.size(getattr(loop.stages, name)) for name in names]
+        taken = zip(names, itertools.accumulate(counts, initial=0), counts, strict=False)
         last = len(ANOMALIES) - 1
         quiet_nan = self.real.exponent_mask | 1 << (self.real.mantissa_bits - 1)
         return {
@@ -242,7 +228,9 @@ class _Writer:
             "taken": [row for row in taken if row[2]],
             "setpoints": [*enumerate(loop.reference.fields)],
             "disturbances": loop.start.size - loop.stages.nd,
-            "diagnosis": [(f"{p}_real" if kind == "real" else kind, name, text) for kind, name, text in DIAGNOSIS],
+            "diagnosis": [
+                (f"{p}_real" if n.kind == "real" else n.kind, n.exported, n.text, n.place) for n in DIAGNOSIS
+            ],
             "width": self.real.width,
             "missing": self.real.bit_pattern(quiet_nan),
             "sensors": [(name.upper().replace(" ", "_"), k) for k, name in enumerate(loop.watched)],
@@ -254,7 +242,7 @@ class _Writer:
             "mpc": self.mpc,
             "estimator": "estimator" in loop.parts,
             "phases": [*enumerate(identifiers(map(str.upper, loop.phases.names if loop.phases else ())))],
-            "u_min": 2 * loop.stages.nr,  # behind the weights; see CHANGEABLE
+            "u_min": 2 * loop.stages.nr,  # behind the weights; see ``changeable``
             "u_max": 2 * loop.stages.nr + loop.stages.nu,
             **{name: f"<<{name}>>" for name in SIZES},
             "anomalies": [(n, 2**k, "," if k < last else " ", text) for k, (n, text) in enumerate(ANOMALIES.items())],

@@ -24,7 +24,7 @@ from continuum_grasp.addons.identification.problem import FitProblem, Solution
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, SolverError, check_arguments, name_of
 from continuum_grasp.closed_loop import TIP, Plant
-from continuum_grasp.control import COMMANDED, ControlLog
+from continuum_grasp.control import ControlLog
 from continuum_grasp.scene import Connection, ControlScene, Mounting
 
 Fitted = tuple[float, BenchBlock, FitProblem, Solution]
@@ -123,7 +123,7 @@ def _played(scene: ControlScene, plan: ExperimentPlan, plant: Callable[[ControlS
 def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLike[str]) -> tuple[Log, list[str]]:
     """The log's commands and readings, at instants that have them all, and what it lacks."""
     names = [name for name in names_of(scene) if name in bench.names]
-    commands = [COMMANDED + name for name in bench.model.u_names]
+    commands = [ControlLog.COMMANDED + name for name in bench.model.u_names]
     columns, _ = columns_of(given, (*names, *commands), scene.controller.step)
     file = None if isinstance(given, ControlLog) else str(given)
     absent = [name_of(name) for name in (*TIP, *commands) if not columns[name][0].size]

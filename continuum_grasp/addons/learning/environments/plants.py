@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from continuum_grasp.addons.sweeps import Sweep, SweepPlan, SweepPoint, plan_of, scene_data
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel, plant_scene, tracked_expression
-from continuum_grasp.control import Outputs, Prediction, setpoints
+from continuum_grasp.control import Outputs, Prediction, Setpoints
 from continuum_grasp.model import element_lengths, nominal_values
 from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ControlScene, Scene, doubt, scene_of
 from continuum_grasp.simulation import Signals
@@ -143,7 +143,7 @@ def plants_of(
     outputs = Outputs.of(first.controller.cost, prediction)
     periods = max(1, round(first.duration / first.controller.step))
     times = first.controller.step * np.arange(periods + 1)
-    table = np.array([setpoints(outputs, scene.reference).rows(times) for scene in scenes])
+    table = np.array([Setpoints.of(outputs, scene.reference).rows(times) for scene in scenes])
     if np.all(table == table[:, :1]):
         table = table[:, :1]
     if np.all(table == table[:1]):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from continuum_grasp.addons.learning.environments.plants import Plants
 from continuum_grasp.base import Array, InputError, split_unit
 from continuum_grasp.closed_loop import sensor_expressions, tracked_expression
-from continuum_grasp.control import UNLIMITED, load_library, measurement_range, measurement_std
+from continuum_grasp.control import UNLIMITED, load_library, measurement_range
 from continuum_grasp.core import filled, in_lanes, pointer, template
 from continuum_grasp.model import lag_names
 
@@ -115,7 +115,7 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
         raise InputError(f"expected whole periods of {plants.period:g} s, got {delay:g} s", key="plant.delay")
     read = {name: value for sensor in asked for name, value in known[sensor].items()}
     exact = known[STATE] if STATE in asked else {}
-    std = [0.0 if name in exact else scene.plant.noise * measurement_std(scene, name) for name in read]
+    std = [0.0 if name in exact else scene.plant.noise * scene.measurement_std(name) for name in read]
     touched = [k for k, name in enumerate(model.system.touch_names) if name.startswith("finger.")]
     forces = [model.touch["normal_force"][k] for k in touched]
     held, r = ca.SX.sym("held", model.nu), ca.SX.sym("r", len(plants.outputs.names))

@@ -138,17 +138,6 @@ int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnos
 {
   if (!controller || !diagnosis) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  diagnosis->anomalies = controller->memory.last.anomalies;
-  diagnosis->iterations = controller->memory.last.rti.iterations;
-  diagnosis->violation = controller->memory.last.rti.violation;
-  diagnosis->residual = controller->memory.last.rti.kkt;
-  diagnosis->cost = controller->memory.last.rti.cost;
-  diagnosis->health = controller->memory.last.supervisor.health;
-  diagnosis->sensor = controller->memory.last.supervisor.sensor;
-  diagnosis->frozen = controller->memory.last.supervisor.entry;
-  diagnosis->trip = controller->memory.last.supervisor.reason;
-  diagnosis->rung = controller->memory.last.supervisor.rung;
-  diagnosis->mismatch = controller->memory.last.supervisor.mismatch;
-  diagnosis->activity = controller->memory.last.supervisor.activity;
-  return <<P>>_OK;
+<<for kind, name, text, place in diagnosis>>  diagnosis-><<name>> = controller->memory.last.<<place>>;
+<<end>>  return <<P>>_OK;
 }

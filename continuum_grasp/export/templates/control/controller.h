@@ -44,7 +44,7 @@ enum {
 
 /* What is known of the last call. */
 typedef struct {
-<<for kind, name, text in diagnosis|\n>>  <<kind>> <<name>>; /* <<text>> */<<end>>
+<<for kind, name, text, place in diagnosis|\n>>  <<kind>> <<name>>; /* <<text>> */<<end>>
 } <<p>>_diagnosis;
 
 /* Make a controller ready, with the settings and the first state of the scene that it was made from. */
