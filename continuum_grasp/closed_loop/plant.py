@@ -19,8 +19,7 @@ from continuum_grasp.closed_loop.readings import quantities_of
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.closed_loop.wiring import wiring_of
 from continuum_grasp.control import Prediction, sensed
-from continuum_grasp.scene import ControlScene
-from continuum_grasp.simulation import TARGET_RADIUS, partial_step, sample_shapes, stiff_method
+from continuum_grasp.scene import INTEGRATORS, ControlScene
 
 
 class Plant:
@@ -204,11 +203,11 @@ class PlantIntegration(NamedTuple):
 def choose_method(model: PlantModel, period: float) -> PlantIntegration:
     """Choose the cheapest stable steps, from the largest eigenvalue over some shapes at rest, contacts and damping."""
     system, w = model.system, model.forces(0.0)[0]
-    radius, longest = 0.0, partial_step(system.finger_model.finger)
+    radius, longest = 0.0, system.structure.partial_step
     if isinstance(system, ChainSystem):
         # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
         return PlantIntegration(GUIDES, math.ceil(period / (10.0 * longest) - 1e-9), radius)
-    for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
+    for q in system.finger_model.sample_shapes(model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
         a = np.array(model.linearization(x, model.rest_input, w, model.p)[0])
@@ -216,14 +215,14 @@ def choose_method(model: PlantModel, period: float) -> PlantIntegration:
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
     if system.surroundings is not None or system.structure.has_law("damping"):
-        partial = stiff_method(system.structure) if system.structure.has_law("damping") else "ros2"
+        partial = system.structure.stiff_method() if system.structure.has_law("damping") else "ros2"
         return PlantIntegration(partial, math.ceil(period / longest - 1e-9), radius)
     # 12.5: longest step of either method per that; on fingers of a hand it follows a step of the input to 1e-6
-    wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / (12.5 * longest) - 1e-9)
+    wanted, least = math.ceil(radius * period / INTEGRATORS["rk4"].target), math.ceil(period / (12.5 * longest) - 1e-9)
     # 40: sub-steps per control period up to which the explicit method is taken
     if wanted <= max(40, least):
         return PlantIntegration("rk4", max(wanted, least, 1), radius)
-    return PlantIntegration(stiff_method(system.structure), max(least, 1), radius)
+    return PlantIntegration(system.structure.stiff_method(), max(least, 1), radius)
 
 
 class Sensors:

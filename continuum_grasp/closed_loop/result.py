@@ -17,8 +17,7 @@ from continuum_grasp.closed_loop.tracking import Tracked, amount, missed_setpoin
 from continuum_grasp.control import Adapted, ControlLog, spread
 from continuum_grasp.results import Dimension, File, MotionResult, Picture, Stored
 from continuum_grasp.scene import ControlScene
-from continuum_grasp.simulation import CONTACT, ContactHistory
-from continuum_grasp.simulation import STORED as CONTACTS_STORED
+from continuum_grasp.simulation import ContactHistory
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ class ControlRun(MotionResult):
         Stored("bounds", "(bound, time)", "", "amount by which each bound was exceeded on the plant", "excesses"),
         Stored("status", "(period,)", "text", "status of each command"),
         Stored("health", "(period,)", "text", "whether sensors, model and call rate agreed"),
-        *CONTACTS_STORED,
+        *ContactHistory.stored,
         Stored("object_pose", "(time, pose)", "", "pose of an object that moves: x, y [m], angle [rad], height [m]"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
@@ -86,7 +85,7 @@ class ControlRun(MotionResult):
         Dimension("bound", "bounds", "bound_names"),
         Dimension.XY,
         Dimension.POSE,
-        CONTACT,
+        ContactHistory.dimension,
     )
     texts: ClassVar[tuple[File, ...]] = (
         File("report.txt", "continuum_grasp.closed_loop.result:ControlRun.report"),

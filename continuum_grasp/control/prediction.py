@@ -24,7 +24,7 @@ from continuum_grasp.scene import (
     Scene,
     default_family,
 )
-from continuum_grasp.simulation import SLIDING, initial_state, rates_sprung_back, sample_shapes
+from continuum_grasp.simulation import initial_state
 
 _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""
@@ -288,7 +288,7 @@ class Prediction(Remade):
         """Sample coordinates (count, n) of the straight finger and of shapes within half the bending range; all by
         default.
         """
-        return sample_shapes(self.system.finger_model, np.zeros(self.system.finger_model.n))[:count]
+        return self.system.finger_model.sample_shapes()[:count]
 
     def first_state(self) -> Array:
         """Compute the state (nx) of the scene's initial pose at rest, under the scene's ``rest_input``.
@@ -366,11 +366,11 @@ class Prediction(Remade):
         for shape in self.shapes():
             u = rng.uniform(u_min, u_max)
             pull = rng.uniform(0.0, greatest_tension) if finger.structure.winches else None
-            for friction in (0.0, SLIDING) if cells else (0.0,):
+            for friction in finger.structure.stiffest_friction:
                 # Winches are not where u leaves them, by which tendons would be far too tight in most of the shapes.
                 x = self.at_rest(shape, u, np.full(cells, friction), pulled=pull)
-                x[n : 2 * n] = rates_sprung_back(
-                    self.system, *(np.array(v).ravel() for v in of_system(x, u, parameters))
+                x[n : 2 * n] = self.system.rates_sprung_back(
+                    *(np.array(v).ravel() for v in of_system(x, u, parameters))
                 )
                 a = np.array(linearized(x, u, parameters))
                 if not np.all(np.isfinite(a)):

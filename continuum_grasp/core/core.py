@@ -181,6 +181,12 @@ class Core(Remade, Summarized):
         results = tuple(shaped(function, k, out) for k, out in enumerate(outputs))
         return results[0] if len(results) == 1 else results
 
+    def backbones(self, q: Array, u: Array, points: int, p: Array | None = None) -> Array:
+        """World positions (T, points, 2) along the backbones of shapes q (T, n), evenly spaced from base to tip [m]."""
+        s = np.tile(np.linspace(0.0, self.model.finger.rod.length, points), len(q))[:, None]
+        rows = (np.repeat(each, points, axis=0) for each in (q, u))
+        return np.asarray(self.batch("position", *rows, s, p)).reshape(len(q), points, 2)
+
     def step_function(self, method: str) -> ca.Function:
         """The CasADi function of one step of a method; see ``core.integrators`` for its inputs.
 

@@ -27,7 +27,6 @@ from continuum_grasp.export.ranges import (
 )
 from continuum_grasp.model import Equations, FingerModel, System
 from continuum_grasp.scene import Surroundings
-from continuum_grasp.simulation import SLIDING, rates_sprung_back, spring_frequency
 
 T = TypeVar("T")
 _NO_STATE, _NO_INPUT = Struct("state", "", ()), Struct("input", "", ())
@@ -312,7 +311,7 @@ def _greatest_rates(
         for shape in _shapes(reach, rng):
             for rest, u in _driven(model, shape, p[: model.np]):
                 x = np.concatenate([shape, np.zeros(model.n), rest])
-                x[model.n : 2 * model.n] = rates_sprung_back(model, x, u, p[: model.np])
+                x[model.n : 2 * model.n] = model.rates_sprung_back(x, u, p[: model.np])
                 slopes = _slopes(moving, x, u, p, pressed)
                 if not np.isfinite(slopes).all():
                     raise NumericalError(
@@ -324,7 +323,7 @@ def _greatest_rates(
                     # 0.125: product of a sub-step and the fastest oscillation on a contact's spring up to which what
                     # lands on it is followed: the tip of a finger of 0.18 m that swings against a disc is then off by
                     # 8e-6 m
-                    resolved = max(resolved, spring_frequency(touching, slopes[1] - slopes[0]) / 0.125)
+                    resolved = max(resolved, touching.spring_frequency(slopes[1] - slopes[0]) / 0.125)
     return radius, resolved
 
 
@@ -355,7 +354,7 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
             u[: len(greatest)] = greatest
             drives = [model.drives_at(shape, u, p=p)]
     # What sticks is stiff, and states of what slides return to their range.
-    return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in ((0.0, SLIDING) if count else (0.0,))]
+    return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in (structure.stiffest_friction)]
 
 
 def _shapes(reach: Array, rng: np.random.Generator) -> Array:

@@ -20,7 +20,6 @@ from .laws.section import STATEFUL as STATEFUL
 from .laws.section import Port as Port
 from .layout import MOST_ELEMENTS as MOST_ELEMENTS
 from .layout import SHORTEST as SHORTEST
-from .layout import WIDEST as WIDEST
 from .layout import element_lengths as element_lengths
 from .memory import clipped as clipped
 from .memory import direction as direction

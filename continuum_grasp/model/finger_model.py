@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Unpack
+from copy import copy
+from typing import Any, Unpack
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.base import InputError, check_arguments
+from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.functions import Functions, named
+from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
@@ -255,6 +257,61 @@ class FingerModel(Functions):
             passive=-_slope(column(eq.net_force(eq.moving, driven=False)), eq.q),
         )
 
+    def acting_input(self, x: Any, u: Any, p: Any = None) -> Any:
+        """Inputs that act on shapes, of states and commands as columns, numbers or expressions.
+
+        Those that lag are states, which stand in for what u commands. Parameters ``p`` are nominal where not given.
+        """
+        acting, made = copy(u), self.structure
+        for source, place in made.lagging:
+            # Any tensions with the lagged moment give the same shape: all of it in the first of the channel.
+            pulling = np.flatnonzero(source.arms).tolist()
+            acting[pulling] = 0.0
+            arm: Any = 1.0 if source.tendon is not None else source.arms[pulling[0]]
+            of_a_pair = source.tendon is None and not source.chamber
+            if p is not None and of_a_pair and made.parameters.is_runtime("tendon_offset"):
+                arm = p[self.p_names.index("tendon_offset [m]")]  # its first tendon has it
+            acting[pulling[0]] = x[place] / arm
+        return acting
+
+    def sample_shapes(self, start: ArrayLike | None = None) -> Array:
+        """Shapes (14, n) at which motions may be fastest: the start, or straight; straight; some over half the range.
+
+        They are the same whenever they are asked for.
+        """
+        reach, straight = np.array(self.structure.coordinate_limits()), np.zeros(self.n)
+        # Seeded: a scene always gets the same step.
+        # 12: random shapes at which the spectral radius is taken, beside the start and the straight finger
+        spread = np.random.default_rng(0).uniform(-0.5, 0.5, (12, self.n)) * reach
+        return np.vstack([straight if start is None else start, straight, spread])
+
+    def limit_warnings(self, use: Array, t: ArrayLike | None = None) -> tuple[str, ...]:
+        """Warnings about bends beyond the declared range and of strains beyond the limit.
+
+        ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a
+        motion.
+        """
+        limit, warnings = self.finger.curvature_limit, []
+
+        def first(beyond: NDArray[np.intp]) -> str:
+            return "" if t is None else f" at t = {np.asarray(t)[beyond[0]]:g} s"
+
+        for k, (reach, length) in enumerate(zip(self.ranges, self.lengths, strict=True)):
+            curvature = use[:, k] * (reach / length)
+            strained, beyond = np.flatnonzero(curvature > limit * (1 + 1e-9)), np.flatnonzero(use[:, k] > 1.0)
+            if strained.size:
+                warnings.append(
+                    f"element {k + 1} exceeds the strain limit{first(strained)} "
+                    f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is accurate for less)"
+                )
+            if beyond.size and reach < limit * length * (1 - 1e-9):
+                warnings.append(
+                    f"element {k + 1} is bent beyond its declared range of {reach:.3g} rad{first(beyond)} "
+                    f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: "
+                    f"{'take more elements' if reach >= WIDEST else 'raise fidelity.bending_range'}"
+                )
+        return tuple(warnings)
+
     def tensions(self) -> ca.Function:
         """``(x, u, p) -> tensions, along``: of each tendon at its drive [N], and at its `tension_places`.
 
@@ -293,6 +350,44 @@ class FingerModel(Functions):
         side; of dry friction in bending the curvature above rest, per that at which the branch slides.
         """
         return self._sliding
+
+    def slid(self, q: Array, u: Array, p: Array) -> Array:
+        """Values of `sliding` (states,) in a shape at rest."""
+        return np.array(self.sliding()(q, u, p)).ravel()
+
+    def friction_history(
+        self,
+        q: Array,
+        u: Array,
+        p: Array,
+        reached_by: str | None = None,
+        friction_states: ArrayLike | None = None,
+    ) -> Array:
+        """Friction in a shape q (n,) by how it was reached, as functions of the model take it: [states, h].
+
+        Empty without friction; of a shape whose history is not stated nothing slid.
+        """
+        count = len(self.friction_names)
+        history = np.zeros(count + bool(count))
+        if count and reached_by == "state":
+            history[:count] = friction_states
+        elif reached_by == "pulling":
+            # From straight: states are what was slid and bent, most at an end of their range.
+            history[count:] = 1.0
+        elif count and reached_by == "releasing":
+            # A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of
+            # what it slid. Where nothing slid at all, nothing says from which side.
+            sliding = self.slid(q, u, p)
+            # 1e-6: sliding per its range that is none: far above rounding
+            history[:count] = np.where(np.abs(sliding) > 1e-6, -np.sign(sliding), 0.0)
+        return history
+
+    def friction_after(self, q: Array, u: Array, p: Array, history: Array) -> Array:
+        """Direction of friction in a shape, per friction state, by its history (states + 1,) or none."""
+        if not history.size:
+            return np.zeros(0)
+        *states, moved = history
+        return np.asarray(np.clip(states + moved * self.slid(q, u, p), -1.0, 1.0))
 
     def backbone(self) -> Backbone:
         """Places and equilibrium of a finger of uniform elements, written for problems that differentiate them.

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable
 from functools import cached_property, partial
 from typing import Any, Self
 
 import casadi as ca
+import numpy as np
 
-from continuum_grasp.base import Summarized
+from continuum_grasp.base import Array, Summarized
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.structure import Structure
@@ -109,6 +111,21 @@ class Functions(Remade, Summarized):
         """Names of states, inputs, forces and parameters."""
         named = {"x": self.x_names, "u": self.u_names, "w": self.w_names, "p": self.p_names}
         return {key: f"{len(names)}: {', '.join(names)}" for key, names in named.items() if names}
+
+    def rates_sprung_back(self, x: Array, u: Array, p: Array) -> Array:
+        """Rates (n,) at which a finger springs back from the shape of a state, against inertia and quadratic damping.
+
+        They are those at which the work of the stiffness has gone into both. Zero without such damping: nothing else
+        that is fast about a finger depends on its rates.
+        """
+        n, state = self.n, np.asarray(x, dtype=float)
+        q = state[:n]
+        if not self.structure.has_law("damping") or not q.any():
+            return np.zeros(n)
+        states = [np.concatenate([q, rates, state[2 * n :]]) for rates in (np.zeros(n), q)]
+        (mass, stiffness, still), (*_, moving) = (map(np.array, self.internal(at, u, p)) for at in states)
+        # The moment of quadratic damping at rates q is half its slope times q.
+        return q * math.sqrt(max(q @ stiffness @ q, 0.0) / (q @ (mass + 0.5 * (moving - still)) @ q))
 
     def _function(self, name: str, inputs: str, **outputs: Output) -> ca.Function:
         """A function of space-separated inputs, which are symbols of the equations."""

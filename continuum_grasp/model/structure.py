@@ -348,6 +348,28 @@ class Structure:
         """Number of states of friction: of the tendons, and dry friction in bending."""
         return len(self.friction_names)
 
+    @property
+    def stiffest_friction(self) -> tuple[float, ...]:
+        """Values of all friction states at which a finger is stiffest: stuck, and sliding; zero alone without any."""
+        # 1.5: beyond the range of a friction state [1], as of what slides: it returns to its range
+        return (0.0, 1.5) if self.friction_states else (0.0,)
+
+    def stiff_method(self, *, sweeps: bool = False) -> str:
+        """Name of the method for stiff motions; ``sweeps``: of many elements, whose Jacobian costs more with each of
+        them.
+
+        A step of rodas from rest knows nothing of quadratic damping, whose slope vanishes there, and its later stages
+        square what the first one overshoots by; the overshoot of extrapolated_euler is bounded.
+        """
+        return "extrapolated_euler" if sweeps or self.has_law("damping") else "rodas"
+
+    @property
+    def partial_step(self) -> float:
+        """Longest step of methods that are implicit in elasticity and damping alone, where it is not adapted [s]."""
+        # 760: such steps per natural time of the rod; with 0.1 ms of a hand's finger they resolve contacts, drives, and
+        # the quadratic damping of a finger that 40 N accelerate from rest, to 1e-4 of its length
+        return (1.0 / 760.0) * self.finger.rod.natural_time
+
     def _section_states(self, kind: Kind) -> list[str]:
         laws = [law for law in self.laws if law.kind == kind]
         return [name for law in laws for k in range(1, len(law.ports) + 1) for name in law.names(k)]

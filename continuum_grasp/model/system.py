@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import InputError, check_arguments
+from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
 from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
 from continuum_grasp.model.equations import Equations
@@ -229,6 +229,19 @@ class System(Functions):
             coordinates = np.asarray(pose, dtype=float).ravel()
             start = _vector("pose", np.append(coordinates, start[coordinates.size :]), len(start))
         return [*x, *start, *[0.0] * (self.nx - len(x) - len(start))]
+
+    def spring_frequency(self, closing: Array) -> float:
+        """Fastest oscillation [rad/s] on the springs of contacts; infinite where the numbers are not finite.
+
+        ``closing`` is the Jacobian with them closed less that with them open, in which the finger's own stiffness
+        cancels.
+        """
+        n, pose = self.n, self.object_states
+        accelerations = np.r_[n : 2 * n, pose.stop : pose.stop + pose.stop - pose.start]
+        slope = closing[np.ix_(accelerations, np.r_[0:n, pose])]
+        if not np.all(np.isfinite(slope)):
+            return math.inf
+        return math.sqrt(max(0.0, float(np.abs(np.linalg.eigvals(slope)).max(initial=0.0))))
 
     @cached_property
     def pressed_linearization(self) -> ca.Function:

@@ -56,6 +56,11 @@ class ForceLoad(Value):
     follows: bool = False
     """True: the force turns with the section it acts on."""
 
+    @property
+    def value(self) -> tuple[float, float] | VectorSamples:
+        """Force, as `MomentLoad.value` is the moment."""
+        return self.force
+
 
 class MomentLoad(Value):
     """A point moment on the backbone, positive counter-clockwise."""
@@ -68,6 +73,11 @@ class MomentLoad(Value):
     input: bool = False
     """True: the moment is an input of the model, as tensions are, and bends the finger by a known shape; false: it is
     a load like others."""
+
+    @property
+    def value(self) -> float | Samples:
+        """Moment, as `ForceLoad.value` is the force."""
+        return self.moment
 
 
 Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]

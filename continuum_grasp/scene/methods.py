@@ -76,6 +76,8 @@ class Integrator:
     """Evaluations of the dynamics per step; for iterative methods the usual number."""
     stable: float | None = None
     """Greatest product of step and spectral radius at which it is stable; None: it is implicit, any step is stable."""
+    target: float = math.inf
+    """Product of step and spectral radius that it is given: well below ``stable``; infinite where it is implicit."""
     partial: bool = False
     """Implicit in the finger's own elasticity and damping alone; all else, drives and contacts too, limits the step."""
     simulates: bool = True
@@ -91,7 +93,7 @@ class Integrator:
 # rk4 is stable up to 2.83 where eigenvalues are imaginary (undamped) and up to 2.79 where they are real (overdamped);
 # between them, at a damping ratio of 0.54, up to 2.62.
 INTEGRATORS = {
-    "rk4": Integrator("the classical explicit Runge-Kutta method", 4, 4, stable=2.7, differentiates=True),
+    "rk4": Integrator("the classical explicit Runge-Kutta method", 4, 4, stable=2.7, target=1.0, differentiates=True),
     "rodas": Integrator("linearly implicit, L-stable, stiffly accurate", 4, 6),
     "implicit_midpoint": Integrator(
         "symplectic; the energy of undamped motions does not drift",

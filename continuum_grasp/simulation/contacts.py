@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -15,14 +15,35 @@ from continuum_grasp.model import Vec, nearest
 from continuum_grasp.results import Dimension, Stored
 from continuum_grasp.scene import Curve, GraspObject
 
+_ARRAYS = ("gap", "normal_force", "friction", "lift", "force", "point")
+_FRICTION = (
+    "friction in the plane, on what touches the object, along its normal turned by +90 degrees; on a table along x"
+)
+
 
 @dataclass(frozen=True)
 class ContactHistory:
-    """Gaps and forces of C contacts at T instants, as ``STORED`` describes them.
+    """Gaps and forces of C contacts at T instants, as ``stored`` describes them.
 
     Names are ``finger.1`` and so on, ``finger.tip``, of several fingers with their names in place of ``finger``, then
     the supports.
     """
+
+    stored: ClassVar[tuple[Stored, ...]] = tuple(
+        Stored(f"contact_{name}", shape, unit, meaning, f"contacts.{name}")
+        for name, shape, unit, meaning in (
+            ("gap", "(time, contact)", "m", "distance of the surfaces, negative where they are pressed together"),
+            ("normal_force", "(time, contact)", "N", "normal force"),
+            ("friction", "(time, contact)", "N", _FRICTION),
+            ("lift", "(time, contact)", "N", "force out of the plane, on the object: friction, or what a table bears"),
+            ("force", "(time, xy, contact)", "N", "world force on the object in the plane"),
+            ("point", "(time, xy, contact)", "m", "where it acts, world"),
+        )
+    )
+    """Arrays that results with `contacts` store."""
+    dimension: ClassVar[Dimension] = Dimension(
+        "contact", "contacts of the object: finger.1 and so on, finger.tip, then the supports", "contacts.names"
+    )
 
     names: tuple[str, ...]
     gap: Array = field(repr=False)
@@ -91,26 +112,20 @@ class ContactHistory:
             forces.append((self.point[index, :, k], force, "contact" if on_finger else "support"))
         return forces
 
+    def overlap_text(self, run: Any, body: GraspObject, poses: Array, half_thickness: Curve, points: int) -> str:
+        """By how much the finger of a run is deeper in an object than its stations are pressed into it, and when.
 
-_ARRAYS = ("gap", "normal_force", "friction", "lift", "force", "point")
-_FRICTION = (
-    "friction in the plane, on what touches the object, along its normal turned by +90 degrees; on a table along x"
-)
-STORED = tuple(
-    Stored(f"contact_{name}", shape, unit, meaning, f"contacts.{name}")
-    for name, shape, unit, meaning in (
-        ("gap", "(time, contact)", "m", "distance of the surfaces, negative where they are pressed together"),
-        ("normal_force", "(time, contact)", "N", "normal force"),
-        ("friction", "(time, contact)", "N", _FRICTION),
-        ("lift", "(time, contact)", "N", "force out of the plane, on the object: friction, or what a table bears"),
-        ("force", "(time, xy, contact)", "N", "world force on the object in the plane"),
-        ("point", "(time, xy, contact)", "m", "where it acts, world"),
-    )
-)
-"""Stored arrays of results with ``contacts``."""
-CONTACT = Dimension(
-    "contact", "contacts of the object: finger.1 and so on, finger.tip, then the supports", "contacts.names"
-)
+        Empty if it is not. Poses of the object are (T, 3 or 4); backbones are looked at in so many points.
+        """
+        # 50: instants at which overlaps are looked for
+        looked = np.unique(np.linspace(0, len(run.t) - 1, 50).astype(int))
+        columns = [k for k, name in enumerate(self.names) if name.startswith("finger.")]
+        pressed = np.maximum(0.0, -self.gap[looked][:, columns].min(axis=1))
+        beyond = _overlaps(body, poses[looked, :3], run.backbone(looked, points), half_thickness) - pressed
+        k = int(beyond.argmax())
+        thinnest = float(half_thickness(half_thickness.edges).min())
+        # 0.5: overlap between stations that is reported, per the half thickness: what chords cut off is less
+        return f"{1e3 * beyond[k]:.2g} mm at t = {run.t[looked[k]]:g} s" if beyond[k] > 0.5 * thinnest else ""
 
 
 def greatest_motion(body: GraspObject, poses: Array, others: Array) -> float:
@@ -118,22 +133,6 @@ def greatest_motion(body: GraspObject, poses: Array, others: Array) -> float:
     off = poses - others
     # The origin's, and that by the angle, in column 2, at the object's size.
     return float((np.linalg.norm(np.delete(off, 2, axis=1), axis=1) + np.abs(off[:, 2]) * body.size).max())
-
-
-def overlap_text(run: Any, body: GraspObject, poses: Array, half_thickness: Curve, points: int) -> str:
-    """By how much the finger of a run is deeper in an object with poses (T, 3 or 4) than its stations are pressed into
-    it, and when; empty if it is not. Backbones are looked at in so many points.
-    """
-    contacts: ContactHistory = run.contacts
-    # 50: instants at which overlaps are looked for
-    looked = np.unique(np.linspace(0, len(run.t) - 1, 50).astype(int))
-    columns = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
-    pressed = np.maximum(0.0, -contacts.gap[looked][:, columns].min(axis=1))
-    beyond = _overlaps(body, poses[looked, :3], run.backbone(looked, points), half_thickness) - pressed
-    k = int(beyond.argmax())
-    thinnest = float(half_thickness(half_thickness.edges).min())
-    # 0.5: overlap between stations that is reported, per the half thickness: what chords cut off is less
-    return f"{1e3 * beyond[k]:.2g} mm at t = {run.t[looked[k]]:g} s" if beyond[k] > 0.5 * thinnest else ""
 
 
 def _overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: Curve) -> Array:

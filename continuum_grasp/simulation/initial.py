@@ -10,7 +10,7 @@ from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.model import FingerModel, System, state_of, tip_moment_jumps
 from continuum_grasp.scene import Scene, default_family
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.static_shape import friction_history, friction_states, states_of_motors
+from continuum_grasp.simulation.static_shape import states_of_motors
 from continuum_grasp.simulation.statics import equilibrium_at, friction_of, statics_model
 
 
@@ -65,9 +65,8 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
     p = np.array(model.p_nominal)
-    ways = friction_states(
-        model, q, u, p, friction_history(model, q, u, p, **friction_of(initial, model, needed=False))
-    )
+    history = model.friction_history(q, u, p, **friction_of(initial, model, needed=False))
+    ways = model.friction_after(q, u, p, history)
     at_rest = np.concatenate([stands, u[stands.size :]])
     drives = np.array(model.drives_at(q, at_rest, ways))
     if stands.size:

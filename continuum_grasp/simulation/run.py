@@ -21,22 +21,17 @@ from continuum_grasp.base import (
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import INTEGRATORS, Scene, Timing
-from continuum_grasp.simulation.contacts import overlap_text
 from continuum_grasp.simulation.initial import initial_state, start_warnings
 from continuum_grasp.simulation.slack import tension_warnings
 from continuum_grasp.simulation.spectrum import (
-    TARGET_RADIUS,
     contact_frequency,
     grows,
-    partial_step,
     pressed_radius,
     representative_states,
-    sample_shapes,
     spectral_radius,
-    stiff_method,
 )
 from continuum_grasp.simulation.stepping import Motion, Stepper, SteppingPlan, Stop
-from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings
+from continuum_grasp.simulation.trajectory import LOST, Trajectory
 
 Progress = Callable[[float], None]
 
@@ -133,10 +128,13 @@ class _Run:
         status = "finished" if error is None else "stopped"
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         jumps = () if used.method == "reference" else jumps  # which starts anew at every knot
-        at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
+        at_start, limits = start_warnings(self._scene, self._model), self._model.limit_warnings(use, result.t)
         inexact = self._error_warnings(used, motion)
-        body, poses, half = self._scene.object, result.object_pose, self._model.finger.profile.half_thickness
-        overlap = overlap_text(result, body, poses, half, 100) if body is not None and poses is not None else ""
+        body, poses, contacts = self._scene.object, result.object_pose, result.contacts
+        overlap = ""
+        if body is not None and poses is not None and contacts is not None:
+            half = self._model.finger.profile.half_thickness
+            overlap = contacts.overlap_text(result, body, poses, half, 100)
         through = f"between the stations that touch, the finger overlaps the object by {overlap}: add contacts"
         pulled = tension_warnings(self._model.finger, result.t, result.tensions)
         warnings = (*at_start, *jumps, *inexact, *limits, *pulled, *((through,) if overlap else ()))
@@ -145,7 +143,7 @@ class _Run:
 
     def _choose(self, x0: Array) -> SteppingPlan:
         """Method and sub-steps from the spectral radius about the start, over the instants at which inputs turn."""
-        shapes = sample_shapes(self._model, x0[: self._model.n])
+        shapes = self._model.sample_shapes(x0[: self._model.n])
         bent = np.tile(x0, (4, 1))
         bent[1:, : self._model.n] = shapes[1:4]
         radius = max(self._radius(shapes, np.zeros_like(shapes)), self._of_contacts(pressed_radius, bent))
@@ -158,7 +156,7 @@ class _Run:
         if self._model.friction_names:
             # 32: implicit step up to which friction is followed, per that of methods implicit in part: stops have
             # kinks, and steps of three times that ran away
-            longest = 32.0 * partial_step(self._scene.finger)
+            longest = 32.0 * self._model.structure.partial_step
             self._implicit_substeps = max(self._implicit_substeps, math.ceil(self._time.step / longest))
         if asked == "reference":
             return SteppingPlan(asked, 1, radius)
@@ -170,7 +168,7 @@ class _Run:
     @property
     def _stiff(self) -> str:
         """The method for stiff motions."""
-        return stiff_method(self._model.structure, sweeps=self._core.model.sweeps)
+        return self._model.structure.stiff_method(sweeps=self._core.model.sweeps)
 
     def _judged(self, plan: SteppingPlan, motion: Motion) -> tuple[SteppingPlan | None, Stop | None]:
         """A finer plan where the steps turned out to be too long, and what is wrong if there is none."""
@@ -288,7 +286,7 @@ class _Run:
 
     def _wanted(self, radius: float) -> int:
         """Sub-steps, one more than the most at the most."""
-        return max(1, math.ceil(min(radius * self._time.step / TARGET_RADIUS, _MOST_SUBSTEPS + 1)))
+        return max(1, math.ceil(min(radius * self._time.step / INTEGRATORS[_FAST].target, _MOST_SUBSTEPS + 1)))
 
     def _radius(self, shapes: Array, rates: Array) -> float:
         """Spectral radius over shapes, at time zero, and over the first of them whenever inputs or loads turn."""

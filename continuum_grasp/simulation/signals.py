@@ -132,7 +132,7 @@ class Signals:
 
     @property
     def _sampled(self) -> list[Samples | VectorSamples]:
-        values = [*self._values, *(value_of(load) for load, _ in self._loads)]
+        values = [*self._values, *(load.value for load, _ in self._loads)]
         return [value for value in values if isinstance(value, (Samples, VectorSamples))]
 
     def u(self, t: ArrayLike) -> Array:
@@ -149,14 +149,9 @@ class Signals:
         rows = np.zeros((len(instants), self._nw))
         for load, (vector, start) in self._loads:
             if vector == "w":
-                values = interpolate(value_of(load), instants)[0].reshape(len(instants), -1)
+                values = interpolate(load.value, instants)[0].reshape(len(instants), -1)
                 rows[:, start : start + values.shape[1]] = values
         return rows
-
-
-def value_of(load: Load) -> Value:
-    """Force or moment of a load."""
-    return load.force if isinstance(load, ForceLoad) else load.moment
 
 
 def _changes(value: Samples | VectorSamples, duration: float) -> list[float]:

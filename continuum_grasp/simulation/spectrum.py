@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
 from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel, Structure, System
-from continuum_grasp.scene import Finger
+from continuum_grasp.model import FingerModel, System
 
 _EVEN, _EXTREME = 12, 6
 """States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""
@@ -30,17 +29,8 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
         gap = core.touch(still, u, w, p)[0]
         closed, opened = gap + _full(system), -np.abs(gap) - 1.0
         slopes = [core.pressed_linearization(still, u, w, p, press) for press in (closed, opened)]
-        frequencies.append(spring_frequency(system, slopes[0] - slopes[1]))
+        frequencies.append(system.spring_frequency(slopes[0] - slopes[1]))
     return max(frequencies)
-
-
-def spring_frequency(system: System, closing: Array) -> float:
-    """Fastest oscillation [rad/s] on the springs of contacts, from the Jacobian with them closed less that with them
-    open, in which the finger's own stiffness cancels; infinite where the numbers are not finite.
-    """
-    n, pose = system.n, system.object_states
-    accelerations = np.r_[n : 2 * n, pose.stop : pose.stop + pose.stop - pose.start]
-    return math.sqrt(_radius([closing[np.ix_(accelerations, np.r_[0:n, pose])]]))
 
 
 def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
@@ -94,10 +84,6 @@ def _at_rest(system: System, x: Array) -> Array:
     return still
 
 
-TARGET_RADIUS = 1.0
-"""Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
-SLIDING = 1.5
-"""A friction state beyond its range [1], as of what slides."""
 _MOVED, _ROUGH = 1e-6, 1e-3
 """Change of a state, per one and its size, by which a step is differentiated; and what is left to differences [1]."""
 
@@ -106,12 +92,12 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
     """Largest absolute eigenvalue of the linearized motion over shapes (count, n), and of the tendons' lag [1/s].
 
     Infinite where the model's numbers are not finite, or its mass matrix is singular to rounding. Velocities (count, n)
-    matter to quadratic damping alone; where not given, those of ``rates_sprung_back``.
+    matter to quadratic damping alone; where not given, those of `rates_sprung_back` of the model.
     """
     model = core.model
     if qd is None:
         rest = (_states(model, shape, np.zeros(model.n), u)[0] for shape in np.atleast_2d(q))
-        moving = np.array([rates_sprung_back(model, x, u, p) for x in rest])
+        moving = np.array([model.rates_sprung_back(x, u, p) for x in rest])
     else:
         moving = np.atleast_2d(qd)
     if model.structure.own_tendons or model.friction_names:
@@ -154,7 +140,7 @@ def _states(model: FingerModel, shape: Array, rates: Array, u: Array) -> list[Ar
         drives.append(model.drives_at(shape, u, pulled=0.25 * finger.natural_tension(finger.tendon_list[0])))
     return [
         np.concatenate([shape, rates, lag, np.full(states, sliding)])
-        for lag, sliding in product(drives, (0.0, SLIDING) if states else (0.0,))
+        for lag, sliding in product(drives, model.structure.stiffest_friction)
     ]
 
 
@@ -200,47 +186,3 @@ def damping_matrix(core: Core, q: Array, u: Array, p: Array, qd: Array | None = 
     x = np.zeros(core.model.nx)
     x[: 2 * len(q)] = np.concatenate([q, np.zeros_like(q) if qd is None else qd])
     return np.asarray(core.internal(x, u, p)[2])
-
-
-def rates_sprung_back(model: FingerModel | System, x: Array, u: Array, p: Array) -> Array:
-    """Rates (n,) at which a finger springs back from the shape of a state, against inertia and quadratic damping.
-
-    They are those at which the work of the stiffness has gone into both. Zero without such damping: nothing else that
-    is fast about a finger depends on its rates.
-    """
-    n, q = model.n, np.asarray(x, dtype=float)[: model.n]
-    if not model.structure.has_law("damping") or not q.any():
-        return np.zeros(n)
-    states = [np.concatenate([q, rates, x[2 * n :]]) for rates in (np.zeros(n), q)]
-    (mass, stiffness, still), (*_, moving) = (map(np.array, model.internal(state, u, p)) for state in states)
-    # The moment of quadratic damping at rates q is half its slope times q.
-    return q * math.sqrt(max(q @ stiffness @ q, 0.0) / (q @ (mass + 0.5 * (moving - still)) @ q))
-
-
-def stiff_method(structure: Structure, *, sweeps: bool = False) -> str:
-    """Name of the method for stiff motions; ``sweeps``: of many elements, whose Jacobian costs more with each of them.
-
-    A step of rodas from rest knows nothing of quadratic damping, whose slope vanishes there, and its later stages
-    square what the first one overshoots by; the overshoot of extrapolated_euler is bounded.
-    """
-    return "extrapolated_euler" if sweeps or structure.has_law("damping") else "rodas"
-
-
-_PARTIAL = 1.0 / 760.0
-"""Step of methods implicit in elasticity and damping alone, where it is not adapted, per the rod's natural time
-[1]: with 0.1 ms of a hand's finger it resolves contacts, drives, and the quadratic damping of a finger that 40 N
-accelerate from rest, to 1e-4 of its length."""
-
-
-def partial_step(finger: Finger) -> float:
-    """Longest step of methods that are implicit in elasticity and damping alone, where it is not adapted [s]."""
-    return _PARTIAL * finger.rod.natural_time
-
-
-def sample_shapes(model: FingerModel, start: Array) -> Array:
-    """Shapes to estimate the spectral radius at: the start, straight, and some over the bending range."""
-    reach = np.array(model.structure.coordinate_limits())
-    # Seeded: a scene always gets the same step.
-    # 12: random shapes at which the spectral radius is taken, beside the start and the straight finger
-    spread = np.random.default_rng(0).uniform(-0.5, 0.5, (12, model.n)) * reach
-    return np.vstack([start, np.zeros(model.n), spread])

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, check_arguments, named_value
 from continuum_grasp.core import Core
@@ -15,7 +14,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.slack import TensionLimit, tension_limits
-from continuum_grasp.simulation.trajectory import acting_forces, backbones, error_text
+from continuum_grasp.simulation.trajectory import acting_forces, error_text
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ class Equilibrium(Result):
     @property
     def friction_states(self) -> Array:
         """Direction of friction, per friction state, from -1 to 1 [1]."""
-        return friction_states(self.model, self.q, self.u, self.p, self.history)
+        return self.model.friction_after(self.q, self.u, self.p, self.history)
 
     @cached_property
     def tensions(self) -> Array | None:
@@ -179,51 +178,10 @@ class Equilibrium(Result):
     def backbone(self, points: int = 50) -> Array:
         """World positions (points, 2) along the backbone [m]."""
         core = Core(self.model, compiled=False)
-        return np.asarray(backbones(core, self.q[None], self.u[None], points, self.p)[0])
+        return np.asarray(core.backbones(self.q[None], self.u[None], points, self.p)[0])
 
 
 def states_of_motors(model: FingerModel, drives: Array) -> list[Array]:
     """Parts of the states of all drives that are those of each motor, which come last; views of the array."""
     ends = np.cumsum([motor.states for motor in reversed(model.structure.motors)])
     return np.split(drives, len(drives) - ends[::-1])[1:]
-
-
-def slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
-    """Sliding since the finger was straight, per presliding, and its bends above rest, per those that slide."""
-    return np.array(model.sliding()(q, u, p)).ravel()
-
-
-def friction_history(
-    model: FingerModel,
-    q: Array,
-    u: Array,
-    p: Array,
-    reached_by: str | None = None,
-    friction_states: ArrayLike | None = None,
-) -> Array:
-    """Friction in a shape q (n,) by how it was reached, as functions of the model take it: [states, h].
-
-    Empty without friction; of a shape whose history is not stated nothing slid.
-    """
-    count = len(model.friction_names)
-    history = np.zeros(count + bool(count))
-    if count and reached_by == "state":
-        history[:count] = friction_states
-    elif reached_by == "pulling":
-        # From straight: states are what was slid and bent, most at an end of their range.
-        history[count:] = 1.0
-    elif count and reached_by == "releasing":
-        # A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of what it
-        # slid. Where nothing slid at all, nothing says from which side.
-        sliding = slid(model, q, u, p)
-        # 1e-6: sliding per its range that is none: far above rounding
-        history[:count] = np.where(np.abs(sliding) > 1e-6, -np.sign(sliding), 0.0)
-    return history
-
-
-def friction_states(model: FingerModel, q: Array, u: Array, p: Array, history: Array) -> Array:
-    """Direction of friction in a shape, per friction state, by its history (states + 1,) or none."""
-    if not history.size:
-        return np.zeros(0)
-    *states, moved = history
-    return np.asarray(np.clip(states + moved * slid(model, q, u, p), -1.0, 1.0))

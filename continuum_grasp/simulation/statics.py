@@ -32,8 +32,8 @@ from continuum_grasp.scene import (
 )
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
-from continuum_grasp.simulation.static_shape import Equilibrium, friction_history, slid
-from continuum_grasp.simulation.trajectory import LOST, limit_warnings
+from continuum_grasp.simulation.static_shape import Equilibrium
+from continuum_grasp.simulation.trajectory import LOST
 
 _TOLERANCE = 1e-11
 """Missing force per that of the forces that balance [1]; a few digits above rounding."""
@@ -104,7 +104,7 @@ class EquilibriumSearch:
                 violated=[f"element {k + 1} is bent {use[k]:.3g} times its range of {self._model.ranges[k]:.3g} rad"],
                 advice="lower the loads, raise fidelity.bending_range, or give a guess nearer to the shape",
             )
-        return limit_warnings(self._model, use[None])
+        return self._model.limit_warnings(use[None])
 
     def _buckling(self, q: Array, margin: float) -> tuple[str, ...]:
         """Warning about a shape whose least stiffness the loads have nearly used up."""
@@ -377,13 +377,13 @@ def equilibrium_under(
         raise InputError(f"friction_states: expected {count} entries, got {states.tolist()}")
     first = "pulling" if reached_by == "releasing" else reached_by
     search = EquilibriumSearch(
-        model, command, forces, p, friction_history(model, np.zeros(model.n), command, p, first, states)
+        model, command, forces, p, model.friction_history(np.zeros(model.n), command, p, first, states)
     )
     solution = search.find(search.rest() if start is None else start, stable, side)
     # 8: searches in which the directions of friction settle
     for _ in range(8 if reached_by == "releasing" else 0):
         # The shape decides which way the tendons slid back; it seldom changes that.
-        history = friction_history(model, solution.q, command, p, reached_by)
+        history = model.friction_history(solution.q, command, p, reached_by)
         if np.array_equal(history, solution.history):
             break
         solution = EquilibriumSearch(model, command, forces, p, history).find(solution.q, stable, side)
@@ -433,7 +433,7 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
         arguments = model, factor * u, factor * w, scaled
         q = path[-1].q if path else EquilibriumSearch(*arguments, np.zeros(0)).rest()
         # A friction state follows what slides in the step as a stop does.
-        history = np.append(states - slid(model, q, u, scaled), 1.0) if states.size else states
+        history = np.append(states - model.slid(q, u, scaled), 1.0) if states.size else states
         path.append(EquilibriumSearch(*arguments, history).find(q, True, side))
         states = path[-1].friction_states
     return path

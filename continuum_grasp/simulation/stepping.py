@@ -23,7 +23,6 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.trajectory import acting_input
 
 Stop = NumericalError | Interrupted
 
@@ -250,7 +249,7 @@ class Stepper:
 
     def _ends(self, x: Array, u: Array) -> Array:
         """Ends of the elements (T, 2, N) [m]."""
-        acting = acting_input(self._model, x.T, u.T).T
+        acting = self._model.acting_input(x.T, u.T).T
         return np.asarray(self._positions.batch("joints", x[:, : self._model.n], acting, None)[0])
 
 

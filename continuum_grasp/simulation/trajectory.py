@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array
 from continuum_grasp.core import Core
-from continuum_grasp.model import WIDEST, FingerModel, System
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.results import Dimension, MotionResult, Picture, Stored
 from continuum_grasp.scene import ForceLoad, Scene
-from continuum_grasp.simulation.contacts import CONTACT, ContactHistory
-from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
+from continuum_grasp.simulation.contacts import ContactHistory
 from continuum_grasp.simulation.slack import SlackTime, slack_times
 
 
@@ -70,7 +68,7 @@ class Trajectory(MotionResult):
             "pose of the object: x, y [m], angle [rad], and height [m] if it slides out",
         ),
         Stored("tensions", "(time, tendon)", "N", "tensions at the drives, of tendons with friction or on winches"),
-        *CONTACTS_STORED,
+        *ContactHistory.stored,
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         Dimension.TIME,
@@ -80,7 +78,7 @@ class Trajectory(MotionResult):
         Dimension.XY,
         Dimension.POSE,
         Dimension("tendon", "tendons, that on the -X side first", 1),
-        CONTACT,
+        ContactHistory.dimension,
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("snapshots", "continuum_grasp.plotting.motion:plot_snapshots"),
@@ -162,7 +160,7 @@ class Trajectory(MotionResult):
     @cached_property
     def acting(self) -> Array:
         """Inputs (T, nu) that act on the shape: with a tendon lag, the tensions that give the lagged moment."""
-        acting: Array = acting_input(self.model, self.x.T, self.u.T).T
+        acting: Array = self.model.acting_input(self.x.T, self.u.T).T
         return acting
 
     @cached_property
@@ -227,7 +225,7 @@ class Trajectory(MotionResult):
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the instants [m]."""
         chosen = np.atleast_1d(np.asarray(indices, dtype=int))
-        return backbones(self.core, self.q[chosen], self.acting[chosen], points)
+        return self.core.backbones(self.q[chosen], self.acting[chosen], points)
 
     def loads_at(self, index: int) -> list[tuple[Array, Array, str]]:
         """Forces at one instant: position (2,) [m], force (2,) in the world [N], and kind.
@@ -285,13 +283,6 @@ def error_text(error: float, length: float) -> str:
     return size if math.isfinite(error) else "cannot be estimated"
 
 
-def backbones(core: Core, q: Array, u: Array, points: int, p: Array | None = None) -> Array:
-    """World positions (T, points, 2) along the backbones of shapes q (T, n), evenly spaced from base to tip [m]."""
-    s = np.tile(np.linspace(0.0, core.model.finger.rod.length, points), len(q))[:, None]
-    rows = (np.repeat(each, points, axis=0) for each in (q, u))
-    return np.asarray(core.batch("position", *rows, s, p)).reshape(len(q), points, 2)
-
-
 def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = None) -> list[tuple[Array, Array, str]]:
     """Forces on a finger at coordinates q (n,), acting inputs u and forces w; as ``Trajectory.loads_at``."""
     model: FingerModel = core.model
@@ -312,50 +303,5 @@ def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = No
     return [(at, force, kind) for at, force, kind in forces if np.any(force != 0.0)]
 
 
-def acting_input(model: FingerModel, x: Any, u: Any, p: Any = None) -> Any:
-    """Inputs that act on shapes, of states and commands as columns, numbers or expressions; see ``Trajectory.acting``.
-
-    Parameters ``p`` are nominal where not given.
-    """
-    acting, made = copy(u), model.structure
-    for source, place in made.lagging:
-        # Any tensions with the lagged moment give the same shape: all of it in the first of the channel.
-        pulling = np.flatnonzero(source.arms).tolist()
-        acting[pulling] = 0.0
-        arm: Any = 1.0 if source.tendon is not None else source.arms[pulling[0]]
-        of_a_pair = source.tendon is None and not source.chamber
-        if p is not None and of_a_pair and made.parameters.is_runtime("tendon_offset"):
-            arm = p[model.p_names.index("tendon_offset [m]")]  # its first tendon has it
-        acting[pulling[0]] = x[place] / arm
-    return acting
-
-
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
-
-
-def limit_warnings(model: FingerModel, use: Array, t: ArrayLike | None = None) -> tuple[str, ...]:
-    """Warnings about bends beyond the declared range and of strains beyond the limit.
-
-    ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a motion.
-    """
-    limit, warnings = model.finger.curvature_limit, []
-
-    def first(beyond: NDArray[np.intp]) -> str:
-        return "" if t is None else f" at t = {np.asarray(t)[beyond[0]]:g} s"
-
-    for k, (reach, length) in enumerate(zip(model.ranges, model.lengths, strict=True)):
-        curvature = use[:, k] * (reach / length)
-        strained, beyond = np.flatnonzero(curvature > limit * (1 + 1e-9)), np.flatnonzero(use[:, k] > 1.0)
-        if strained.size:
-            warnings.append(
-                f"element {k + 1} exceeds the strain limit{first(strained)} "
-                f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is accurate for less)"
-            )
-        if beyond.size and reach < limit * length * (1 - 1e-9):
-            warnings.append(
-                f"element {k + 1} is bent beyond its declared range of {reach:.3g} rad{first(beyond)} "
-                f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: "
-                f"{'take more elements' if reach >= WIDEST else 'raise fidelity.bending_range'}"
-            )
-    return tuple(warnings)

@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene import Channel, ForceLoad, LengthDrive, Pull, Samples, Scene, VectorSamples
-from continuum_grasp.simulation import interpolate, value_of
+from continuum_grasp.simulation import interpolate
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def controls_of(scene: Scene) -> list[Control]:
     controls = _inputs(scene)
     tip = scene.finger.profile.length
     for k, load in enumerate(scene.loads):
-        value = value_of(load)
+        value = load.value
         if not isinstance(load, ForceLoad):
             name, jumps = f"load_{k + 1}_moment", (load.at,) if load.at < tip else ()
             controls.append(Control(name, value, load.at, jumps, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)))

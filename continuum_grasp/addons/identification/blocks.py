@@ -21,7 +21,6 @@ from continuum_grasp.base import Array, SolverError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
-from continuum_grasp.simulation import backbones, limit_warnings
 
 
 def measured_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> MeasuredSet:
@@ -128,7 +127,7 @@ class MeasuredBlock:
         if bent is None:
             return ()
         use = bent.model.range_use.map(len(bent.q))(bent.q.T, bent.u.T, bent.p.T)
-        return limit_warnings(bent.model, np.array(use).T, self.measured.at if self.measured.moves else None)
+        return bent.model.limit_warnings(np.array(use).T, self.measured.at if self.measured.moves else None)
 
     def drawn(self, values: Array) -> Drawn:
         """Backbones of some rows or instants, evenly spread; none where no point of the finger is measured."""
@@ -137,7 +136,7 @@ class MeasuredBlock:
             return Drawn(np.zeros(0), np.zeros((0, _POINTS, 2)))
         last, core = len(bent.q) - 1, Core(bent.model, compiled=False)
         chosen = np.unique(np.linspace(0, last, min(_DRAWN, last + 1)).round().astype(int))
-        lines = [backbones(core, bent.q[[k]], bent.u[[k]], _POINTS, bent.p[k])[0] for k in chosen]
+        lines = [core.backbones(bent.q[[k]], bent.u[[k]], _POINTS, bent.p[k])[0] for k in chosen]
         return Drawn(self.measured.at[chosen], np.array(lines))
 
 

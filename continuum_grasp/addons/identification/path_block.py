@@ -23,14 +23,10 @@ from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, split_unit
 from continuum_grasp.core import Core, Rollouts, signal, step_function
 from continuum_grasp.model import FingerModel, clipped, nominal_values
-from continuum_grasp.scene import Scene
+from continuum_grasp.scene import INTEGRATORS, Scene
 from continuum_grasp.simulation import (
-    TARGET_RADIUS,
     Signals,
-    acting_input,
-    friction_history,
     friction_of,
-    sample_shapes,
     spectral_radius,
 )
 
@@ -110,7 +106,7 @@ class PathBlock(MeasuredBlock):
         def drives() -> list[ca.SX]:
             return [model.tensions()(x, u, p)[0], x[2 * model.n : model.nx - len(model.friction_names)]]
 
-        y = observed(model, readings, x[: model.n], acting_input(model, x, u, p), p, drives)
+        y = observed(model, readings, x[: model.n], model.acting_input(x, u, p), p, drives)
         self._read = self._with_slopes("readings", y, x, u, w, p).map(self._t.size)
         rate = self._with_slopes("variational", model.forward_dynamics(x, u, w, p), x, u, w, p)
         self._run = Rollouts.of(step_function(SimpleNamespace(forward_dynamics=rate), "rk4"))
@@ -144,7 +140,7 @@ class PathBlock(MeasuredBlock):
         states, p, delay = self._moved(values)
         model, t, p = self.model, self._t, p[: self.model.np]
         commands = self._commands(t, delay)[:, : model.nu]
-        u = acting_input(model, states[:, : model.nx].T, commands.T, p)
+        u = model.acting_input(states[:, : model.nx].T, commands.T, p)
         rows = np.broadcast_to(np.array(u).T, (t.size, model.nu)), np.tile(p, (t.size, 1))
         return Bent(model, states[:, : model.n], *rows)
 
@@ -201,7 +197,7 @@ class PathBlock(MeasuredBlock):
             late[:, self._late] = row[model.nu :]
         u, how = row[: model.nu], friction_of(self._initial, model, needed=False)
         # friction is that of the first shape, and goes on from there
-        history = friction_history(model, (*self._passed, x[:n])[0], u, p, **how)
+        history = model.friction_history((*self._passed, x[:n])[0], u, p, **how)
         x[2 * n :], slope[2 * n :] = self._start(Dual(x[:n], slope[:n]), Dual(u, late), Dual(p, self._turned), history)
         return Dual(x, slope)
 
@@ -215,10 +211,10 @@ class PathBlock(MeasuredBlock):
         if settled is not None and np.allclose(p, settled[0], rtol=0.1, atol=0.0):
             return cast(_Grid, settled[2])
         signals, model = self._signals, self.model
-        sampled = sample_shapes(model, start[: model.n])[:_SHAPES]
+        sampled = model.sample_shapes(start[: model.n])[:_SHAPES]
         radius = spectral_radius(self._core, sampled, signals.u(0.0)[0], signals.w(0.0)[0], p)
         # 2.0: steps per step of a simulation: a sixteenth of its error, so that the steps do not pass for parameters
-        rate = 2.0 * radius / TARGET_RADIUS
+        rate = 2.0 * radius / INTEGRATORS["rk4"].target
         if not np.isfinite(rate):
             raise NumericalError("the model has no usable numbers at these parameters", time=0.0)
         if settled is not None and 0.5 * settled[1] < rate <= settled[1]:

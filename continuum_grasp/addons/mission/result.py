@@ -32,8 +32,7 @@ from continuum_grasp.results import (
     yaml_text,
 )
 from continuum_grasp.scene import GraspObject, Scene
-from continuum_grasp.simulation import CONTACT, overlap_text
-from continuum_grasp.simulation import STORED as CONTACTS_STORED
+from continuum_grasp.simulation import ContactHistory
 
 _HEAD = """\
 # How a mission went: the verdict, why the object was dropped if it was, what was asked beyond the certificate.
@@ -49,7 +48,7 @@ class MissionRun(MissionRecord, MotionResult):
     stored: ClassVar[tuple[Stored, ...]] = (
         Stored("t", "(time,)", "s", "instants at which commands were given, and the end"),
         Stored("object_pose", "(time, pose)", "", "pose of the object: x, y [m], angle [rad], height [m]"),
-        *CONTACTS_STORED,
+        *ContactHistory.stored,
         Stored(
             "force_estimate", "(period, held)", "N", "normal force of each held contact as its controller estimated it"
         ),
@@ -62,7 +61,7 @@ class MissionRun(MissionRecord, MotionResult):
         Dimension("period", "instants at which commands were given", "command_times", "s"),
         Dimension.POSE,
         Dimension.XY,
-        CONTACT,
+        ContactHistory.dimension,
         Dimension("held", "of each finger, the held contact that presses hardest", "held_forces"),
         Dimension("pull", "pulls, in order", "pulls"),
         Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
@@ -222,8 +221,8 @@ class MissionRun(MissionRecord, MotionResult):
         for (name, run), scene in zip(self.fingers.items(), self.scenes, strict=True):
             whose = "" if self.run is not None else f"{name}: "
             known += [f"{whose}{text}" for text in run.warnings]
-            overlap = overlap_text(run, self.body, self.object_pose, scene.finger.profile.half_thickness, 50)
-            if overlap:
+            half, contacts = scene.finger.profile.half_thickness, run.contacts
+            if contacts and (overlap := contacts.overlap_text(run, self.body, self.object_pose, half, 50)):
                 known.append(
                     f"{whose}between its contacts the finger overlaps the object by {overlap}: add more_contacts"
                 )

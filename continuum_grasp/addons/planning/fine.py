@@ -17,7 +17,6 @@ from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.control import Prediction
 from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
 from continuum_grasp.scene import INTEGRATORS
-from continuum_grasp.simulation import partial_step, stiff_method
 
 PARTS = 64
 """Parts of an interval at which bounds are looked at: as many as those at which the finest problem bounds the state. A
@@ -60,9 +59,9 @@ def simulated(
     # 200: sub-steps per part up to which the explicit method is taken
     if substeps > 200 * share:
         # Stiff contacts: an L-stable method may step over what has died out long before.
-        method = stiff_method(model.system.structure)
+        method = model.system.structure.stiff_method()
         # 5: longest step of the implicit method, for what is too stiff, per that of one that is so in part
-        step = partial_step(scene.finger) * (1.0 if INTEGRATORS[method].partial else 5.0)
+        step = model.system.structure.partial_step * (1.0 if INTEGRATORS[method].partial else 5.0)
         substeps = finer * max(math.ceil(4 * share), math.ceil(h / step))
     units = _units(model, path.duration)
     run = _rollout(model, method, intervals * parts * substeps)

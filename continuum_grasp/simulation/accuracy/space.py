@@ -24,7 +24,7 @@ from continuum_grasp.simulation.run import integrate
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium_at, equilibrium_of, statics_model
-from continuum_grasp.simulation.trajectory import Trajectory, backbones, error_text
+from continuum_grasp.simulation.trajectory import Trajectory, error_text
 from continuum_grasp.simulation.vibration import Modes, modes_of
 
 _MOST = COUNTS[-1]
@@ -201,7 +201,7 @@ def apart(first: Trajectory, other: Trajectory) -> float:
     # Evaluated without compiling, which would take longer.
     cores = [Core(each.model, compiled=False) for each in (first, other)]
     pairs = zip(cores, (first, other), strict=True)
-    shapes = [backbones(core, each.q[some], each.acting[some], _PLACES) for core, each in pairs]
+    shapes = [core.backbones(each.q[some], each.acting[some], _PLACES) for core, each in pairs]
     distance = float(np.linalg.norm(shapes[0] - shapes[1], axis=-1).max())
     if first.object_pose is not None and other.object_pose is not None and first.scene.object is not None:
         distance = max(distance, greatest_motion(first.scene.object, first.object_pose, other.object_pose))

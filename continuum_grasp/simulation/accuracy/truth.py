@@ -13,7 +13,7 @@ import numpy as np
 from continuum_grasp.base import Array, SolverError
 from continuum_grasp.rod import Elastica, natural_frequencies, solve_elastica
 from continuum_grasp.scene import SEVERAL_MODELS, Actuation, ForceLoad, Load, Samples, Scene, VectorSamples
-from continuum_grasp.simulation.signals import interpolate, value_of
+from continuum_grasp.simulation.signals import interpolate
 
 _HELD = "held"
 """Name of the load case that holds the initial pose."""
@@ -103,7 +103,7 @@ def load_cases(scene: Scene) -> list[tuple[str, Scene]]:
     hold the initial pose (zero where they do not act), so that one model serves all cases. All are without the object
     of the scene, which the exact rod does not touch.
     """
-    values: list[object] = [value_of(load) for load in scene.loads]
+    values: list[object] = [load.value for load in scene.loads]
     if scene.actuation is not None:
         values += scene.actuation.values
     sampled = [value for value in values if isinstance(value, Samples | VectorSamples)]
@@ -129,7 +129,7 @@ def _extremes(value: Samples | VectorSamples) -> set[float]:
 
 
 def _frozen(scene: Scene, t: float, held: bool) -> Scene:
-    loads = [_with_value(load, _at(value_of(load), t)) for load in scene.loads]
+    loads = [_with_value(load, _at(load.value, t)) for load in scene.loads]
     for load in scene.initial.held_by:
         nothing = (0.0, 0.0) if isinstance(load, ForceLoad) else 0.0
         loads.append(load if held else _with_value(load, nothing))

@@ -21,8 +21,7 @@ from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown, 
 from continuum_grasp.base import Array, NumericalError, name_of, split_unit, unit_of
 from continuum_grasp.closed_loop import TIP, PlantModel, choose_method, wiring_of
 from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
-from continuum_grasp.scene import Camera, Connection, ControlScene, Mounting, PlantDifferences
-from continuum_grasp.simulation import TARGET_RADIUS
+from continuum_grasp.scene import INTEGRATORS, Camera, Connection, ControlScene, Mounting, PlantDifferences
 
 CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
 """Unknowns of the camera, as `Camera` has them."""
@@ -89,7 +88,7 @@ class Bench:
             for k in range(len(self.zeros))
         ]
         method = choose_method(self.model, period)
-        explicit = max(1, math.ceil(method.radius * period / TARGET_RADIUS))
+        explicit = max(1, math.ceil(method.radius * period / INTEGRATORS["rk4"].target))
         stable = {"rk4": explicit, "rodas": 1}.get(method.name, method.substeps)
         self.step = period / max(stable, math.ceil(period / _LONGEST))
         self._stored = max(1, math.floor(_LONGEST / self.step + 1e-9))
