@@ -11,14 +11,18 @@ import numpy as np
 from scipy import optimize, special
 
 import continuum_grasp as cg
-from continuum_grasp.plotting import BLUE, GRAY, GREEN, INK, ORANGE, label, new_figure, quiet
+from continuum_grasp.plotting import Color, label, new_figure, quiet
 from continuum_grasp.results import save_picture
 from continuum_grasp.rod import solve_elastica
 
 PICTURES = Path(__file__).parent / "pictures"
 UNIT = {"length": 1.0, "linear_density": 1.0, "bending_stiffness": 1.0}
 EULER = math.pi**2 / 4
-FAMILIES = {"arc": ("arcs", ORANGE), "clothoid": ("clothoids", GREEN), "matched_clothoid": ("matched clothoids", BLUE)}
+FAMILIES = {
+    "arc": ("arcs", Color.ORANGE),
+    "clothoid": ("clothoids", Color.GREEN),
+    "matched_clothoid": ("matched clothoids", Color.BLUE),
+}
 DPI = 110.0
 """A page shows them 700 to 900 pixels wide."""
 
@@ -48,7 +52,7 @@ def draw_curvature() -> None:
     s = np.linspace(0.0, 1.0, 401)
     figure = new_figure(6.4, 5.0)
     above, below = (quiet(ax) for ax in figure.subplots(2, 1, sharex=True, height_ratios=(3, 2)))
-    above.plot(s, exact.curvature(s), color=INK, linewidth=3.0, alpha=0.35, label="exact rod")
+    above.plot(s, exact.curvature(s), color=Color.INK, linewidth=3.0, alpha=0.35, label="exact rod")
     for family in ("arc", "matched_clothoid"):
         found = cg.equilibrium(pushed(family, 2, 2.0))
         name, color = FAMILIES[family]
@@ -82,8 +86,8 @@ def draw_digits() -> None:
     model = cg.FingerModel(rod("arc", 1, 0.0), tip_force=False)
     ours = np.array([float(model.mass_matrix([a], [0.0], [])) for a in angles])
     errors = {
-        "closed form": (np.abs(inertia(angles, np) / truth - 1.0), ORANGE),
-        "Stumpff functions": (np.abs(ours / truth - 1.0), BLUE),
+        "closed form": (np.abs(inertia(angles, np) / truth - 1.0), Color.ORANGE),
+        "Stumpff functions": (np.abs(ours / truth - 1.0), Color.BLUE),
     }
     figure = new_figure(6.4, 3.4)
     ax = quiet(figure.add_subplot())
@@ -109,7 +113,7 @@ def draw_buckling() -> None:
     figure = new_figure(6.4, 3.6)
     ax = quiet(figure.add_subplot())
     exact = np.array([(EULER, 0.0), *(buckled(slope) for slope in np.linspace(0.02, 2.2, 80))])
-    ax.plot(exact[:, 0] / EULER, exact[:, 1], color=INK, linewidth=3.0, alpha=0.35, label="exact rod")
+    ax.plot(exact[:, 0] / EULER, exact[:, 1], color=Color.INK, linewidth=3.0, alpha=0.35, label="exact rod")
     for family in ("arc", "matched_clothoid"):
         name, color = FAMILIES[family]
 
@@ -146,7 +150,7 @@ def draw_convergence() -> None:
         print(f"convergence: {name}", np.array(frequencies), np.array(tips))
     for ax, starts in ((left, (3e-1, 2e-3)), (right, (3e-1, 3e-3))):
         for order, start in zip((2, 4), starts, strict=True):
-            ax.loglog(counts, start / counts**order, color=GRAY, linewidth=0.8, linestyle="--", zorder=1)
+            ax.loglog(counts, start / counts**order, color=Color.GRAY, linewidth=0.8, linestyle="--", zorder=1)
         ax.set_xticks(counts, [f"{count}" for count in counts])
         ax.minorticks_off()
     label(left, "elements", "error of the first frequency [1]")

@@ -8,7 +8,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE
+from continuum_grasp.plotting.drawing.style import Color
 from continuum_grasp.scene import FAMILIES
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from continuum_grasp.simulation import AccuracyReport
 
-_LOOKS = ((BLUE, "o"), (GREEN, "s"), (ORANGE, "D"), (INK, "^"))
+_LOOKS = ((Color.BLUE, "o"), (Color.GREEN, "s"), (Color.ORANGE, "D"), (Color.INK, "^"))
 """Color and marker of the families, in the order of their table."""
 _WORDS = {
     "evaluation [ns]": "forward dynamics [ns]",
@@ -42,7 +42,9 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
         ax = [quiet(panel) for panel in new_figure(4.6 * count, 4.2).subplots(1, count, squeeze=False)[0]]
     for axes, ((cost, error), front) in zip(ax, fronts.items(), strict=False):
         i, j = columns.index(cost), columns.index(error)
-        axes.plot([row[i] for row in front], [row[j] for row in front], color=GRAY, linewidth=5.0, alpha=0.35, zorder=1)
+        axes.plot(
+            [row[i] for row in front], [row[j] for row in front], color=Color.GRAY, linewidth=5.0, alpha=0.35, zorder=1
+        )
         for family, (color, marker) in zip(FAMILIES, cycle(_LOOKS), strict=False):
             points = [row for row in rows if row[0].split(",")[0] == family and _drawn(row[i]) and _drawn(row[j])]
             look: dict[str, Any] = {"color": color, "markersize": 4.5, "linewidth": 0.0}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import amount_text, split_unit, unit_of
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
-from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
+from continuum_grasp.plotting.drawing.style import FORBIDDEN, Color, Z
 from continuum_grasp.plotting.motion import motion_frames
 
 if TYPE_CHECKING:
@@ -34,15 +34,15 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     ax = axes.plane_axes(ax, axes.bend_box(points, 0.07 * run.length), colorbar=False)
     bodies.draw_surroundings(ax, run, shapes[0], outlines)
     for shape in shapes:
-        ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
+        ax.plot(*shape.T, color=Color.GRAY, linewidth=0.8, alpha=0.7, zorder=1)
     if bodies.shows_thickness(run.scene.finger):
         bodies.draw_thickness(ax, shapes[-1], run.scene.finger)
     if wanted is not None:
         jumps = _jumps(wanted)
-        ax.plot(*_parted(wanted, jumps).T, color=ORANGE, linewidth=1.0, linestyle="--", zorder=5)
+        ax.plot(*_parted(wanted, jumps).T, color=Color.ORANGE, linewidth=1.0, linestyle="--", zorder=5)
         ends = wanted[np.unique([0, *jumps, *(jumps + 1), len(wanted) - 1])]
-        ax.plot(*ends.T, "o", color=ORANGE, markersize=4, label="setpoint", zorder=5)
-    ax.plot(*tip.T, color=BLUE, linewidth=1.6, label="tip", zorder=4)
+        ax.plot(*ends.T, "o", color=Color.ORANGE, markersize=4, label="setpoint", zorder=5)
+    ax.plot(*tip.T, color=Color.BLUE, linewidth=1.6, label="tip", zorder=4)
     axes.head(ax, run.name)
     return ax
 
@@ -69,7 +69,7 @@ def plot_inputs(ax: Axes, run: Any) -> str:
         else:
             ax.stairs(column[: len(run.t) - 1], run.t, baseline=None, **look)
     for limit in np.unique(run.scene.input_limits):
-        ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
+        ax.axhline(limit, color=Color.GRAY, linewidth=0.9, linestyle="--", zorder=1)
     return f"input [{unit_of(run.u_names[0])}]"
 
 
@@ -88,12 +88,12 @@ def plot_tracking(ax: Axes, run: ControlRun) -> str:
         axis.plot(run.t, run.tracked[:, k], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
         if axis is not ax:  # the legend is of the left axes
             ax.plot([], [], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
-    ax.plot([], [], color=GRAY, linewidth=1.0, linestyle="--", label="setpoint")
+    ax.plot([], [], color=Color.GRAY, linewidth=1.0, linestyle="--", label="setpoint")
     if right is not ax:
         axes.quiet(right).grid(False)
-        right.spines["right"].set(visible=True, color=GRAY)
+        right.spines["right"].set(visible=True, color=Color.GRAY)
         right.margins(x=0.0)
-        right.set_ylabel(f"tracked [{axes.shown_unit(units[1], right.yaxis)}]", color=INK)
+        right.set_ylabel(f"tracked [{axes.shown_unit(units[1], right.yaxis)}]", color=Color.INK)
     return f"tracked [{units[0]}]"
 
 
@@ -109,7 +109,7 @@ def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
         name = name.rstrip("0123456789_")  # entries of one quantity differ in their number
         columns = [k for k, entry in enumerate(run.r_names) if entry.startswith(name)]
         size = np.abs(run.tracked[:, columns] - run.r[:, columns]).max(axis=1)
-    ax.plot(run.t, size, color=BLUE, linewidth=1.4)
+    ax.plot(run.t, size, color=Color.BLUE, linewidth=1.4)
     ax.set_ylim(bottom=0.0)
     return f"error of the {name.replace('_', ' ')} [{unit}]"
 
@@ -166,12 +166,14 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
     wanted = run.tip_reference
 
     def ahead(film: Film, at: NDArray[Any]) -> Callable[[int], list[Artist]]:
-        cross: dict[str, Any] = {"color": ORANGE, "markeredgewidth": 1.8}
+        cross: dict[str, Any] = {"color": Color.ORANGE, "markeredgewidth": 1.8}
         if wanted is not None:
-            film.ax.plot(*_parted(wanted, _jumps(wanted)).T, color=ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT)
+            film.ax.plot(
+                *_parted(wanted, _jumps(wanted)).T, color=Color.ORANGE, linewidth=0.8, alpha=0.6, zorder=Z.SUPPORT
+            )
             film.ax.plot([], [], "+", markersize=9, label="setpoint", **cross)
-        film.ax.plot([], [], color=GREEN, linewidth=1.4, label="predicted")
-        path = film.line(color=GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE)
+        film.ax.plot([], [], color=Color.GREEN, linewidth=1.4, label="predicted")
+        path = film.line(color=Color.GREEN, linewidth=1.4, zorder=Z.CLAMP_FACE)
         target = film.line("+", markersize=11, zorder=Z.FORCE, **cross)
 
         def move(k: int) -> list[Artist]:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from continuum_grasp.base import InputError, split_unit
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
-from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
+from continuum_grasp.plotting.drawing.forces import Force, ForceArrows, explain
+from continuum_grasp.plotting.drawing.style import Color, Z
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 Moved: TypeAlias = Any
 """A result of a finger in motion: a `Trajectory`, a `ControlRun`, or what an add-on has with the same attributes."""
-_FORCE = 0.25
-"""Length of the greatest force per that of the finger: the direction is seen, the finger not dwarfed."""
 _QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
 _INSTANTS = 12
 """Instants at which a finger, or the tensions along it, are drawn [1]."""
@@ -60,8 +58,8 @@ def draw_snapshots(
     outlines = bodies.outlines_at(motion, indices)
     forces = _forces_at(motion, indices)[-1]
     points = [shapes, *_thickness(scene.finger, shapes), *bodies.zone_points(scene), *chain(*outlines), *seen]
-    scale, box = _scale_and_box(forces, points, motion.length)
-    ax = axes.plane_axes(ax, box)
+    arrows = ForceArrows(forces, motion.length)
+    ax = axes.plane_axes(ax, _box(points, arrows))
     bodies.draw_surroundings(ax, motion, shapes[0], outlines)
     lines = axes.draw_timed(ax, shapes, t[indices], t)
     bodies.draw_earlier(ax, shapes[:-1], lines.to_rgba(t[indices[:-1]]), scene.finger)
@@ -72,10 +70,10 @@ def draw_snapshots(
         spots = np.concatenate([bodies.mass_positions(shape, scene.finger) for shape in shapes])
         shade = lines.to_rgba(np.repeat(t[indices], len(masses)))
         ax.scatter(spots[:, 0], spots[:, 1], s=34, c=shade, edgecolors="white", linewidths=0.7, zorder=Z.MASS)
-    draw_forces(ax, forces, scale)
+    arrows.draw(ax)
     beside(ax)
     names = {kind: f"{kind} at {t[indices[-1]]:.3g} s" for _, _, kind in forces}
-    explain(ax, masses, forces, motion.name, names)
+    explain(ax, masses, arrows, motion.name, names)
     return ax
 
 
@@ -127,17 +125,16 @@ def motion_frames(
     outlines = bodies.outlines_at(motion, unique)
     points = [shapes, *_thickness(scene.finger, shapes), np.asarray(motion.tip), *bodies.zone_points(scene), *seen]
     forces = _forces_at(motion, unique)
-    everything = list(chain(*forces))
-    scale, box = _scale_and_box(everything, [*points, *chain(*outlines)], motion.length)
-    film = Film(box, width)
+    arrows = ForceArrows(list(chain(*forces)), motion.length)
+    film = Film(_box([*points, *chain(*outlines)], arrows), width)
     ax = film.ax
     bodies.draw_surroundings(ax, motion, shapes[0], moving=True)
     further = None if ahead is None else ahead(film, unique)
     finger = film.finger(motion, unique, shapes)
-    explain(ax, bodies.masses_of(scene.finger), everything, motion.name)
+    explain(ax, bodies.masses_of(scene.finger), arrows, motion.name)
 
     def moving(k: int) -> tuple[list[Any], list[Any]]:
-        passing: list[Any] = [*draw_forces(ax, forces[k], scale)]
+        passing: list[Any] = [*arrows.draw(ax, forces[k])]
         if outlines:
             passing += bodies.draw_object(ax, outlines[k], animated=True)
         if outlines or bodies.shows_thickness(scene.finger):
@@ -160,11 +157,9 @@ def _forces_at(motion: Moved, indices: NDArray[Any]) -> list[list[Force]]:
     return [[force for force in forces if np.hypot(*force[1]) > least] for forces in every]
 
 
-def _scale_and_box(forces: Sequence[Force], points: Sequence[NDArray[Any]], length: float) -> tuple[float, axes.Box]:
-    """Drawn length per force, and limits that hold all arrows and points, of a finger of some length."""
-    scale = force_scale(forces, _FORCE * length)
-    ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in forces]
-    return scale, axes.bend_box([*points, *ends], 0.09 * length)
+def _box(points: Sequence[NDArray[Any]], arrows: ForceArrows) -> axes.Box:
+    """Limits that hold all points and arrows."""
+    return axes.bend_box([*points, *arrows.ends], 0.09 * arrows.length)
 
 
 def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
@@ -172,16 +167,16 @@ def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
     finger, forces = equilibrium.model.finger, equilibrium.forces
     shape, masses = np.asarray(equilibrium.backbone(bodies.backbone_points(finger))), bodies.masses_of(finger)
     outlines = _thickness(finger, shape[None])
-    scale, box = _scale_and_box(forces, [shape, *outlines], finger.rod.length)
-    ax = axes.plane_axes(ax, box, colorbar=False)
+    arrows = ForceArrows(forces, finger.rod.length)
+    ax = axes.plane_axes(ax, _box([shape, *outlines], arrows), colorbar=False)
     if outlines:
         bodies.draw_thickness(ax, shape, finger)
-    ax.plot(*shape.T, color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
+    ax.plot(*shape.T, color=Color.BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
     bodies.draw_clamp(ax, shape, finger)
     if masses:
-        ax.plot(*bodies.mass_positions(shape, finger).T, "o", color=INK, markersize=6, zorder=Z.MASS)
-    draw_forces(ax, forces, scale)
-    explain(ax, masses, forces, equilibrium.name)
+        ax.plot(*bodies.mass_positions(shape, finger).T, "o", color=Color.INK, markersize=6, zorder=Z.MASS)
+    arrows.draw(ax)
+    explain(ax, masses, arrows, equilibrium.name)
     return ax
 
 
@@ -192,8 +187,8 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     size = max(float(span.max()), 0.02 * trajectory.length)  # a tip that rests shows where it rests
     ax = axes.plane_axes(ax, axes.bend_box([tip], 0.06 * size))
     axes.draw_timed(ax, np.stack([tip[:-1], tip[1:]], axis=1), (t[:-1] + t[1:]) / 2, t, 1.6)
-    ax.plot(*tip[0], "o", color="white", markeredgecolor=INK, markersize=6, label="start", zorder=4)
-    ax.plot(*tip[-1], "s", color=INK, markersize=5, label="end", zorder=4)
+    ax.plot(*tip[0], "o", color="white", markeredgecolor=Color.INK, markersize=6, label="start", zorder=4)
+    ax.plot(*tip[-1], "s", color=Color.INK, markersize=5, label="end", zorder=4)
     axes.head(ax, trajectory.name)
     return ax
 
@@ -212,9 +207,9 @@ def plot_coordinates(ax: Axes, trajectory: Moved) -> str:
 def plot_energy(ax: Axes, trajectory: Trajectory) -> str:
     """Draw kinetic, potential and total energy over time."""
     kinetic, potential = np.asarray(trajectory.kinetic), np.asarray(trajectory.potential)
-    ax.plot(trajectory.t, kinetic, color=ORANGE, linewidth=1.3, label="kinetic")
-    ax.plot(trajectory.t, potential, color=BLUE, linewidth=1.3, label="potential")
-    ax.plot(trajectory.t, kinetic + potential, color=INK, linewidth=1.8, label="total")
+    ax.plot(trajectory.t, kinetic, color=Color.ORANGE, linewidth=1.3, label="kinetic")
+    ax.plot(trajectory.t, potential, color=Color.BLUE, linewidth=1.3, label="potential")
+    ax.plot(trajectory.t, kinetic + potential, color=Color.INK, linewidth=1.8, label="total")
     return "energy [J]"
 
 
@@ -256,14 +251,14 @@ def plot_modes(
     for k, panel in enumerate(drawn):
         axes.plane_axes(panel, box)
         plus, minus = rest + swing[k], rest - swing[k]
-        panel.plot(*rest.T, color=GRAY, linewidth=1.4, linestyle="--", zorder=2)
-        panel.plot(*plus.T, color=BLUE, linewidth=2.0, zorder=3)
-        panel.plot(*minus.T, color=ORANGE, linewidth=2.0, zorder=3)
-        panel.fill(*np.concatenate([plus, minus[::-1]]).T, color=BLUE, alpha=0.06, linewidth=0, zorder=1)
+        panel.plot(*rest.T, color=Color.GRAY, linewidth=1.4, linestyle="--", zorder=2)
+        panel.plot(*plus.T, color=Color.BLUE, linewidth=2.0, zorder=3)
+        panel.plot(*minus.T, color=Color.ORANGE, linewidth=2.0, zorder=3)
+        panel.fill(*np.concatenate([plus, minus[::-1]]).T, color=Color.BLUE, alpha=0.06, linewidth=0, zorder=1)
         bodies.draw_clamp(panel, rest, modes.scene.finger)
         damping = modes.damping_ratios[k]  # NaN of an unstable mode
         ratio = "" if math.isnan(damping) else rf", $\zeta$ = {damping:.3g}"
-        panel.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=INK)
+        panel.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=Color.INK)
     return drawn
 
 
@@ -281,7 +276,7 @@ def _new_axes(count: int, box: axes.Box, stable: bool) -> list[Axes]:
     each = max(2.6, min(5.2 if columns == 1 else 9.6 / columns, 3.8 * wide))
     figure = axes.new_figure(columns * (each + 0.7), rows * (each / wide + 0.85))
     if not stable:
-        figure.suptitle("the equilibrium is unstable", color=ORANGE, fontsize=10)
+        figure.suptitle("the equilibrium is unstable", color=Color.ORANGE, fontsize=10)
     return [axes.quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(count)]
 
 
@@ -305,7 +300,7 @@ def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Ax
     drawn.set_linestyle([_STYLES[k % len(_STYLES)] for k in range(len(along)) for _ in chosen])
     greatest = max(float(tensions[chosen].max()) for _, tensions in along)
     for k in range(len(along)):
-        ax.plot([], [], color=INK, linestyle=_STYLES[k % len(_STYLES)], label=f"tendon {k + 1}")
+        ax.plot([], [], color=Color.INK, linestyle=_STYLES[k % len(_STYLES)], label=f"tendon {k + 1}")
     ax.set_xlim(0.0, trajectory.length)
     ax.set_ylim(0.0, 1.05 * greatest or 1.0)
     unit = axes.length_unit(np.ptp(ax.get_xlim()), ax.xaxis)

@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.base import Array, check_arguments, clipped
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import GREEN, INK, ORANGE, SLATE, Z
+from continuum_grasp.plotting.drawing.style import Color, Z
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.view import FINGERS, turned
 from continuum_grasp.plotting.scene_view import SceneView
@@ -76,21 +76,28 @@ def _head(ax: Axes, view: SceneView) -> None:
     wide = ax.figure.bbox.width / ax.figure.dpi - 0.75
     lines = axes.plain(getattr(view.scene, "name", None) or "scene"), "fingers unloaded, nothing is solved yet"
     # 24: height of the row with gravity [points]
-    ax.set_title("\n".join(axes.wrapped(text, wide) for text in lines), fontsize=10, color=INK, loc="left", pad=24.0)
+    ax.set_title(
+        "\n".join(axes.wrapped(text, wide) for text in lines), fontsize=10, color=Color.INK, loc="left", pad=24.0
+    )
     # points to the right of, and above, the upper left corner of the axes
     corner: Any = ax.transAxes
     points: Any = Affine2D().scale(1.0 / 72.0) + ax.figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, corner)
     words = f"gravity {out or size:.3g} m/s\N{SUPERSCRIPT TWO}{' into the plane' if out else ''}"
     words = words if out or size else "no gravity in the plane"
-    ax.text(26.0 if out or size else 0.0, 11.0, words, fontsize=8, color=INK, va="center", transform=points)
+    ax.text(26.0 if out or size else 0.0, 11.0, words, fontsize=8, color=Color.INK, va="center", transform=points)
     at = np.array([12.0, 11.0])
     if out:  # the tail of an arrow that flies away
         for marker, width in (("o", 9.0), ("x", 5.5)):
-            look: dict[str, Any] = {"markersize": width, "markerfacecolor": "white", "color": INK, "clip_on": False}
+            look: dict[str, Any] = {
+                "markersize": width,
+                "markerfacecolor": "white",
+                "color": Color.INK,
+                "clip_on": False,
+            }
             ax.plot(*at, marker, transform=points, scalex=False, scaley=False, **look)
     elif size:
         half = 8.0 * in_plane / size
-        look = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.4, "shrinkA": 0.0, "shrinkB": 0.0}
+        look = {"arrowstyle": "-|>", "color": Color.INK, "linewidth": 1.4, "shrinkA": 0.0, "shrinkB": 0.0}
         ax.annotate("", tuple(at + half), tuple(at - half), points, points, arrowprops=look, annotation_clip=False)
 
 
@@ -104,8 +111,8 @@ def _fingers(ax: Axes, view: SceneView) -> list[Label]:
         ax.plot(*line[:, 1:3].T, color=color, linewidth=1.5, zorder=Z.CENTERLINE)
         labels.append(_label(name if len(view.fingers) > 1 else "base", color, line[0, 1:3]))
         for mass, at in zip(bodies.masses_of(finger), bodies.mass_positions(line, finger), strict=True):
-            ax.plot(*at, "o", color=INK, markersize=7, zorder=Z.MASS)
-            labels.append(_label(f"{1e3 * mass:.3g} g", INK, at))
+            ax.plot(*at, "o", color=Color.INK, markersize=7, zorder=Z.MASS)
+            labels.append(_label(f"{1e3 * mass:.3g} g", Color.INK, at))
         places = view.on(name, view.contacts.get(name, []))
         look: dict[str, Any] = {"color": "white", "markeredgecolor": color, "markersize": 5.0, "zorder": Z.CONTACT}
         ax.plot(*places.T, "o", **look)
@@ -121,16 +128,18 @@ def _object(ax: Axes, view: SceneView) -> list[Label]:
     labels, body = [], view.object
     for name, (low, high) in view.ranges.items():
         frame = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
-        ax.add_patch(Polygon(frame, fill=False, edgecolor=SLATE, linewidth=1.2, linestyle=(0, (3, 2)), zorder=Z.MARK))
-        labels.append(_label(f"position of {name}: chosen", SLATE, frame[1]))
+        ax.add_patch(
+            Polygon(frame, fill=False, edgecolor=Color.SLATE, linewidth=1.2, linestyle=(0, (3, 2)), zorder=Z.MARK)
+        )
+        labels.append(_label(f"position of {name}: chosen", Color.SLATE, frame[1]))
     if body is not None:
         at = np.array(body.position) + turned(np.array(body.com), body.angle)
-        ax.plot(*at, "+", color=INK, markersize=7, zorder=Z.FORCE)
+        ax.plot(*at, "+", color=Color.INK, markersize=7, zorder=Z.FORCE)
         mass = f"{body.mass:.3g} kg" if body.mass >= 0.1 else f"{1e3 * body.mass:.3g} g"
-        labels.append(_label(f"{body.shape}, {mass}", INK, at, on_body=True))
+        labels.append(_label(f"{body.shape}, {mass}", Color.INK, at, on_body=True))
     if view.before:
         seen = max(view.before[0], key=lambda point: body.distance((float(point[0]), float(point[1]))))
-        labels.append(_label("where it stands before", SLATE, seen))
+        labels.append(_label("where it stands before", Color.SLATE, seen))
     return labels
 
 
@@ -138,7 +147,7 @@ def _supports(view: SceneView) -> list[Label]:
     """Labels of supports and zones, each at a place of it that is seen."""
     left, right, low, high = view.box
     middle, sides = np.array([left + right, low + high]) / 2.0, np.array([right - left, high - low])
-    labels = [_label(peg.name, INK, np.array(peg.position)) for peg in view.pegs]
+    labels = [_label(peg.name, Color.INK, np.array(peg.position)) for peg in view.pegs]
     for wall in view.walls:
         along = np.array([-wall.normal[1], wall.normal[0]])
         foot = middle - wall.height((float(middle[0]), float(middle[1]))) * np.array(wall.normal)
@@ -147,18 +156,20 @@ def _supports(view: SceneView) -> list[Label]:
         # 0.7: position of the name, as a part of the distance from the middle of the picture to its edge
         at = np.clip(start + 0.7 * reach, -wall.half_length, wall.half_length)
         near = np.array(wall.point) + at * along
-        labels.append(_label(wall.name, INK, near))
+        labels.append(_label(wall.name, Color.INK, near))
     for name, zone in bodies.zones_of(view.scene).items():
-        labels.append(_label(f"keep out: {name}", ORANGE, np.array(zone.center if zone.type == "disc" else zone.point)))
+        labels.append(
+            _label(f"keep out: {name}", Color.ORANGE, np.array(zone.center if zone.type == "disc" else zone.point))
+        )
     return labels
 
 
 def _targets(ax: Axes, view: SceneView) -> list[Label]:
     """Draw where finger and object are led to; returns labels."""
     for points in view.targets.values():
-        ax.plot(*points.T, ":", color=GREEN, linewidth=1.0, zorder=Z.SHAPE)
-        ax.plot(*points[:: max(1, len(points) // 12)].T, "x", color=GREEN, markersize=6, zorder=Z.SHAPE)
-    return [_label(name, GREEN, points[0]) for name, points in view.targets.items()]
+        ax.plot(*points.T, ":", color=Color.GREEN, linewidth=1.0, zorder=Z.SHAPE)
+        ax.plot(*points[:: max(1, len(points) // 12)].T, "x", color=Color.GREEN, markersize=6, zorder=Z.SHAPE)
+    return [_label(name, Color.GREEN, points[0]) for name, points in view.targets.items()]
 
 
 def _loads(ax: Axes, view: SceneView) -> list[Label]:
@@ -168,8 +179,8 @@ def _loads(ax: Axes, view: SceneView) -> list[Label]:
     for load in view.loads:
         size = float(np.hypot(*load.force))
         if size > 0.0:
-            draw_arrow(ax, load.at, load.at + length * load.force / size, ORANGE)
-    return [_label(load.text, ORANGE, load.at) for load in view.loads]
+            draw_arrow(ax, load.at, load.at + length * load.force / size, Color.ORANGE)
+    return [_label(load.text, Color.ORANGE, load.at) for load in view.loads]
 
 
 def _label(text: str, color: str, at: Array, *, on_body: bool = False) -> Label:

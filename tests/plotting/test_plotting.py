@@ -16,9 +16,10 @@ from PIL import Image
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.plotting import Z, draw_arrow, head
+from continuum_grasp.plotting import Z, head
 from continuum_grasp.plotting import motion as plotting
 from continuum_grasp.plotting.drawing.axes import draw_timed, plane_axes
+from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
 from continuum_grasp.simulation import Trajectory

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.plotting import Z, finger_outline
-from continuum_grasp.plotting.drawing.bodies import mass_positions, side_path
+from continuum_grasp.plotting import Z
+from continuum_grasp.plotting.drawing.bodies import finger_outline, mass_positions, side_path
 from tests.rods import rod_scene, without_compiler  # noqa: F401
 
 LENGTH = 0.25

@@ -6,19 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting import (
-    BLUE,
-    GRAY,
-    INK,
-    ORANGE,
-    Z,
-    head,
-    label,
-    new_figure,
-    plot_grasp,
-    quiet,
-    whole_numbers,
-)
+from continuum_grasp.plotting import Color, Z, head, label, new_figure, plot_grasp, quiet, whole_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +42,7 @@ def _draw_grasp(ax: Axes, result: DesignResult) -> None:
         for k, finger in enumerate(before.fingers.values()):
             line = finger.backbone[:, 1:3]
             text = "at the start" if k == 0 else None
-            ax.plot(*line.T, color=GRAY, linewidth=1.4, linestyle=(0, (4, 2)), zorder=Z.LABEL, label=text)
+            ax.plot(*line.T, color=Color.GRAY, linewidth=1.4, linestyle=(0, (4, 2)), zorder=Z.LABEL, label=text)
             (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
             margin = 0.03 * float(np.ptp(line, axis=0).max())
             low, high = line.min(axis=0) - margin, line.max(axis=0) + margin
@@ -69,18 +57,24 @@ def _draw_costs(ax: Axes, result: DesignResult) -> None:
     number, costs = np.arange(1, result.costs.size + 1), result.costs
     holds = np.isfinite(costs) & (result.violations <= 1e-6)
     trial = result.rounds == 0
-    for chosen, color, text in ((trial, GRAY, "full search"), (~trial, BLUE, "by gradient")):
+    for chosen, color, text in ((trial, Color.GRAY, "full search"), (~trial, Color.BLUE, "by gradient")):
         good, bad = chosen & holds, chosen & np.isfinite(costs) & ~holds
         if chosen.any():
             ax.plot(number[good], costs[good], "o", color=color, markersize=4.0, label=text)
             ax.plot(number[bad], costs[bad], "o", color=color, markersize=4.0, fillstyle="none")
     best = np.fmin.accumulate(np.where(holds, costs, np.nan)) if holds.any() else costs
-    ax.plot(number, best, color=BLUE, linewidth=1.0)
+    ax.plot(number, best, color=Color.BLUE, linewidth=1.0)
     lost = ~np.isfinite(costs)
     if lost.any():
         low = ax.get_ylim()[0]
         ax.plot(
-            number[lost], np.full(lost.sum(), low), "x", color=ORANGE, markersize=5.0, label="no grasp", clip_on=False
+            number[lost],
+            np.full(lost.sum(), low),
+            "x",
+            color=Color.ORANGE,
+            markersize=5.0,
+            label="no grasp",
+            clip_on=False,
         )
         ax.set_ylim(bottom=low)
     whole_numbers(ax)
@@ -94,17 +88,27 @@ def _draw_influences(ax: Axes, result: DesignResult) -> None:
     influences = result.influences[:12]
     before = () if result.first is None else 0.01 * result.first.slope[: len(influences)]
     places = np.arange(len(influences))
-    ax.barh(places[: len(before)] + 0.05, before, color=GRAY, height=0.22, label="at the start")
+    ax.barh(places[: len(before)] + 0.05, before, color=Color.GRAY, height=0.22, label="at the start")
     at_bound = np.array([bool(influence.at) for influence in influences])
     change = np.array([influence.per_percent for influence in influences])
-    for chosen, color, text in ((~at_bound, BLUE, "at the best design"), (at_bound, ORANGE, "there, at a bound")):
+    for chosen, color, text in (
+        (~at_bound, Color.BLUE, "at the best design"),
+        (at_bound, Color.ORANGE, "there, at a bound"),
+    ):
         if chosen.any():
             ax.barh(places[chosen] + 0.3, change[chosen], color=color, height=0.22, label=text)
-    ax.axvline(0.0, color=GRAY, linewidth=0.8)
+    ax.axvline(0.0, color=Color.GRAY, linewidth=0.8)
     for at, influence in zip(places, influences, strict=True):
         name = influence.key + (f" (at its {influence.at})" if influence.at else "")
         ax.text(
-            0.01, at - 0.09, name, transform=ax.get_yaxis_transform(), fontsize=8, color=INK, va="bottom", bbox=_PAPER
+            0.01,
+            at - 0.09,
+            name,
+            transform=ax.get_yaxis_transform(),
+            fontsize=8,
+            color=Color.INK,
+            va="bottom",
+            bbox=_PAPER,
         )
     ax.set_yticks([])
     ax.set_ylim(len(influences) - 0.45, -0.45)

@@ -10,10 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.base import SHOWN_IN, name_of, prefixed, unit_of
 from continuum_grasp.plotting import (
-    BLUE,
-    GRAY,
-    INK,
-    ORANGE,
+    Color,
     bend_box,
     curves,
     head,
@@ -46,16 +43,16 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     ax = new_axes(ax, 7.2, 4.0)
     scaled = fit.residuals / fit.sigma
     # 95 % of normal residuals are within two deviations
-    ax.axhspan(-2.0, 2.0, color=BLUE, alpha=0.08, linewidth=0)
-    ax.axhline(0.0, color=GRAY, linewidth=0.8)
+    ax.axhspan(-2.0, 2.0, color=Color.BLUE, alpha=0.08, linewidth=0)
+    ax.axhline(0.0, color=Color.GRAY, linewidth=0.8)
     number, inside = np.arange(1, scaled.size + 1), fit.fitted
     size = 22.0 if scaled.size <= _DENSE else 7.0
-    ax.scatter(number[inside], scaled[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
+    ax.scatter(number[inside], scaled[inside], s=size, color=Color.BLUE, linewidth=0, label="fitted", zorder=3)
     if not inside.all():
-        look: dict[str, Any] = {"facecolor": "none", "edgecolor": ORANGE, "label": "hold-out", "zorder": 3}
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": Color.ORANGE, "label": "hold-out", "zorder": 3}
         ax.scatter(number[~inside], scaled[~inside], s=size, **look)
     for end in np.cumsum([count for _, count in fit.blocks[:-1]]):
-        ax.axvline(end + 0.5, color=GRAY, linewidth=0.6, linestyle=":")
+        ax.axvline(end + 0.5, color=Color.GRAY, linewidth=0.6, linestyle=":")
     reach = 1.15 * max(3.0, float(np.abs(scaled).max(initial=0.0)))
     ax.set_ylim(-reach, reach)
     whole_numbers(ax)
@@ -88,21 +85,24 @@ def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         unit = show_box(panel, box)
         label(panel, f"x [{unit}]", f"y [{unit}]")
         for backbone in lines.backbones:
-            panel.plot(*backbone.T, color=BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
+            panel.plot(*backbone.T, color=Color.BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
         draw_clamp(panel, lines.backbones[0], finger)
         for place in np.unique(rows[:, 1]) if over_time else ():
             here = rows[:, 1] == place
-            panel.plot(*predicted[here].T, color=INK, linewidth=0.9, zorder=3)
-            panel.scatter(measured[here, 0], measured[here, 1], s=3, color=GRAY, linewidth=0, zorder=3)
+            panel.plot(*predicted[here].T, color=Color.INK, linewidth=0.9, zorder=3)
+            panel.scatter(measured[here, 0], measured[here, 1], s=3, color=Color.GRAY, linewidth=0, zorder=3)
         panel.add_collection(_links(measured[shown], predicted[shown]))
         inside = result.fitted[index[:, 0]]
-        for chosen, color, what in ((shown & inside, INK, "measured"), (shown & ~inside, ORANGE, "measured, hold-out")):
+        for chosen, color, what in (
+            (shown & inside, Color.INK, "measured"),
+            (shown & ~inside, Color.ORANGE, "measured, hold-out"),
+        ):
             if chosen.any():
                 x, y = measured[chosen].T
                 panel.scatter(x, y, s=20, color=color, linewidth=0, zorder=5, label=what)
         count, every = len(lines.at), len(np.unique(rows[:, 0]))
         some = f" ({count} of {every})" if count < every else ""
-        panel.plot([], [], color=BLUE, linewidth=1.6, label=f"simulated{some}")
+        panel.plot([], [], color=Color.BLUE, linewidth=1.6, label=f"simulated{some}")
         head(panel, f"{name}{_off(result, name)}", 3)
     return panels
 
@@ -142,12 +142,12 @@ def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[
         dense = len(rows) > _DENSE
         # rows of their own are no points of a curve
         look: dict[str, Any] = {"linewidth": 1.2} if moves else {"linestyle": "none", "marker": "_", "markersize": 14}
-        above.plot(at, predicted, color=BLUE, label=result.predicted, zorder=2, **look)
-        for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
+        above.plot(at, predicted, color=Color.BLUE, label=result.predicted, zorder=2, **look)
+        for chosen, color, text in ((inside, Color.INK, "measured"), (~inside, Color.ORANGE, "measured, hold-out")):
             if chosen.any():
                 above.scatter(at[chosen], measured[chosen], s=4 if dense else 18, color=color, linewidth=0, label=text)
                 below.vlines(at[chosen], 0.0, (predicted - measured)[chosen], color=color, linewidth=1.0)
-        below.axhline(0.0, color=GRAY, linewidth=0.8)
+        below.axhline(0.0, color=Color.GRAY, linewidth=0.8)
         _scale(above, below, measured, predicted)
         if not moves:
             below.set_xlim(at.min() - 0.5, at.max() + 0.5)
@@ -186,8 +186,8 @@ def plot_ring_downs(result: Predicted, *, ax: Sequence[Axes] | None = None) -> l
     records = result.ring_downs
     panels = _panels(min(len(records), _PANELS), ax, 4.6, 3.0)
     for (name, signal, frequency, decay_rate, nearest), panel in zip(records, panels, strict=False):
-        panel.scatter(signal.t, signal.values, s=4, color=INK, linewidth=0, label="measured", zorder=3)
-        panel.plot(signal.t, nearest, color=BLUE, linewidth=1.2, label=result.predicted, zorder=2)
+        panel.scatter(signal.t, signal.values, s=4, color=Color.INK, linewidth=0, label="measured", zorder=3)
+        panel.plot(signal.t, nearest, color=Color.BLUE, linewidth=1.2, label=result.predicted, zorder=2)
         label(panel, "time [s]", signal.name)
         head(panel, f"{name}: {frequency:.4g} Hz, {decay_rate:.3g} 1/s", 2)
     return panels
@@ -202,17 +202,23 @@ def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> lis
         factor, unit = _shown_in(unit_of(name), replay.innovation[:, k] if j < 0 else replay.logged[:, j])
         if k < len(replay.compared_names):
             band = 3.0 * factor * replay.innovation_std[:, k]
-            panel.fill_between(replay.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
+            panel.fill_between(
+                replay.t, -band, band, color=Color.BLUE, alpha=0.2, linewidth=0, label="3 standard deviations"
+            )
             innovation = factor * replay.innovation[:, k]
-            panel.scatter(replay.t, innovation, s=4, color=INK, linewidth=0, label="innovation")
+            panel.scatter(replay.t, innovation, s=4, color=Color.INK, linewidth=0, label="innovation")
             # 0.9: share of the instants whose band is shown whole: the first ones, before the estimator settles, have
             # one of many times its width
             reach = 1.1 * max(float(np.nanquantile(band, 0.9)), float(np.nanmax(np.abs(innovation), initial=0.0)))
             if reach > 0.0:
                 panel.set_ylim(-reach, reach)
         else:
-            panel.step(replay.t, factor * replay.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
-            panel.step(replay.t, factor * replay.u[:, j], where="post", color=ORANGE, linewidth=1.0, label="replay")
+            panel.step(
+                replay.t, factor * replay.logged[:, j], where="post", color=Color.INK, linewidth=1.6, label="log"
+            )
+            panel.step(
+                replay.t, factor * replay.u[:, j], where="post", color=Color.ORANGE, linewidth=1.0, label="replay"
+            )
         label(panel, "time [s]", f"{name_of(name)} [{unit}]")
         head(panel, "", 2)
     return panels
@@ -222,7 +228,7 @@ def _links(a: NDArray[Any], b: NDArray[Any]) -> LineCollection:
     """Lines from points (P, 2) to others."""
     from matplotlib.collections import LineCollection
 
-    return LineCollection(list(np.stack([a, b], axis=1)), colors=INK, linewidths=0.8, zorder=4)
+    return LineCollection(list(np.stack([a, b], axis=1)), colors=Color.INK, linewidths=0.8, zorder=4)
 
 
 def _panels(
@@ -248,7 +254,7 @@ def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     curves(ax, plan.t, plan.commands.T, [name_of(name) for name in plan.command_names], linewidth=1.2)
     for k, segment in enumerate(plan.segments):
         if k % 2:
-            ax.axvspan(segment.start, segment.end, color=GRAY, alpha=0.12, linewidth=0)
+            ax.axvspan(segment.start, segment.end, color=Color.GRAY, alpha=0.12, linewidth=0)
         middle = 0.5 * (segment.start + segment.end)
         look: dict[str, Any] = {"rotation": 90, "ha": "center", "va": "top", "fontsize": 7, "color": "0.35"}
         ax.text(middle, 0.98, segment.name, transform=ax.get_xaxis_transform(), **look)

@@ -11,30 +11,16 @@ from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, amount_text
 from continuum_grasp.plotting import (
-    BLUE,
-    EDGE,
-    GRAY,
-    GREEN,
-    INK,
-    ORANGE,
-    Box,
+    Color,
     Film,
     Force,
+    ForceArrows,
+    HeldObject,
     Z,
-    bend_box,
     colors,
-    draw_arrow,
-    draw_body,
-    draw_clamp,
-    draw_forces,
-    draw_object,
-    draw_supports,
-    finger_outline,
-    force_keys,
-    force_scale,
+    draw_moment,
     head,
     new_figure,
-    object_outlines,
     plain,
     quiet,
     show_box,
@@ -82,9 +68,8 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
     at = np.array(list(chosen))
     shapes, poses = _backbones(mission, at), mission.object_pose[at, :3]
     forces = [_acting_forces(mission, int(k)) for k in at]
-    scale = force_scale(chain(*forces), 0.25 * mission.length)
-    ends = [point + scale * force for point, force, _ in chain(*forces)]
-    box = _box_of(mission, shapes, poses, 0.09 * mission.length, ends)
+    arrows, held = ForceArrows(list(chain(*forces)), mission.length), _held_object(mission)
+    box = held.box(shapes, poses, 0.09 * mission.length, arrows.ends)
     columns = min(_COLUMNS, key=lambda count: -len(at) % count) if len(at) > max(_COLUMNS) else len(at)
     rows = -(-len(at) // columns)
     high = _WIDE * (box[3] - box[2]) / (box[1] - box[0])
@@ -97,15 +82,15 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         unit = show_box(quiet(ax), box)
         ax.grid(False)
         ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
-        _draw_fixed(ax, mission, shape)
-        _draw_grasp(ax, mission, shape, pose)
-        draw_forces(ax, forces[j], scale)
-        _draw_moment(ax, mission, float(mission.t[k]), pose)
-        ax.set_title(f"{chosen[int(k)]}\n{mission.t[k]:.2f} s", fontsize=8.5, color=INK, loc="left")
-    figure.supxlabel(f"x [{unit}]", fontsize=9, color=INK)
-    figure.supylabel(f"y [{unit}]", fontsize=9, color=INK)
-    figure.suptitle(plain(mission.name or " "), fontsize=10, color=INK, x=0.01, ha="left")
-    handles = [Line2D([], [], **key) for key in force_keys(list(chain(*forces)), _WORDS)]
+        held.draw_fixed(ax, shape)
+        held.draw(ax, shape, pose)
+        arrows.draw(ax, forces[j])
+        draw_moment(ax, pose[:2], _pull_at(mission, float(mission.t[k]))[2])
+        ax.set_title(f"{chosen[int(k)]}\n{mission.t[k]:.2f} s", fontsize=8.5, color=Color.INK, loc="left")
+    figure.supxlabel(f"x [{unit}]", fontsize=9, color=Color.INK)
+    figure.supylabel(f"y [{unit}]", fontsize=9, color=Color.INK)
+    figure.suptitle(plain(mission.name or " "), fontsize=10, color=Color.INK, x=0.01, ha="left")
+    handles = [Line2D([], [], **key) for key in arrows.keys(_WORDS)]
     figure.legend(handles=handles, loc="outside upper right", ncols=_ONE_ROW, frameon=False, fontsize=9)
     return axes
 
@@ -115,12 +100,12 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
     unique, back = np.unique(indices, return_inverse=True)
     shapes, poses = _backbones(mission, unique), mission.object_pose[unique, :3]
     forces = [_acting_forces(mission, int(k)) for k in unique]
-    scale = force_scale(chain(*forces), 0.25 * mission.length)
-    film = Film(_box_of(mission, shapes, poses[[0, -1]], 0.09 * mission.length), width)
+    arrows, held = ForceArrows(list(chain(*forces)), mission.length), _held_object(mission)
+    film = Film(held.box(shapes, poses[[0, -1]], 0.09 * mission.length), width)
     ax = film.ax
-    _draw_fixed(ax, mission, shapes[0])
-    ahead = [film.line(color=GREEN, linewidth=1.6, zorder=Z.MASS) for _ in mission.runs]
-    ax.plot([], [], color=GREEN, linewidth=1.6, label="predicted tip")
+    held.draw_fixed(ax, shapes[0])
+    ahead = [film.line(color=Color.GREEN, linewidth=1.6, zorder=Z.MASS) for _ in mission.runs]
+    ax.plot([], [], color=Color.GREEN, linewidth=1.6, label="predicted tip")
     clock = film.clock()
     head(ax, mission.name)
 
@@ -132,9 +117,9 @@ def mission_frames(mission: MissionRun, indices: NDArray[Any], width: int) -> It
         span = next((span for span in mission.spans if span.start <= t < span.end), mission.spans[-1])
         phase = _pull_words(mission.pulls[span.name]) if span.name in mission.pulls else str(span.name)
         clock.set_text(f"{phase}\n{t:.2f} s")
-        passing = _draw_grasp(ax, mission, shapes[k], poses[k], animated=True)
-        passing += _draw_moment(ax, mission, t, poses[k], animated=True)
-        return [*ahead, clock], passing + draw_forces(ax, forces[k], scale)
+        passing = held.draw(ax, shapes[k], poses[k], animated=True)
+        passing += draw_moment(ax, poses[k][:2], _pull_at(mission, t)[2], animated=True)
+        return [*ahead, clock], passing + arrows.draw(ax, forces[k])
 
     return film.frames(back, moving)
 
@@ -162,35 +147,13 @@ def _pull_words(wrench: Array) -> str:
     return "pull " + (", ".join(parts) or "of nothing").replace("-", "\N{MINUS SIGN}")
 
 
-def _box_of(mission: MissionRun, shapes: Array, poses: Array, margin: float, seen: Sequence[Array] = ()) -> Box:
-    """Limits around finger and object in some of their poses, and further points that are seen."""
-    return bend_box([shapes, *seen, *chain(*(object_outlines(mission.body, pose) for pose in poses))], margin)
+def _held_object(mission: MissionRun) -> HeldObject:
+    return HeldObject(mission.body, [scene.finger for scene in mission.scenes], mission.scene.supports)
 
 
 def _backbones(mission: MissionRun, at: Array) -> Array:
     """Backbones (len(at), fingers, points, 2) at some of the instants [m]."""
     return np.stack([run.backbone(at, points=60) for run in mission.runs], axis=1)
-
-
-def _draw_fixed(ax: Axes, mission: MissionRun, shapes: Array) -> None:
-    """Draw supports, and the clamps of all fingers."""
-    draw_supports(ax, mission.scene.supports)
-    for shape, scene in zip(shapes, mission.scenes, strict=True):
-        draw_clamp(ax, shape, scene.finger)
-
-
-def _draw_grasp(ax: Axes, mission: MissionRun, shapes: Array, pose: Array, **style: Any) -> list[Any]:
-    """Draw object and fingers, with backbones (fingers, points, 2); a mark on the object, from its center along its x
-    axis, shows how it turns.
-    """
-    outlines = object_outlines(mission.body, pose)
-    reach = 0.5 * np.linalg.norm(np.concatenate(outlines) - pose[:2], axis=1).min()
-    mark = np.array([pose[:2], pose[:2] + reach * np.array([np.cos(pose[2]), np.sin(pose[2])])])
-    drawn: list[Any] = [*draw_object(ax, outlines, **style)]
-    for shape, scene in zip(shapes, mission.scenes, strict=True):
-        drawn.append(draw_body(ax, finger_outline(shape, scene.finger), **style))
-        drawn += ax.plot(*shape.T, color=BLUE, linewidth=1.8, solid_capstyle="round", zorder=Z.SHAPE, **style)
-    return [*drawn, *ax.plot(*mark.T, color=EDGE, linewidth=1.2, zorder=Z.MARK, **style)]
 
 
 def _pull_at(mission: MissionRun, t: float) -> Array:
@@ -208,19 +171,6 @@ def _acting_forces(mission: MissionRun, index: int) -> list[Force]:
     least = 0.05 * float(np.max(mission.contacts.normal_force, initial=0.0))
     forces = [*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")]
     return [(np.asarray(at), np.asarray(force), kind) for at, force, kind in forces if np.hypot(*force) > least]
-
-
-def _draw_moment(ax: Axes, mission: MissionRun, t: float, pose: Array, **style: Any) -> list[Any]:
-    """Draw the moment of a pull as an arc with a head around the object."""
-    moment = float(_pull_at(mission, t)[2])
-    if not moment:
-        return []
-    turn = np.sign(moment) * np.linspace(-0.5 * np.pi, 0.9 * np.pi, 60)
-    # 0.1: radius per side of the picture: there is place for the head
-    radius = 0.1 * max(np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim()))
-    arc = pose[:2] + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    arrow = draw_arrow(ax, arc[-6], arc[-1], ORANGE, width=1.8, **{"zorder": Z.MOMENT, **style})
-    return [*ax.plot(*arc[:-4].T, color=ORANGE, linewidth=1.8, zorder=Z.MOMENT, **style), arrow]
 
 
 def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
@@ -242,10 +192,10 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
         for span in mission.spans:
             panel.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
         draw(panel, mission)
-        panel.set_ylabel(shown_label(text.format(input=taken), panel.yaxis), color=INK)
+        panel.set_ylabel(shown_label(text.format(input=taken), panel.yaxis), color=Color.INK)
         # Of three fingers the tensions, their setpoints and limits take two rows.
         head(panel, None, _ONE_ROW if len(panel.get_legend_handles_labels()[1]) < 8 else 4)
-    rest[-1].set_xlabel("time [s]", color=INK)
+    rest[-1].set_xlabel("time [s]", color=Color.INK)
     rest[-1].set_xlim(0.0, end)
     _draw_phases(strip, mission, end)
     return list(ax)
@@ -272,8 +222,8 @@ def _draw_phases(ax: Axes, mission: MissionRun, end: float) -> None:
         text = span.name if wrench is None else _pull_words(wrench).replace("pull ", "")
         rotation = 0.0 if wide > 0.07 * len(text) else 90.0  # 0.07 inch per letter of 7.5 points
         middle = 0.5 * (span.start + stop)
-        ax.text(middle, 0.5, text, rotation=rotation, ha="center", va="center", fontsize=7.5, color=INK)
-    ax.set_title(plain(mission.name or " "), fontsize=10, color=INK, loc="left")
+        ax.text(middle, 0.5, text, rotation=rotation, ha="center", va="center", fontsize=7.5, color=Color.INK)
+    ax.set_title(plain(mission.name or " "), fontsize=10, color=Color.INK, loc="left")
 
 
 def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
@@ -284,10 +234,10 @@ def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
         ax.stairs(run.u[:, k], run.t, color=color, linewidth=1.3, baseline=None, label=whose)
         if name in run.r_names:
             ax.plot(run.t, run.r[:, run.r_names.index(name)], color=color, linewidth=0.9, linestyle="--")
-    ax.plot([], [], color=GRAY, linewidth=0.9, linestyle="--", label="setpoint")
+    ax.plot([], [], color=Color.GRAY, linewidth=0.9, linestyle="--", label="setpoint")
     for limit in np.unique([limit for run in mission.runs for limit in (*run.u_min, *run.u_max)]):
-        ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle=":", zorder=1)
-    ax.plot([], [], color=GRAY, linewidth=0.9, linestyle=":", label="limit")
+        ax.axhline(limit, color=Color.GRAY, linewidth=0.9, linestyle=":", zorder=1)
+    ax.plot([], [], color=Color.GRAY, linewidth=0.9, linestyle=":", label="limit")
 
 
 def _touching(mission: MissionRun) -> dict[int, Any]:
@@ -306,9 +256,9 @@ def _draw_normal_forces(ax: Axes, mission: MissionRun) -> None:
     if len(held) == 1:
         labels = f"setpoint of {next(iter(held))}", "its estimate, ± 1 std"
     for wanted, believed, std in held.values():
-        ax.plot(t, wanted, color=INK, linewidth=1.0, linestyle="--", label=labels[0])
-        ax.plot(t[:-1], believed, color=GRAY, linewidth=0.9, label=labels[1], zorder=1.9)
-        ax.fill_between(t[:-1], believed - std, believed + std, color=GRAY, alpha=0.2, linewidth=0.0, zorder=1.8)
+        ax.plot(t, wanted, color=Color.INK, linewidth=1.0, linestyle="--", label=labels[0])
+        ax.plot(t[:-1], believed, color=Color.GRAY, linewidth=0.9, label=labels[1], zorder=1.9)
+        ax.fill_between(t[:-1], believed - std, believed + std, color=Color.GRAY, alpha=0.2, linewidth=0.0, zorder=1.8)
         labels = None, None
     ax.set_ylim(bottom=0.0)
 
@@ -318,8 +268,8 @@ def _draw_friction(ax: Axes, mission: MissionRun) -> None:
     for k, name in enumerate(mission.contacts.names):
         use = mission.friction_use[:, k]
         if np.isfinite(use).any():
-            ax.plot(mission.t, use, color=shade.get(k, GRAY), linewidth=1.3, label=name)
-    ax.axhline(1.0, color=GRAY, linewidth=0.9, linestyle=":", zorder=1, label="whole friction cone")
+            ax.plot(mission.t, use, color=shade.get(k, Color.GRAY), linewidth=1.3, label=name)
+    ax.axhline(1.0, color=Color.GRAY, linewidth=0.9, linestyle=":", zorder=1, label="whole friction cone")
     ax.set_ylim(0.0, 1.08)
 
 
@@ -338,13 +288,13 @@ def _draw_angle(ax: Axes, mission: MissionRun) -> None:
     """The object's angle, and its setpoint as long as it is followed."""
     run, turning = mission.runs[0], [span for span in mission.spans if span.name.partition(" ")[0] == "turn"]
     name = "object_angle [rad]"
-    ax.plot(mission.t, np.degrees(mission.object_pose[:, 2]), color=BLUE, linewidth=1.3, label="of the plant")
+    ax.plot(mission.t, np.degrees(mission.object_pose[:, 2]), color=Color.BLUE, linewidth=1.3, label="of the plant")
     followed = np.any([(mission.t >= span.start) & (mission.t <= span.end) for span in turning], axis=0)
     wanted = np.where(followed, np.degrees(run.r[:, run.r_names.index(name)]), np.nan)
-    ax.plot(mission.t, wanted, color=INK, linewidth=1.0, linestyle="--", label="setpoint")
+    ax.plot(mission.t, wanted, color=Color.INK, linewidth=1.0, linestyle="--", label="setpoint")
     # Behind the plant's: a camera's noise is a hair's breadth at this scale.
     believed = np.degrees(run.estimate[:, run.estimated_names.index(name)])
-    ax.plot(mission.t[:-1], believed, color=GRAY, linewidth=0.9, label="its estimate", zorder=1.9)
+    ax.plot(mission.t[:-1], believed, color=Color.GRAY, linewidth=0.9, label="its estimate", zorder=1.9)
 
 
 _CURVES = (
@@ -376,16 +326,16 @@ def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:
     figure = new_figure(10.2, 4.4)
     grid = figure.subplots(2, len(abscissas), sharex="col", sharey="row", squeeze=False)
     for ax, name in zip(grid[-1], abscissas, strict=True):
-        ax.set_xlabel(name, color=INK, fontsize=9)
+        ax.set_xlabel(name, color=Color.INK, fontsize=9)
     for row, (what, values) in zip(grid, ordinates.items(), strict=True):
         for ax, against in zip(row, abscissas.values(), strict=True):
             x = np.array(against, dtype=float)
             quiet(ax)
-            ax.plot(x[good], values[good], "o", color=BLUE, markersize=3.5, alpha=0.8, markeredgewidth=0.0)
-            ax.plot(x[~good], values[~good], "x", color=ORANGE, markersize=6, markeredgewidth=1.6)
-        row[0].set_ylabel(what, color=INK, fontsize=9)
+            ax.plot(x[good], values[good], "o", color=Color.BLUE, markersize=3.5, alpha=0.8, markeredgewidth=0.0)
+            ax.plot(x[~good], values[~good], "x", color=Color.ORANGE, markersize=6, markeredgewidth=1.6)
+        row[0].set_ylabel(what, color=Color.INK, fontsize=9)
         low, high = 1.1 * float(np.nanmin(values, initial=0.0)), float(np.nanmax(values, initial=0.0))
         row[0].set_ylim(low, high + 0.06 * (high - low) or 1.0)  # 0.06: a margin in which dots are whole
     held = f"{int(good.sum())} of {len(outcomes)} plants held and released"
-    figure.suptitle(held + ("" if good.all() else "; crosses: not"), fontsize=10, color=INK, x=0.01, ha="left")
+    figure.suptitle(held + ("" if good.all() else "; crosses: not"), fontsize=10, color=Color.INK, x=0.01, ha="left")
     return list(grid.ravel())

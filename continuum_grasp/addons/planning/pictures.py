@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.plotting import BLUE, ORANGE, draw_snapshots
+from continuum_grasp.plotting import Color, draw_snapshots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +20,10 @@ def plot_plan_path(plan: MotionPlan, *, ax: Axes | None = None) -> Axes:
     goals = [*([] if goal.tip is None else [goal.tip.value]), *([] if goal.shape is None else goal.shape.value)]
 
     def path(ax: Axes) -> None:
-        ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
+        ax.plot(*tip.T, color=Color.BLUE, linewidth=1.2, zorder=3, label="tip")
         if goals:
-            ax.plot(*np.array(goals).T, "x", color=ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal")
+            ax.plot(
+                *np.array(goals).T, "x", color=Color.ORANGE, markersize=8, markeredgewidth=2.0, zorder=4, label="goal"
+            )
 
     return draw_snapshots(plan, ax=ax, beside=path, seen=[tip])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
-from continuum_grasp.plotting import BLUE, GRAY, ORANGE, color_bar, head, label, new_axes, plain, shown_label, time_map
+from continuum_grasp.plotting import Color, color_bar, head, label, new_axes, plain, shown_label, time_map
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,17 +55,17 @@ def plot_front(
     ax = new_axes(ax, 6.6, 4.9)
     look: dict[str, Any] = {"s": _size(across[good], 18.0, 5.0), "linewidths": 0.0, "label": "grasps"}
     if color is None:
-        ax.scatter(across[good], upwards[good], color=BLUE, alpha=0.45, **look)
+        ax.scatter(across[good], upwards[good], color=Color.BLUE, alpha=0.45, **look)
     else:
         shown = ax.scatter(across[good], upwards[good], c=table.of_grasps(color)[good], cmap=time_map(), **look)
         color_bar(ax, shown, table.label(color))
     front = across[best], upwards[best]
-    ax.plot(*front, color=ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
+    ax.plot(*front, color=Color.ORANGE, linewidth=1.2, alpha=0.8, zorder=3)
     text = f"front: {len(best)} of {good.sum()}; {x_best} x and {y_best} y are best"
     ring: dict[str, Any] = {
         "markersize": 7.5,
         "markerfacecolor": "none",
-        "markeredgecolor": ORANGE,
+        "markeredgecolor": Color.ORANGE,
         "markeredgewidth": 1.6,
     }
     ax.plot(*front, "o", zorder=4, label=text, **ring)
@@ -88,7 +88,7 @@ def _draw_grid(
     shown = ax.pcolormesh(x, y, np.ma.masked_invalid(colors), cmap=time_map())
     for k, (kind, here) in enumerate(kinds.items()):
         shade = _SHADES[k % len(_SHADES)]
-        look: dict[str, Any] = {"hatch": _HATCHES[k % len(_HATCHES)], "edgecolor": GRAY, "linewidth": 0.0}
+        look: dict[str, Any] = {"hatch": _HATCHES[k % len(_HATCHES)], "edgecolor": Color.GRAY, "linewidth": 0.0}
         # pcolormesh cannot hatch
         ax.pcolor(x, y, np.ma.masked_where(~here, np.ones(here.shape)), cmap=ListedColormap([shade]), **look)
         ax.fill([], [], facecolor=shade, label=f"no grasp, {kind}: {int(here.sum())}", **look)
@@ -106,7 +106,7 @@ def _draw_points(
     size = _size(across, 26.0, 6.0)
     for k, (kind, here) in enumerate(kinds.items()):
         look: dict[str, Any] = {"marker": _MARKERS[k % len(_MARKERS)], "label": f"no grasp, {kind}: {int(here.sum())}"}
-        ax.scatter(across[here], upwards[here], s=0.7 * size, color=GRAY, linewidths=1.0, **look)
+        ax.scatter(across[here], upwards[here], s=0.7 * size, color=Color.GRAY, linewidths=1.0, **look)
     there = np.isfinite(colors)
     return ax.scatter(across[there], upwards[there], s=size, c=colors[there], cmap=time_map(), linewidths=0.0)
 

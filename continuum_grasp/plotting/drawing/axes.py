@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import name_of, prefixed, split_unit
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
+from continuum_grasp.plotting.drawing.style import Color, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,8 +90,8 @@ def _count_parts(factor: float, *shown: Axis) -> None:
 
 def label(ax: Axes, x: str, y: str, **style: Any) -> None:
     """Write what the axes count, with units."""
-    ax.set_xlabel(x, color=INK, **style)
-    ax.set_ylabel(y, color=INK, **style)
+    ax.set_xlabel(x, color=Color.INK, **style)
+    ax.set_ylabel(y, color=Color.INK, **style)
 
 
 def whole_numbers(*shown: Axes) -> None:
@@ -103,8 +103,8 @@ def whole_numbers(*shown: Axes) -> None:
 def color_bar(ax: Axes, drawn: ScalarMappable, text: str = "time [s]") -> None:
     """A bar beside the axes for what is colored by a quantity."""
     bar = ax.figure.colorbar(drawn, ax=ax, pad=0.03)
-    bar.set_label(shown_label(text, bar.ax.yaxis), color=INK)
-    bar.ax.tick_params(colors=INK, labelsize=9)
+    bar.set_label(shown_label(text, bar.ax.yaxis), color=Color.INK)
+    bar.ax.tick_params(colors=Color.INK, labelsize=9)
     bar.outline.set_visible(False)
 
 
@@ -126,8 +126,8 @@ def draw_timed(
 def quiet(ax: Axes) -> Axes:
     """Leave out the frame's top and right side, and draw a light grid behind everything."""
     ax.spines[["top", "right"]].set_visible(False)
-    ax.spines[["left", "bottom"]].set_color(GRAY)
-    ax.tick_params(colors=INK, labelsize=9)
+    ax.spines[["left", "bottom"]].set_color(Color.GRAY)
+    ax.tick_params(colors=Color.INK, labelsize=9)
     ax.grid(True, color="#E4E4E4", linewidth=0.6)
     ax.set_axisbelow(True)
     return ax
@@ -155,7 +155,7 @@ def head(ax: Axes, name: str | None, columns: int = 4) -> None:
         ax.set_title(
             wrapped(plain(name or " "), ax.get_position().width * ax.figure.bbox.width / ax.figure.dpi),
             fontsize=10,
-            color=INK,
+            color=Color.INK,
             loc="left",
             pad=7.0 + 15.0 * rows,
         )
@@ -211,7 +211,7 @@ def symbol(name: str) -> str:
 
 def colors(count: int) -> list[Any]:
     """Colors for so many curves: distinct ones for a few, an ordered scale for many."""
-    few = [BLUE, ORANGE, GREEN, PURPLE, YELLOW, SKY]
+    few = [Color.BLUE, Color.ORANGE, Color.GREEN, Color.PURPLE, Color.YELLOW, Color.SKY]
     return few[:count] if count <= len(few) else list(time_map()(np.linspace(0.0, 1.0, count)))
 
 

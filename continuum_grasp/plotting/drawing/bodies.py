@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.plotting.drawing.style import BLUE, CLAMP, EDGE, FAINT, FORBIDDEN, INK, MATERIAL, OBJECT, Z
+from continuum_grasp.plotting.drawing.style import CLAMP, FAINT, FORBIDDEN, MATERIAL, Color, Z
 from continuum_grasp.scene import VGroove, ends
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def draw_body(ax: Axes, outline: Array, **style: Any) -> Polygon:
     """Draw the thickness of a finger."""
     from matplotlib.patches import Polygon
 
-    look: dict[str, Any] = {"facecolor": BLUE, "alpha": 0.2, "linewidth": 0.0, "zorder": Z.BODY, **style}
+    look: dict[str, Any] = {"facecolor": Color.BLUE, "alpha": 0.2, "linewidth": 0.0, "zorder": Z.BODY, **style}
     body = Polygon(outline, **look)
     ax.add_patch(body)
     return body
@@ -124,7 +124,7 @@ def draw_clamp(ax: Axes, backbone: Array, finger: Finger) -> Array:
     depth = 0.035 * finger.rod.length
     face = [p[0] - half * across, p[0] + half * across]
     corners = np.array([*face, face[1] - depth * along, face[0] - depth * along])
-    ax.plot(*np.transpose(face), color=INK, linewidth=1.5, solid_capstyle="butt", zorder=Z.CLAMP_FACE)
+    ax.plot(*np.transpose(face), color=Color.INK, linewidth=1.5, solid_capstyle="butt", zorder=Z.CLAMP_FACE)
     block = Polygon(corners, zorder=Z.CLAMP, **CLAMP)
     ax.add_patch(block)
     return np.asarray(block.get_xy())
@@ -157,7 +157,7 @@ def draw_thickness(ax: Axes, backbone: Array, finger: Finger, **style: Any) -> l
     """Draw how thick a finger is, and the tendons whose run does not follow from that; returns what was drawn."""
     drawn: list[Any] = [draw_body(ax, finger_outline(backbone, finger), **style)]
     if _tendons_change(finger):
-        look: dict[str, Any] = {"color": INK, "linewidth": 0.7, "linestyle": (0, (4, 2)), "zorder": Z.TENDON}
+        look: dict[str, Any] = {"color": Color.INK, "linewidth": 0.7, "linestyle": (0, (4, 2)), "zorder": Z.TENDON}
         look |= {key: value for key, value in style.items() if key == "animated"}
         for path in (side_path(tendon, backbone, finger) for tendon in finger.tendon_list):
             drawn += ax.plot(*path.T, **look)
@@ -210,8 +210,8 @@ def draw_object(ax: Axes, outlines: Sequence[Array], *, faint: bool = False, **s
         layers = [{**FAINT, "zorder": Z.FAINT_OBJECT}]
     else:  # all fillings lie on all edges, so that no edge shows where parts overlap
         # 3.0: width of the edge [points], half of which lies under the filling
-        edge = {"facecolor": EDGE, "edgecolor": EDGE, "linewidth": 3.0, "joinstyle": "round"}
-        layers = [{**edge, "zorder": Z.OBJECT}, {"facecolor": OBJECT, "linewidth": 0.0, "zorder": Z.OBJECT_FILL}]
+        edge = {"facecolor": Color.EDGE, "edgecolor": Color.EDGE, "linewidth": 3.0, "joinstyle": "round"}
+        layers = [{**edge, "zorder": Z.OBJECT}, {"facecolor": Color.OBJECT, "linewidth": 0.0, "zorder": Z.OBJECT_FILL}]
     drawn = [Polygon(outline, **{**layer, **style}) for layer in layers for outline in outlines]
     for patch in drawn:
         ax.add_patch(patch)
@@ -231,12 +231,12 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support]) -> list[Array]:
     for name, support in supports.items():
         for block, face in _blocks(support, name, far, depth):
             ax.add_patch(Polygon(block, zorder=Z.SUPPORT, **MATERIAL))
-            ax.plot(*face.T, color=INK, linewidth=1.4, zorder=Z.FACE, scalex=False, scaley=False)
+            ax.plot(*face.T, color=Color.INK, linewidth=1.4, zorder=Z.FACE, scalex=False, scaley=False)
             drawn.append(block)
         for peg in support.pegs(name):
             # 0.012: least radius of a peg, as a part of the diagonal: a point peg is still seen
             center, radius = np.array(peg.position), max(peg.radius, 0.012 * diagonal)
-            style = {**MATERIAL, "linewidth": 1.2, "edgecolor": INK, "zorder": Z.SUPPORT}
+            style = {**MATERIAL, "linewidth": 1.2, "edgecolor": Color.INK, "zorder": Z.SUPPORT}
             ax.add_patch(Circle((center[0], center[1]), radius, **style))
             drawn.append(center + radius * CIRCLE)
     return drawn

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import Box, new_figure, plane_axes, quiet
 from continuum_grasp.plotting.drawing.bodies import mass_positions, masses_of
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, SCREEN, Z
+from continuum_grasp.plotting.drawing.style import SCREEN, Color, Z
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -37,7 +37,7 @@ class Film:
 
     def clock(self) -> Text:
         """A text in the upper right corner that moves on."""
-        style: dict[str, Any] = {"ha": "right", "va": "top", "color": INK, "animated": True}
+        style: dict[str, Any] = {"ha": "right", "va": "top", "color": Color.INK, "animated": True}
         return self.ax.text(0.985, 0.975, "", transform=self.ax.transAxes, **style)
 
     def finger(self, motion: Any, at: NDArray[Any], shapes: NDArray[Any]) -> Callable[[int], list[Artist]]:
@@ -46,9 +46,9 @@ class Film:
         The function returned moves them to the k-th of the instants and returns them.
         """
         tip, masses = np.asarray(motion.tip), masses_of(motion.scene.finger)
-        trail = self.line(color=GRAY, linewidth=0.9, zorder=Z.SUPPORT)
-        body = self.line(color=BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
-        dots = self.line("o", color=INK, markersize=7, zorder=Z.MASS)
+        trail = self.line(color=Color.GRAY, linewidth=0.9, zorder=Z.SUPPORT)
+        body = self.line(color=Color.BLUE, linewidth=2.6, solid_capstyle="round", zorder=Z.SHAPE)
+        dots = self.line("o", color=Color.INK, markersize=7, zorder=Z.MASS)
         clock = self.clock()
 
         def move(k: int) -> list[Artist]:

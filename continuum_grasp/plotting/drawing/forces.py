@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from continuum_grasp.base import Array, amount_text
 from continuum_grasp.plotting.drawing.axes import head
-from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
+from continuum_grasp.plotting.drawing.style import Color, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,27 +22,53 @@ if TYPE_CHECKING:
 Force = tuple[Array, Array, str]
 """Point of action (2,) [m], force (2,) [N], and its kind."""
 
-_COLORS = {"contact": BLUE, "load": ORANGE, "tip": GREEN, "support": SKY}
-_SPARE = PURPLE, YELLOW, SKY
+_COLORS = {"contact": Color.BLUE, "load": Color.ORANGE, "tip": Color.GREEN, "support": Color.SKY}
+_SPARE = Color.PURPLE, Color.YELLOW, Color.SKY
 
 
-def force_scale(forces: Iterable[Force], longest: float) -> float:
-    """Drawn length per force [m/N]: the greatest is drawn ``longest``; 0 where there is none."""
-    greatest = _greatest(forces)
-    return longest / greatest if math.isfinite(greatest) and greatest > 0 else 0.0
+_LONGEST = 0.25
+"""Length of the greatest force per that of the finger: the direction is seen, the finger not dwarfed."""
+
+
+@dataclass(frozen=True)
+class ForceArrows:
+    """Forces at one or several instants beside a finger of a length [m], drawn to one scale."""
+
+    forces: Sequence[Force]
+    length: float
+
+    @cached_property
+    def scale(self) -> float:
+        """Drawn length per force [m/N]; 0 where there is none."""
+        greatest = _greatest(self.forces)
+        return _LONGEST * self.length / greatest if math.isfinite(greatest) and greatest > 0 else 0.0
+
+    @property
+    def ends(self) -> list[Array]:
+        """Tips of the arrows."""
+        return [np.asarray(at) + self.scale * np.asarray(force) for at, force, _ in self.forces]
+
+    def draw(self, ax: Axes, forces: Sequence[Force] | None = None) -> list[Quiver]:
+        """Draw all forces, or some of them, as arrows from where they act; one patch for each kind."""
+        drawn, chosen = [], self.forces if forces is None else forces
+        for kind in _kinds(chosen):
+            at, force = np.array([(p, f) for p, f, k in chosen if k == kind]).transpose(1, 2, 0)
+            drawn.append(_arrows(ax, at, force * self.scale, _color(kind), 1.3))
+        return drawn
+
+    def keys(self, names: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
+        """Per kind the look of an entry of a legend, with the greatest force; ``names`` are other names of kinds."""
+        entries = []
+        for kind in _kinds(self.forces):
+            greatest = _greatest(force for force in self.forces if force[2] == kind)
+            label = rf"{(names or {}).get(kind, kind)} $\leq$ {amount_text(greatest, 'N')}"
+            look = {"color": _color(kind), "marker": r"$\rightarrow$", "markersize": 13, "linestyle": ""}
+            entries.append({"label": label, **look})
+        return entries
 
 
 def _greatest(forces: Iterable[Force]) -> float:
     return max((float(np.hypot(*force)) for _, force, _ in forces), default=0.0)
-
-
-def draw_forces(ax: Axes, forces: Sequence[Force], scale: float) -> list[Quiver]:
-    """Draw forces as arrows from where they act, ``scale`` drawn length per force [m/N]; one patch for each kind."""
-    drawn = []
-    for kind in _kinds(forces):
-        at, force = np.array([(p, f) for p, f, k in forces if k == kind]).transpose(1, 2, 0)
-        drawn.append(_arrows(ax, at, force * scale, _color(kind), 1.3))
-    return drawn
 
 
 def draw_arrow(ax: Axes, start: Array, end: Array, color: str, *, width: float = 2.0, **style: Any) -> Quiver:
@@ -58,21 +86,22 @@ def _arrows(ax: Axes, at: Array, along: Array, color: str, width: float, **style
     return ax.quiver(*at, *along, color=color, **{**look, "zorder": Z.FORCE, **style})
 
 
-def force_keys(forces: Sequence[Force], names: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
-    """Per kind the look of an entry of a legend, with the greatest force; ``names`` are other names of kinds."""
-    entries = []
-    for kind in _kinds(forces):
-        greatest = _greatest(force for force in forces if force[2] == kind)
-        label = rf"{(names or {}).get(kind, kind)} $\leq$ {amount_text(greatest, 'N')}"
-        look = {"color": _color(kind), "marker": r"$\rightarrow$", "markersize": 13, "linestyle": ""}
-        entries.append({"label": label, **look})
-    return entries
+def draw_moment(ax: Axes, center: Array, moment: float, **style: Any) -> list[Any]:
+    """Draw a moment other than zero as an arc with a head around a point (2,); nothing of zero."""
+    if not moment:
+        return []
+    turn = np.sign(moment) * np.linspace(-0.5 * np.pi, 0.9 * np.pi, 60)
+    # 0.1: radius per side of the picture: there is place for the head
+    radius = 0.1 * max(np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim()))
+    arc = center + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    arrow = draw_arrow(ax, arc[-6], arc[-1], Color.ORANGE, width=1.8, **{"zorder": Z.MOMENT, **style})
+    return [*ax.plot(*arc[:-4].T, color=Color.ORANGE, linewidth=1.8, zorder=Z.MOMENT, **style), arrow]
 
 
 def explain(
     ax: Axes,
     masses: Sequence[float],
-    forces: Sequence[Force],
+    arrows: ForceArrows,
     name: str | None,
     names: Mapping[str, str] | None = None,
 ) -> None:
@@ -81,8 +110,8 @@ def explain(
     """
     if masses:
         label = ", ".join(f"{1e3 * mass:.3g} g" for mass in dict.fromkeys(masses))
-        ax.plot([], [], "o", color=INK, markersize=6, label=label)
-    for key in force_keys(forces, names):
+        ax.plot([], [], "o", color=Color.INK, markersize=6, label=label)
+    for key in arrows.keys(names):
         ax.plot([], [], **key)
     texts = ax.get_legend_handles_labels()[1]
     # 6, 40: letters that an entry's sign and its distance take, and that fit over a picture that is taller than wide

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Any
 
-# Okabe and Ito's palette, which color-blind readers tell apart
-BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00"
-INK, GRAY, SLATE = "#222222", "#8A8A8A", "#6B6B6B"
-"""Text and outlines; what only helps to read: limits, axes, scales; text of less weight, and what is not real."""
 
-OBJECT, EDGE = "#F3E9D6", "#A58A55"
-"""Filling and edge of the object: pale, since forces and fingers are drawn on it, and none of the curves' colors."""
-FAINT: dict[str, Any] = {"fill": False, "edgecolor": GRAY, "linewidth": 0.7}
+class Color(StrEnum):
+    """Colors of all pictures; curves have Okabe and Ito's palette, which color-blind readers tell apart."""
+
+    BLUE = "#0072B2"
+    ORANGE = "#D55E00"
+    GREEN = "#009E73"
+    PURPLE = "#CC79A7"
+    SKY = "#56B4E9"
+    YELLOW = "#E69F00"
+    INK = "#222222"
+    """Text and outlines."""
+    GRAY = "#8A8A8A"
+    """What only helps to read: limits, axes, scales."""
+    SLATE = "#6B6B6B"
+    """Text of less weight, and what is not real."""
+    OBJECT = "#F3E9D6"
+    """Filling of the object: pale, since forces and fingers are drawn on it, and none of the curves' colors."""
+    EDGE = "#A58A55"
+    """Edge of the object."""
+
+
+FAINT: dict[str, Any] = {"fill": False, "edgecolor": Color.GRAY, "linewidth": 0.7}
 """The object where it was before."""
 MATERIAL: dict[str, Any] = {"facecolor": "#E3E3E3", "edgecolor": "#9A9A9A", "hatch": "////", "linewidth": 0.0}
 CLAMP: dict[str, Any] = {"facecolor": "#DDDDDD", "edgecolor": "#777777", "hatch": "////", "linewidth": 0.0}

@@ -24,7 +24,7 @@ from continuum_grasp.plotting.drawing.axes import (
 )
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
 from continuum_grasp.plotting.drawing.bodies import object_outlines as outlines_of
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, SLATE
+from continuum_grasp.plotting.drawing.style import Color
 from continuum_grasp.plotting.grasp.view import GraspView
 
 if TYPE_CHECKING:
@@ -46,11 +46,13 @@ def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:
     forces = _finite(resisted)
     least, greatest = resistance_extremes(forces)
     if len(forces) > 2:
-        ax.add_patch(Polygon(forces, facecolor=BLUE, alpha=0.16, linewidth=0.0, zorder=2))
-        ax.add_patch(Polygon(forces, facecolor="none", edgecolor=BLUE, linewidth=1.4, joinstyle="round", zorder=3))
+        ax.add_patch(Polygon(forces, facecolor=Color.BLUE, alpha=0.16, linewidth=0.0, zorder=2))
+        ax.add_patch(
+            Polygon(forces, facecolor="none", edgecolor=Color.BLUE, linewidth=1.4, joinstyle="round", zorder=3)
+        )
     if least > 0.02 * greatest:  # a smaller circle is hidden by the cross
-        ax.add_patch(Circle((0, 0), least, facecolor="none", edgecolor=ORANGE, linestyle=(0, (4, 2)), zorder=4))
-    ax.plot(0, 0, "+", color=INK, markersize=7, zorder=5)
+        ax.add_patch(Circle((0, 0), least, facecolor="none", edgecolor=Color.ORANGE, linestyle=(0, (4, 2)), zorder=4))
+    ax.plot(0, 0, "+", color=Color.INK, markersize=7, zorder=5)
     corners = np.concatenate([forces, np.zeros((1, 2))])
     center = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     reach = 0.56 * float(np.ptp(corners, axis=0).max()) or 1.0  # half, and a margin of 6 %
@@ -106,15 +108,15 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
     ax.set_ylim(-max(rows, 1) * _TALL, 0.75)
     if rows:
         words = "friction: sideways in the plane, up lift; rim: slips"
-        ax.text(0.0, 0.35, words, fontsize=8, color=SLATE, va="center")
+        ax.text(0.0, 0.35, words, fontsize=8, color=Color.SLATE, va="center")
     for k, contact in enumerate(view.contacts):
         row, column = divmod(k, DISCS)
         x, y = (column + 0.5) * _PITCH, -row * _TALL - 1.25
         color, limit = view.color(contact.name), result.scene.friction(contact.name) * contact.normal_force
         ax.add_patch(Circle((x, y), 1.0, facecolor=color, alpha=0.14, linewidth=0.0))
         ax.add_patch(Circle((x, y), 1.0, facecolor="none", edgecolor=color, linewidth=0.8))
-        ax.plot([x - 1.0, x + 1.0], [y, y], color=GRAY, linewidth=0.5)
-        ax.plot([x, x], [y - 1.0, y + 1.0], color=GRAY, linewidth=0.5)
+        ax.plot([x - 1.0, x + 1.0], [y, y], color=Color.GRAY, linewidth=0.5)
+        ax.plot([x, x], [y - 1.0, y + 1.0], color=Color.GRAY, linewidth=0.5)
         if limit > 0.0 and float(
             result.force_text(contact.normal_force, result.force_units[1])
         ):  # else of two roundings
@@ -155,14 +157,14 @@ def plot_robustness(result: GraspResult) -> list[Axes]:
 def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
     scene, drawn = result.scene, []
     both: list[tuple[Mapping[str, Array], str, str, float]] = [
-        (robustness.nominal_arrays, GRAY, robustness.names[1], 0.35)
+        (robustness.nominal_arrays, Color.GRAY, robustness.names[1], 0.35)
     ]
     if robustness.robust is not None:
-        both.append((result.arrays, BLUE, robustness.names[2], 0.3))
+        both.append((result.arrays, Color.BLUE, robustness.names[2], 0.3))
     # As one body each: postures with other friction states.
     for k in range(len(result.arrays.get("held.object.pose", ()))):
         held = {key.removeprefix("held."): value[k] for key, value in result.arrays.items() if key.startswith("held.")}
-        both.insert(k, (held, GRAY, "other friction" if k == 0 else "", 0.2))
+        both.insert(k, (held, Color.GRAY, "other friction" if k == 0 else "", 0.2))
     for arrays, color, name, alpha in both:
         for k, (finger, grasp_finger) in enumerate(scene.named_fingers.items()):
             outline = finger_outline(arrays[f"{finger}.backbone"], grasp_finger)
@@ -181,15 +183,15 @@ def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
 
 def _margins(ax: Axes, robustness: Robustness) -> Axes:
     edges = np.linspace(_LOWEST, 1.0, 30 + 1)
-    trials = [(robustness.nominal, GRAY, robustness.names[1])]
+    trials = [(robustness.nominal, Color.GRAY, robustness.names[1])]
     if robustness.robust is not None:
-        trials.append((robustness.robust, BLUE, robustness.names[2]))
+        trials.append((robustness.robust, Color.BLUE, robustness.names[2]))
     for trial, color, name in trials:
         margins = np.clip(np.nan_to_num(trial.margins, nan=_LOWEST, neginf=_LOWEST), _LOWEST, 1.0)
         share = np.full(margins.size, 100.0 / margins.size)
         text = f"{name}: {trial.held} of {margins.size} draws hold, {amount_text(trial.tension, 'N', '.4g')}"
         ax.hist(margins, edges.tolist(), weights=share, color=color, alpha=0.55, label=text)
-    ax.axvline(0.0, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
+    ax.axvline(0.0, color=Color.INK, linewidth=1.0, linestyle=(0, (4, 2)))
     label(ax, "least friction margin of a draw [1]", "draws [%]")
     head(ax, None, columns=1)
     return ax

@@ -14,7 +14,7 @@ from continuum_grasp.base import Array, amount_text, prefixes
 from continuum_grasp.plotting.drawing.axes import label, new_figure, plain, quiet, show_box, wrapped
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
-from continuum_grasp.plotting.drawing.style import INK, SLATE, Z
+from continuum_grasp.plotting.drawing.style import Color, Z
 from continuum_grasp.plotting.grasp.labels import Label, place_labels
 from continuum_grasp.plotting.grasp.margins import (
     friction_rows,
@@ -123,7 +123,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
         forces = quiet(_at(figure, right + 0.55, below, _POLYGON, _POLYGON))
         plot_resistance(resisted, ax=forces).set_label("resisted")
         # the title begins above the labels of the y axis
-        forces.set_title(resistance_words(resisted), fontsize=8, color=INK, loc="left", x=-0.26)
+        forces.set_title(resistance_words(resisted), fontsize=8, color=Color.INK, loc="left", x=-0.26)
     return ax
 
 
@@ -148,7 +148,7 @@ def _title(result: GraspResult, width: float) -> str:
 
 
 def _title_style(result: GraspResult) -> dict[str, Any]:
-    return {"fontsize": 10, "color": INK if result.solved else _FAILED, "loc": "left"}
+    return {"fontsize": 10, "color": Color.INK if result.solved else _FAILED, "loc": "left"}
 
 
 def _labels(view: GraspView, forces: bool) -> list[Label]:
@@ -168,7 +168,7 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
     if scene.gravity.mode != "none":
         into = "\ninto plane" if scene.lifted else ""
         text = f"weight {amount_text(scene.weight, 'N', '.2f')}{into}"
-        labels.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
+        labels.append(Label(text, Color.INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:
         labels += [Label(name, view.color(name), base[0, 1:3], nowhere) for name, base in view.backbones.items()]
     return labels
@@ -243,14 +243,14 @@ def _draw_weight(ax: Axes, view: GraspView) -> list[Array]:
     """Draw the center of mass and the weight; returns the arrow as a line [m]."""
     at = view.center_of_mass
     if view.scene.lifted:  # the tail of an arrow that flies away
-        ax.plot(*at, "o", markersize=9, markerfacecolor="white", markeredgecolor=INK, zorder=Z.FORCE)
-        ax.plot(*at, "x", markersize=5.5, color=INK, zorder=Z.FORCE + 0.1)
+        ax.plot(*at, "o", markersize=9, markerfacecolor="white", markeredgecolor=Color.INK, zorder=Z.FORCE)
+        ax.plot(*at, "x", markersize=5.5, color=Color.INK, zorder=Z.FORCE + 0.1)
         return []
-    ax.plot(*at, "+", color=INK, markersize=7, zorder=Z.FORCE)
+    ax.plot(*at, "+", color=Color.INK, markersize=7, zorder=Z.FORCE)
     if not view.weight.any():
         return []
     end = at + view.force_scale * view.weight
-    draw_arrow(ax, at, end, INK)
+    draw_arrow(ax, at, end, Color.INK)
     return [np.array([at, end])]
 
 
@@ -264,8 +264,10 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
     left, right, bottom, top = view.box
     unit, length = 0.01 * max(right - left, top - bottom), size * view.force_scale
     x, y = right - 2.5 * unit, bottom + 2.5 * unit
-    draw_arrow(ax, np.array([x - length, y]), np.array([x, y]), SLATE)
-    ax.text(x, y + unit, amount_text(size, "N", "g"), fontsize=8, color=SLATE, ha="right", va="bottom", zorder=Z.SCALE)
+    draw_arrow(ax, np.array([x - length, y]), np.array([x, y]), Color.SLATE)
+    ax.text(
+        x, y + unit, amount_text(size, "N", "g"), fontsize=8, color=Color.SLATE, ha="right", va="bottom", zorder=Z.SCALE
+    )
     begin, end = x - max(length, 9 * unit) - unit, y + 6 * unit
     return [np.array([[begin, bottom], [right, bottom], [right, end], [begin, end]])]
 
@@ -284,25 +286,28 @@ def _panel_rows(view: GraspView) -> list[Row]:
     if not result.verified:
         # 6: number of repairs written beside the drawing; the report has all
         repairs = [textwrap.wrap(reason.repair, int(_LETTERS * _PANEL)) for reason in result.reasons[:6]]
-        head: list[Row] = [(("any one of these repairs it", SLATE),)] if repairs else []
-        return [*head, *(((line, INK),) for lines in repairs for line in ("", *lines))]
+        head: list[Row] = [(("any one of these repairs it", Color.SLATE),)] if repairs else []
+        return [*head, *(((line, Color.INK),) for lines in repairs for line in ("", *lines))]
     of_tensions, of_contacts = result.force_units
     written, pulled = (partial(result.force_text, unit=unit) for unit in (of_contacts, of_tensions))
     heads = ["normal", "friction", *(["lift"] if view.scene.lifted else []), "margin"]
-    rows: list[Row] = [((f"contact [{of_contacts}]", SLATE), *((word, SLATE) for word in heads))]
+    rows: list[Row] = [((f"contact [{of_contacts}]", Color.SLATE), *((word, Color.SLATE) for word in heads))]
     for c in view.contacts:
         forces = (c.normal_force, abs(c.friction_force), *((c.lift,) if view.scene.lifted else ()))
         words = (*map(written, forces), result.margin_text(c))
-        rows.append(((c.name, view.color(c.name)), *((word, INK) for word in words)))
-    rows += [(("", INK),), ((f"tendons [{of_tensions}]", SLATE), ("left", SLATE), ("right", SLATE), ("of", SLATE))]
+        rows.append(((c.name, view.color(c.name)), *((word, Color.INK) for word in words)))
+    rows += [
+        (("", Color.INK),),
+        ((f"tendons [{of_tensions}]", Color.SLATE), ("left", Color.SLATE), ("right", Color.SLATE), ("of", Color.SLATE)),
+    ]
     for name, finger in result.fingers.items():
         tendons = view.scene.named_fingers[name].tendon_list
         limits = " / ".join(
             dict.fromkeys(f"{prefixes('N')[of_tensions] * tendon.max_tension:.4g}" for tendon in tendons)
         )
         left, right = map(pulled, finger.tensions)
-        rows.append(((name, view.color(name)), (left, INK), (right, INK), (limits, INK)))
-    rows.append((("sum", SLATE), (pulled(result.tension), INK), ("", INK), ("", INK)))
+        rows.append(((name, view.color(name)), (left, Color.INK), (right, Color.INK), (limits, Color.INK)))
+    rows.append((("sum", Color.SLATE), (pulled(result.tension), Color.INK), ("", Color.INK), ("", Color.INK)))
     return rows
 
 
@@ -313,11 +318,17 @@ def _write_panel(ax: Axes, rows: list[Row]) -> None:
     ax.set_ylim(len(rows), 0.0)
     columns = max(len(row) for row in rows) - 1
     # 6: digits that stand apart in a column, which words above them do as they are
-    size = _SIZE * 6.0 / max([6, *(len(text) for row in rows for text, color in row[1:] if color == INK)])
+    size = _SIZE * 6.0 / max([6, *(len(text) for row in rows for text, color in row[1:] if color == Color.INK)])
     for k, row in enumerate(rows):
         ax.text(0.0, k + 0.5, row[0][0], color=row[0][1], fontsize=_SIZE, va="center")
         for j, (text, color) in enumerate(row[1:]):
             right = 1.0 - 0.175 * (columns - 1 - j)  # columns of half an inch
             ax.text(
-                right, k + 0.5, text, color=color, fontsize=size if color == INK else _SIZE, ha="right", va="center"
+                right,
+                k + 0.5,
+                text,
+                color=color,
+                fontsize=size if color == Color.INK else _SIZE,
+                ha="right",
+                va="center",
             )

@@ -11,7 +11,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.plotting.drawing import axes, bodies
-from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, SLATE
+from continuum_grasp.plotting.drawing.style import Color
 from continuum_grasp.scene import Finger, ObjectBody
 
 if TYPE_CHECKING:
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from continuum_grasp.scene import GraspScene
 
 
-FINGERS = (BLUE, GREEN, "#9A4C80", "#7A6200")
+FINGERS = (Color.BLUE, Color.GREEN, "#9A4C80", "#7A6200")
 """Colors of fingers: dark enough for text, of which every finger has some."""
-_SUPPORT = ORANGE
+_SUPPORT = Color.ORANGE
 _PLACES = 81
 """Points of an unloaded backbone: chords of a quarter circle stray by 5e-5 of its length, a tenth of a pixel."""
 
@@ -136,7 +136,7 @@ class GraspView:
     def color(self, name: str) -> str:
         """Color of a finger, a support, or what a contact's name begins with; gray where there is no grasp."""
         if not self.result.verified:
-            return SLATE
+            return Color.SLATE
         names = list(self.scene.named_fingers)
         owner = name.split(".")[0]
         return FINGERS[names.index(owner)] if owner in names else _SUPPORT
@@ -189,10 +189,10 @@ def plot_object(body: ObjectBody, *, ax: Axes | None = None) -> Axes:
     bodies.draw_object(ax, outlines)
     pieces = [np.array(piece.outline()) for piece in body.pieces]
     for piece in pieces:
-        ax.plot(*np.concatenate([piece, piece[:1]]).T, color=INK, linewidth=0.5, linestyle=":", zorder=9)
+        ax.plot(*np.concatenate([piece, piece[:1]]).T, color=Color.INK, linewidth=0.5, linestyle=":", zorder=9)
     corners = [outline for outline in outlines if len(outline) < 200]
-    ax.plot(*np.concatenate([np.zeros((0, 2)), *corners]).T, ".", color=INK, markersize=3, zorder=9)
-    ax.plot(*body.com, "+", color=INK, markersize=9, zorder=9)
+    ax.plot(*np.concatenate([np.zeros((0, 2)), *corners]).T, ".", color=Color.INK, markersize=3, zorder=9)
+    ax.plot(*body.com, "+", color=Color.INK, markersize=9, zorder=9)
     wide, high = 1e3 * np.ptp(points, axis=0)
     count = sum(len(corner) for corner in corners)
     title = f"{count} corners, {len(pieces)} convex pieces, {wide:.4g} mm x {high:.4g} mm"
