@@ -21,8 +21,8 @@ import numpy as np
 
 from benchmarks.harness import CONFIGS
 from benchmarks.report import Report, begun, plain
-from continuum_grasp.addons.mission import Assignment, Outcome, PlantVariation, run_mission, run_trials
-from continuum_grasp.addons.mission.assignment import LARGEST
+from continuum_grasp.addons.mission import Outcome, PlantVariation, run_mission, run_trials
+from continuum_grasp.addons.mission.assignment import LARGEST, Assignment
 from continuum_grasp.addons.mission.budget import held_resistance, plant_friction, plant_mass
 from continuum_grasp.addons.mission.causes import FALLEN
 from continuum_grasp.addons.mission.from_grasp import assign

@@ -23,11 +23,13 @@ from benchmarks.report import Table as ReportTable
 from benchmarks.report import arguments
 from continuum_grasp.addons.chains.text import numbers
 from continuum_grasp.addons.chains.write import export_mjcf
-from continuum_grasp.addons.mission import Assignment, MissionScene, PlantVariation, Timetable
+from continuum_grasp.addons.mission import MissionScene, PlantVariation
+from continuum_grasp.addons.mission.assignment import Assignment
 from continuum_grasp.addons.mission.budget import plant_mass
 from continuum_grasp.addons.mission.causes import FALLEN
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.lift import LiftCheck
+from continuum_grasp.addons.mission.plant import Timetable
 from continuum_grasp.addons.mission.run import variations
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import plant_scene

@@ -12,9 +12,9 @@ import sys
 import numpy as np
 
 from benchmarks.harness import CONFIGS
-from continuum_grasp.addons.mission import PlantVariation, Timetable, mission_plant_model
+from continuum_grasp.addons.mission import PlantVariation
 from continuum_grasp.addons.mission.from_grasp import assign
-from continuum_grasp.addons.mission.plant import MissionPlant
+from continuum_grasp.addons.mission.plant import MissionPlant, Timetable, mission_plant_model
 from continuum_grasp.control import Prediction
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.scene import load

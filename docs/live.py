@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import continuum_grasp as cg
+from continuum_grasp.addons.mission import assign_mission
 
 FOLDER = Path(__file__).parent / "live"
 DEMO = "hold_a_mug"
@@ -43,7 +44,9 @@ def main() -> None:
     asked = [name for name in sys.argv[1:] if not name.startswith("-")]
     for name in asked or PAGES:
         config, changes = PAGES[name]
-        page = cg.export_web(cg.load(f"configs/{config}.yaml").changed(changes), FOLDER / f"{name}.html")
+        scene = cg.load(f"configs/{config}.yaml").changed(changes)
+        given = assign_mission(scene) if isinstance(scene, cg.MissionScene) else scene
+        page = cg.export_web(given, FOLDER / f"{name}.html")
         print(f"{page.file}: {page.size} bytes")
     if "--picture" in sys.argv:
         print(picture())

@@ -44,8 +44,12 @@ class ConfigurationKind:
     """Function (scene, document, path) -> scene that reads what else the file names, as ``module:name``."""
     loop: str = ""
     """Function (scene or its result, name of a finger) -> what an export takes as a closed loop, as ``module:name``."""
-    result: str = ""
-    """Class name of the results that ``loop`` takes, too."""
+    results: Collection[str] = ()
+    """Class names of the results that ``loop`` takes, too."""
+    prepare: str = ""
+    """Function scene -> the result that ``loop`` needs in its place, where that takes long, as ``module:name``."""
+    preparing: str = ""
+    """Words for what ``prepare`` does."""
 
     @property
     def class_name(self) -> str:

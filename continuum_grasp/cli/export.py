@@ -107,6 +107,10 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
     if target.defaults:
         options = {**named_value(target.defaults)(output.config, scene), **options}
     hold_folder(output.folder)
+    if kind := next((kind for kind in kinds().values() if kind.prepare and isinstance(scene, kind.scene_class)), None):
+        with output.busy(kind.preparing):
+            scene = named_value(kind.prepare)(scene)
+        output.pairs(scene.pairs())
     with output.busy("writing"):
         written = write(scene, output.out, **options)
     named_value(target.report)(written, output, *rates)

@@ -30,7 +30,7 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
 
     Parameters
     ----------
-    given : FingerModel, Scene, ControlScene, MissionScene, MissionRun, Controller, Estimator or path
+    given : FingerModel, Scene, ControlScene, AssignedMission, MissionRun, Controller, Estimator or path
         What to export, or the path of its configuration.
     folder : path-like
         Where to. An earlier export there is replaced; files that are none of its own, or were changed, are not.

@@ -71,7 +71,7 @@ def export_c(
 
     Parameters
     ----------
-    given : FingerModel, Scene, ControlScene, MissionScene, MissionRun, Controller, Estimator, RtiSolver or path
+    given : FingerModel, Scene, ControlScene, AssignedMission, MissionRun, Controller, Estimator, RtiSolver or path
         What to export, or the path of its configuration. The grasp of a mission is optimized first, that of a run is
         taken as it is; of a solver (``rti``), which takes any finite number, the part mpc alone. Parameters that it
         names stay fields of a struct.

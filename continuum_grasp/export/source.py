@@ -83,7 +83,7 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     """
     if isinstance(given, (str, os.PathLike)):
         given = load(os.fspath(given))
-    announced = (kind.loop for kind in kinds().values() if type(given).__name__ in (kind.class_name, kind.result))
+    announced = (kind.loop for kind in kinds().values() if type(given).__name__ in (kind.class_name, *kind.results))
     if loop := next(announced, ""):
         exported: ExportedLoop = named_value(loop)(given, finger)
         of_loop = _of_loop(exported.control, real)

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from continuum_grasp.addons.fmu.write import export_fmu
-from continuum_grasp.addons.mission import PlantVariation, Timetable
+from continuum_grasp.addons.mission import PlantVariation
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.plan import PhasePlan
+from continuum_grasp.addons.mission.plant import Timetable
 from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Controller, Sight

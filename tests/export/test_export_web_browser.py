@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
+from continuum_grasp.addons.mission import assign_mission
 from tests.export_cases import needs
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -259,7 +260,7 @@ def test_a_mission_is_carried_out_and_answers_slip(opened, files):
     """The shipped mission: held by friction alone, squeezed when friction falls, lowered before it is let go."""
     changes = ["slip={height: 1e-4}", "phases.hold_until_release=true", "plant.fidelity.elements=3", "pull_share=0"]
     changes += ["drive_tension=90"]  # of which the grasp takes 50, the rest is for a firm grip
-    cg.export_web(cg.load("configs/mission/mug.yaml", changes), files / "mission.html")
+    cg.export_web(assign_mission(cg.load("configs/mission/mug.yaml", changes)), files / "mission.html")
     page = stopped(opened("mission"))
     page.evaluate("let seed = 1; Math.random = () => (seed = (16807 * seed) % 2147483647) / 2147483647; page.reset()")
     weight = 0.30 * cg.load("configs/mission/mug.yaml").gravity

@@ -11,20 +11,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from continuum_grasp.addons.mission import (
-    NotLifted,
-    Outcome,
-    PlantVariation,
-    Timetable,
-    TrialsResult,
-    mission_plant_model,
-)
+from continuum_grasp.addons.mission import NotLifted, Outcome, PlantVariation, TrialsResult
 from continuum_grasp.addons.mission import run as runs
 from continuum_grasp.addons.mission.causes import Drop
 from continuum_grasp.addons.mission.from_grasp import _control_scene, assign
 from continuum_grasp.addons.mission.lift import Doubted, Slipped
 from continuum_grasp.addons.mission.pictures import _draw_moved
-from continuum_grasp.addons.mission.plant import MissionPlant
+from continuum_grasp.addons.mission.plant import MissionPlant, Timetable, mission_plant_model
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.result import verdict_data
 from continuum_grasp.addons.mission.run import MissionRunner

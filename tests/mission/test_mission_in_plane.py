@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.mission import PlantVariation, Timetable
+from continuum_grasp.addons.mission import PlantVariation
 from continuum_grasp.addons.mission.budget import keep_position, lowered_by_pulls
 from continuum_grasp.addons.mission.causes import find_drop
 from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.plant import Timetable
 from continuum_grasp.addons.mission.precheck import exceeded
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.run import MissionRunner

@@ -8,10 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.mission import Timetable, check_mission, on_pads, run_mission, run_trials
+from continuum_grasp.addons.mission import check_mission, on_pads, run_mission, run_trials
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.plan import BLIND, LETS_GO, PhasePlan
+from continuum_grasp.addons.mission.plant import Timetable
 from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.base import SolverError
 from continuum_grasp.control import Anomaly, CommandStatus, Health, Sight, Trip

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.mission import PlantVariation, Timetable
+from continuum_grasp.addons.mission import PlantVariation
 from continuum_grasp.addons.mission.from_grasp import assign
-from continuum_grasp.addons.mission.plant import reserve
+from continuum_grasp.addons.mission.plant import Timetable, reserve
 from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.addons.mission.scene import Slip
 from continuum_grasp.closed_loop import PlantModel

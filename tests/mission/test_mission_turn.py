@@ -9,16 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.mission import (
-    Outcome,
-    PlantVariation,
-    Timetable,
-    TrialsResult,
-    mission_plant_model,
-    run_trials,
-)
+from continuum_grasp.addons.mission import Outcome, PlantVariation, TrialsResult, run_trials
 from continuum_grasp.addons.mission.causes import Turned, find_turned
 from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission.plant import Timetable, mission_plant_model
 from continuum_grasp.addons.mission.precheck import exceeded, exceeded_by_trials
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.run import MissionRunner

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.mission import PlantVariation, Timetable, mission_plant_model, run_mission
+from continuum_grasp.addons.mission import PlantVariation, run_mission
 from continuum_grasp.addons.mission.budget import certified_contact
 from continuum_grasp.addons.mission.causes import find_drop
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.on_pads import pushed_out
+from continuum_grasp.addons.mission.plant import Timetable, mission_plant_model
 from continuum_grasp.addons.mission.precheck import exceeded
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.run import MissionRunner

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from continuum_grasp.addons.fmu.variable import UnitContents, Variable, count, variables_of
-from continuum_grasp.addons.mission import MissionRun, MissionScene
+from continuum_grasp.addons.mission import AssignedMission, MissionRun
 from continuum_grasp.export import DIAGNOSIS, Field, Library, PackageOptions, strict_flags
 from continuum_grasp.scene import ControlScene
 
@@ -30,7 +30,7 @@ _EVENTS = {
 
 
 def controller_unit(
-    scene: ControlScene | MissionScene | MissionRun,
+    scene: ControlScene | AssignedMission | MissionRun,
     identifier: str,
     *,
     preview: bool = False,

@@ -24,7 +24,7 @@ from continuum_grasp.addons.fmu.controller import controller_unit
 from continuum_grasp.addons.fmu.description import model_description
 from continuum_grasp.addons.fmu.plant import finger_unit, loop_plant_unit
 from continuum_grasp.addons.fmu.variable import UnitContents
-from continuum_grasp.addons.mission import MissionRun, MissionScene
+from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionScene
 from continuum_grasp.base import InputError, check_arguments, interruptible
 from continuum_grasp.core import CompileError, Compiler, filled
 from continuum_grasp.export import (
@@ -44,7 +44,7 @@ VERSIONS = ("2", "3")
 _NO_LOOP = "a simulated scene has a plant alone; a controller needs a closed loop or a mission"
 _NO_PLANT = "a mission has a controller alone; the verb mpc moves its plant"
 _OWN = "is for a simulated scene: a closed loop has its own"
-_MISSIONS = (MissionScene, MissionRun)
+_MISSIONS = (MissionScene, AssignedMission, MissionRun)
 _UNITS = (
     beside("preview", lambda of: "controller" not in of[1], "is for a controller"),
     beside("what=controller", lambda of: isinstance(of[0], Scene), _NO_LOOP),
@@ -92,7 +92,7 @@ class FunctionalMockupUnit:
 @interruptible()
 @check_arguments
 def export_fmu(
-    given: Scene | ControlScene | MissionScene | MissionRun | str | os.PathLike[str],
+    given: Scene | ControlScene | MissionScene | AssignedMission | MissionRun | str | os.PathLike[str],
     folder: str | os.PathLike[str],
     *,
     what: Sequence[str] | None = None,
@@ -109,7 +109,7 @@ def export_fmu(
 
     Parameters
     ----------
-    given : Scene, ControlScene, MissionScene, MissionRun or path of a configuration
+    given : Scene, ControlScene, AssignedMission, MissionRun or path of a configuration
         Of a simulated scene the finger is exported, moved by the steps of its C package; of a closed loop the
         controller, and the plant that ``run_closed_loop`` moves; of a mission the controller with its phases.
     folder : path-like

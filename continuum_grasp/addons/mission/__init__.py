@@ -3,6 +3,7 @@
 from lazy_loader import attach_stub
 
 __all__ = [
+    "AssignedMission",
     "Exceeded",
     "MissionController",
     "MissionRun",
@@ -15,6 +16,7 @@ __all__ = [
     "Trials",
     "TrialsResult",
     "Turn",
+    "assign_mission",
     "check_mission",
     "run_mission",
     "run_trials",

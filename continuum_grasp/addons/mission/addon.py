@@ -8,7 +8,9 @@ ADDON = Addon(
             *("mission", "continuum_grasp.addons.mission:MissionScene", "a mission", "grasp, controller", "mpc"),
             required=("controller", "grasp"),
             loop="continuum_grasp.addons.mission:exported_loop",
-            result="MissionRun",
+            results=("AssignedMission", "MissionRun"),
+            prepare="continuum_grasp.addons.mission:assign_mission",
+            preparing="optimizing the grasp",
         ),
     ),
 )

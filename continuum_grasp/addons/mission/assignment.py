@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-
 from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import Array
 from continuum_grasp.grasp import GraspResult, Resistance
@@ -59,13 +57,6 @@ class Assignment:
         """Name in the mission of a contact of this finger's controller or plant: ``finger.tip`` with this name."""
         body, _, part = contact.partition(".")
         return f"{self.name}.{part}" if body == "finger" else contact
-
-
-def object_height(mission: MissionScene, pose: Array) -> Array:
-    """Height (K,) of an object with poses (K, 3 or 4): out of the plane, or in it against gravity [m]."""
-    up = -np.array(mission.grasp.gravity_in_plane)
-    size = float(np.hypot(*up))
-    return np.asarray(pose[:, 3] if size == 0.0 else pose[:, :2] @ up / size)
 
 
 def object_of(scene: ControlScene | Scene) -> GraspObject:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
+from os import PathLike
 
 from continuum_grasp.addons.mission.assignment import Assignment
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.plan import certified_forces, mission_settings
-from continuum_grasp.addons.mission.plant import PlantVariation, Timetable
+from continuum_grasp.addons.mission.plant import PlantVariation, Timetable, mission_plant_model
 from continuum_grasp.addons.mission.precheck import admit, exceeded
 from continuum_grasp.addons.mission.result import MissionRun
 from continuum_grasp.addons.mission.scene import MissionScene
-from continuum_grasp.base import InputError
+from continuum_grasp.base import InputError, Summarized, check_arguments, quoted
+from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Stages
 from continuum_grasp.export import ExportedLoop, ExportedPhases
+from continuum_grasp.grasp import GraspResult
+from continuum_grasp.scene import scene_of
 
 _REPORTED = {
     True: (("others_bear", "BEARS"), ("others_lack", "LACKS"), ("others_doubt", "DOUBTS"), ("others_blind", "BLIND")),
@@ -23,30 +28,107 @@ _REPORTED = {
 """Reports that the finger that decides takes from others, and they from it, with the words in ``c/mission.h``."""
 
 
-def assigned(given: MissionScene | MissionRun) -> tuple[Assignment, ...]:
-    """Tasks of the fingers of a mission, whose grasp is optimized where that has not run."""
-    if isinstance(given, MissionRun):
-        return given.assignments
-    assignments = assign(given)
+@dataclass(frozen=True)
+class AssignedMission(Summarized):
+    """A mission whose grasp is found, with the tasks of its fingers, before anything moves: what exports take.
+
+    Attributes
+    ----------
+    assignments : tuple of Assignment
+        Task of each finger.
+    """
+
+    assignments: tuple[Assignment, ...]
+
+    @staticmethod
+    def of(given: MissionScene | AssignedMission | MissionRun) -> AssignedMission:
+        """That of a run; InputError of a mission whose grasp is not found yet."""
+        if isinstance(given, MissionScene):
+            raise InputError(
+                "the grasp of this mission is not optimized yet: give what assign_mission(mission), or "
+                "run_mission(mission), returns",
+                key="given",
+            )
+        return given if isinstance(given, AssignedMission) else AssignedMission(given.assignments)
+
+    @property
+    def name(self) -> str:
+        """Name of the mission."""
+        return self.assignments[0].mission.name or ""
+
+    def headline(self) -> str:
+        """Name of the mission and status of its grasp."""
+        return quoted(self.name, self.assignments[0].grasp.status.value)
+
+    def pairs(self) -> dict[str, str]:
+        """Tensions that hold the object, by finger."""
+        return {
+            f"tensions of {of.name}": ", ".join(f"{tension:.3g} N" for tension in of.tensions)
+            for of in self.assignments
+        }
+
+    @property
+    def timetables(self) -> tuple[Timetable, ...]:
+        """Planned phases of each finger."""
+        return tuple(map(Timetable, self.assignments))
+
+    @property
+    def plant_models(self) -> tuple[PlantModel, ...]:
+        """Equations of the plant of each finger."""
+        return tuple(map(mission_plant_model, self.assignments))
+
+
+@check_arguments
+def assign_mission(scene: MissionScene | str | PathLike[str], *, grasp: GraspResult | None = None) -> AssignedMission:
+    """Optimize the grasp of a mission, and say what each of its controllers has to do.
+
+    Parameters
+    ----------
+    scene : MissionScene or path-like
+        The mission, or its YAML file.
+    grasp : GraspResult, optional
+        The grasp, where it has been found already.
+
+    Returns
+    -------
+    AssignedMission
+
+    Raises
+    ------
+    SolverError
+        If there is no verified grasp, or its contacts bear too little on the mission's compliant pads.
+    InputError
+        If the mission does not make sense.
+    Interrupted
+        On Ctrl-C.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.addons.mission import assign_mission
+    >>> mission = assign_mission("configs/mission/mug.yaml")  # doctest: +SKIP
+    >>> cg.export_c(mission, "build/mug")  # doctest: +SKIP
+    """
+    assignments = assign(scene_of(scene, MissionScene), grasp)
     admit(assignments, [limit.text for limit in exceeded(assignments, PlantVariation())])
-    return assignments
+    return AssignedMission(assignments)
 
 
-def exported_loop(mission: MissionScene | MissionRun, finger: str | None) -> ExportedLoop:
+def exported_loop(mission: MissionScene | AssignedMission | MissionRun, finger: str | None = None) -> ExportedLoop:
     """The controller of a finger with the phases of its mission; ``finger`` names one of several.
 
-    InputError if there is no such finger.
+    InputError if there is no such finger, or the grasp of the mission is not found yet.
     """
-    assignments = assigned(mission)
+    assignments = AssignedMission.of(mission).assignments
     by_name = {assignment.name: assignment for assignment in assignments}
     if finger not in by_name and (finger is not None or len(by_name) > 1):
         expected = f"one of {', '.join(by_name)}, which have a package each"
         raise InputError(f"expected {expected}, got {finger!r:.60}", key="finger")
     of = assignments[0] if finger is None else by_name[finger]
-    return ExportedLoop(of.control, of.mission.model_dump(mode="json"), partial(phases_of, assignments, of))
+    return ExportedLoop(of.control, of.mission.model_dump(mode="json"), partial(_phases_of, assignments, of))
 
 
-def phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> ExportedPhases:
+def _phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> ExportedPhases:
     """Phases of the finger ``of``, one of those that are assigned, by the problem of its controller."""
     table, leads = Timetable(of), of is assignments[0]
     certified, holds_on = certified_forces(assignments, of), of.mission.phases.hold_until_release

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from continuum_grasp.addons.mission.assignment import Assignment, object_height, object_of
+from continuum_grasp.addons.mission.assignment import Assignment, object_of
 from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import FALL, WRENCH, Plant, PlantModel, plant_scene
@@ -151,7 +151,7 @@ class MissionPlant(Plant):
         if slip is None or slip.height is None:
             return math.nan
         pose = self.seen()[1][self.model.system.object_states]
-        height = float(object_height(self._mission, pose[None])[0])
+        height = float(self._mission.object_height(pose[None])[0])
         return height + self._mission.plant.noise * slip.height * self._height_noise.standard_normal()
 
 

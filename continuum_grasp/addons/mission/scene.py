@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
+from continuum_grasp.base import Array
 from continuum_grasp.scene import (
     Angle,
     Configuration,
@@ -289,3 +291,9 @@ class MissionScene(Configuration):
     def gravity(self) -> float:
         """Gravity out of the plane [m/s2]."""
         return self.grasp.gravity.magnitude if self.grasp.gravity.mode == "out_of_plane" else 0.0
+
+    def object_height(self, pose: Array) -> Array:
+        """Height (K,) of an object with poses (K, 3 or 4): out of the plane, or in it against gravity [m]."""
+        up = -np.array(self.grasp.gravity_in_plane)
+        size = float(np.hypot(*up))
+        return np.asarray(pose[:, 3] if size == 0.0 else pose[:, :2] @ up / size)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.addons.mission.assignment import Assignment, object_height, present
+from continuum_grasp.addons.mission.assignment import Assignment, present
 from continuum_grasp.addons.mission.budget import is_table
 from continuum_grasp.addons.mission.causes import (
     FALLEN,
@@ -165,7 +165,7 @@ def judge(
     carried = (t >= lift.start) & (t <= lower.start)
     whole = bool(t[-1] >= lower.start)  # a mission that was stopped before counts as not held
     # Of what was lifted, until it stands: heights before the lift do not count.
-    lost, height, until = np.zeros(len(t)), object_height(record.mission, pose), (t >= lift.start) & (t <= lower.end)
+    lost, height, until = np.zeros(len(t)), record.mission.object_height(pose), (t >= lift.start) & (t <= lower.end)
     lost[until] = height[until][:1] - height[until]
     sunk, slid = (float(np.max(lost[during], initial=0.0)) for during in (carried, until))
     if slipped is not None and slipped.down < np.inf:

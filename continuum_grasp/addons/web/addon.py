@@ -8,6 +8,7 @@ ADDON = Addon(
             write="continuum_grasp.addons.web:export_web",
             report="continuum_grasp.addons.web.verbs:report",
             suffix=".html",
+            defaults="continuum_grasp.addons.web.verbs:defaults",
         )
     },
     pages={

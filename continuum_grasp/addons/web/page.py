@@ -11,22 +11,13 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.addons.mission import (
-    Assignment,
-    MissionScene,
-    Timetable,
-    assigned,
-    mission_plant_model,
-    object_height,
-    phases_of,
-)
+from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionScene, exported_loop
 from continuum_grasp.addons.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.addons.web.record import RecordedStates, loop_record, rounded, trajectory_record
 from continuum_grasp.base import Array, InputError, check_arguments, interruptible, name_of
@@ -44,6 +35,8 @@ _DIGITS = 6
 """Digits of numbers that are only drawn."""
 _TABLE = 0.005
 """Time between rows of a table of inputs and loads [s]."""
+_MISSIONS = (MissionScene, AssignedMission, MissionRun)
+"""What has a mission; `AssignedMission.of` refuses those whose grasp is not found yet."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +78,8 @@ class Page:
 @interruptible()
 @check_arguments
 def export_web(
-    given: Scene | ControlScene | MissionScene | str | os.PathLike[str], file: str | os.PathLike[str]
+    given: Scene | ControlScene | MissionScene | AssignedMission | MissionRun | str | os.PathLike[str],
+    file: str | os.PathLike[str],
 ) -> Page:
     """Write a scene as a page, one file that needs no network, in which its own C runs as WebAssembly.
 
@@ -96,7 +90,7 @@ def export_web(
 
     Parameters
     ----------
-    given : Scene, ControlScene, MissionScene or path of a configuration
+    given : Scene, ControlScene, AssignedMission, MissionRun or path of a configuration
     file : path-like
         Page to write; an earlier one is replaced, a file that no export wrote is not.
 
@@ -121,15 +115,15 @@ def export_web(
     ...     assert list(page.modules) == ["plant"]
     """
     check_file(Path(file))
-    scene = scene_of(given, (Scene, ControlScene, MissionScene))
-    return (page_of_mission(scene) if isinstance(scene, MissionScene) else page_of(scene)).save(file)
+    scene = scene_of(given, (Scene, ControlScene, *_MISSIONS))
+    return (page_of_mission(scene) if isinstance(scene, _MISSIONS) else page_of(scene)).save(file)
 
 
 def page_of(
     scene: Scene | ControlScene,
     record: Callable[[WebPlant, Stages | None], RecordedStates] | None = None,
     plant_model: PlantModel | None = None,
-    mission: Assignment | None = None,
+    mission: AssignedMission | None = None,
 ) -> Page:
     """The page of a scene, which plays back a record before anything else, where there is one.
 
@@ -140,7 +134,7 @@ def page_of(
     stages, controller, wrapper = None, None, ""
     with ThreadPoolExecutor() as pool:
         if isinstance(scene, ControlScene):
-            wasm = WasmController(scene, None if mission is None else partial(phases_of, [mission], mission))
+            wasm = WasmController(scene, None if mission is None else exported_loop(mission).phases)
             # Compiled while the plant is written.
             modules["controller"] = pool.submit(wasm.module)
             stages, wrapper = wasm.loop.stages, wasm.wrapper
@@ -160,7 +154,7 @@ def page_of(
         if played is not None:
             known["plant"]["table"] = played.table()
         if mission is not None:
-            known["plant"]["table"] = _planned_table(Timetable(mission), plant)
+            known["plant"]["table"] = _planned_table(mission, plant)
         binaries = {name: module.result() for name, module in modules.items()}
     words = {
         "title": html.escape(scene.name or "a continuum finger"),
@@ -175,12 +169,17 @@ def page_of(
     return Page(fill("web/page.html", words), {name: len(binary) for name, binary in binaries.items()})
 
 
-def page_of_mission(scene: MissionScene) -> Page:
+def page_of_mission(given: MissionScene | AssignedMission | MissionRun) -> Page:
     """The page of a mission of one finger, which is carried out as one looks."""
-    if (count := len(scene.grasp.setups)) > 1:
+    check_one_finger(given if isinstance(given, MissionScene) else given.assignments[0].mission)
+    mission = AssignedMission.of(given)
+    return page_of(mission.assignments[0].control, plant_model=mission.plant_models[0], mission=mission)
+
+
+def check_one_finger(mission: MissionScene) -> None:
+    """Refuse a mission of several fingers."""
+    if (count := len(mission.grasp.setups)) > 1:
         raise InputError(f"a page has one finger, and this mission {count}: take run_mission and animate", key="grasp")
-    (assignment,) = assigned(scene)
-    return page_of(assignment.control, plant_model=mission_plant_model(assignment), mission=assignment)
 
 
 def page_of_motion(run: Trajectory) -> Page:
@@ -235,15 +234,15 @@ def _controller(scene: ControlScene, wasm: WasmController, sensors: Sensors) -> 
     }
 
 
-def _mission(wasm: WasmController, mission: Assignment | None, plant: WebPlant) -> dict[str, Any] | None:
+def _mission(wasm: WasmController, mission: AssignedMission | None, plant: WebPlant) -> dict[str, Any] | None:
     """Data of a mission for the page: when each phase is planned to begin [s], and the height in the hand that is
     measured, by numbers of the state and what they count.
     """
     phases = wasm.loop.phases
     if mission is None or phases is None:
         return None
-    asked, states = mission.mission, plant.system.object_states
-    slip, shares = asked.slip, object_height(asked, np.eye(len(plant.start))[:, states])  # the height is linear
+    asked, states = mission.assignments[0].mission, plant.system.object_states
+    slip, shares = asked.slip, asked.object_height(np.eye(len(plant.start))[:, states])  # the height is linear
     up = {k: float(share) for k, share in enumerate(shares) if share}
     return {
         "phases": list(phases.names),
@@ -252,8 +251,9 @@ def _mission(wasm: WasmController, mission: Assignment | None, plant: WebPlant) 
     }
 
 
-def _planned_table(timetable: Timetable, plant: WebPlant) -> dict[str, Any]:
+def _planned_table(mission: AssignedMission, plant: WebPlant) -> dict[str, Any]:
     """Table of the motion of the ground and of the pulls at the object, by instants of the plan."""
+    (timetable,) = mission.timetables
     outside = timetable.outside()
     t = np.arange(0.0, timetable.duration + _TABLE, _TABLE)
     columns = [outside[name](t) if name in outside else 0.0 * t for name in plant.system.w_names]
@@ -377,7 +377,7 @@ def _slider(field: Any, value: float) -> dict[str, Any]:
 
 
 def _about(
-    plant: WebPlant, scene: Scene | ControlScene, played: RecordedStates | None, mission: Assignment | None = None
+    plant: WebPlant, scene: Scene | ControlScene, played: RecordedStates | None, mission: AssignedMission | None = None
 ) -> str:
     """Computed quantities, in a sentence or two."""
     model = plant.system.finger_model
