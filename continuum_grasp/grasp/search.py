@@ -132,6 +132,7 @@ class GraspSearch:
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
         self._rough: dict[frozenset[str], list[GraspStart]] = {}
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
+        self._curled = frozenset[str]()  # fingers that passed through themselves in an attempt
         self.basins: list[Basin] = []
         # Starts that led to no grasp, with violations and option sets.
         self._missed: list[tuple[float, GraspStart, int]] = []
@@ -509,7 +510,7 @@ class GraspSearch:
         **options: Any,
     ) -> Tried | None:
         """Solve from a start and verify what is new; None where there are no numbers to verify."""
-        solver = solver or self.solver(start)
+        own, solver = solver is None, solver or self.solver(start)
         fresh = "x0" not in options
         known = {t.attempt: t for t in self.tried if t.solver is solver and t.attempt.converged and fresh}
         attempt = solver.run(self.scene, start, self.budget, options_at=options_at, known=list(known), **options)
@@ -523,7 +524,13 @@ class GraspSearch:
         if fresh and enough and not tried.verified:  # what the solver rounded, once more from there
             again = solver.run(self.scene, tried.start, self.budget, options_at=0)
             tried = Tried(again, solver, self.scene) if again.converged else tried
-        return self._noted(tried)
+        self._noted(tried)
+        if attempt.converged and own and tried.curled - self._curled:
+            # Few grasps are so curled: what keeps a finger clear of itself costs nothing before one is.
+            self._curled |= tried.curled
+            self._solvers.clear()
+            return self.attempt(start, options_at=options_at, **options)
+        return tried
 
     def adopt(self, relaxed: GraspAttempt) -> None:
         """Verify an attempt with limits relaxed by nothing, which is a grasp of the scene, though not its optimum."""
@@ -555,7 +562,7 @@ class GraspSearch:
         began = time.perf_counter()
         contacts = tuple((name, contact.part) for name, contact in start.contacts.items())
         if contacts not in self._solvers:
-            self._solvers[contacts] = solver_for(ProblemSpec.of(self.scene, start.contacts))
+            self._solvers[contacts] = solver_for(ProblemSpec.of(self.scene, start.contacts, self._curled))
             self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return self._solvers[contacts]

@@ -330,6 +330,9 @@ class _Verdict:
             return self._failed(GraspStatus.STOPPED, message, "Raise solver.time_limit, or free the machine.", closest)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
+        elif curled := [t.curled for t in self.search.tried if t.attempt.converged and t.curled]:
+            message = f"no grasp was found in which {', '.join(sorted(curled[0]))} does not pass through itself"
+            advice = "Take a shorter finger, or place its base where it need not curl up."
         elif closest is not None and closest.attempt.optimal:
             names = ", ".join(check.name for check in closest.certificate.failed)
             message = f"the solver converged, but the independent check rejects: {names}"

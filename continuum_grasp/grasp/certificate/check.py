@@ -25,6 +25,8 @@ EXACT = 1e-6
 """Limit of residuals of moments and forces, as a part of the greatest moment or force in play; of contact gaps, stored
 positions and slopes, as a part of the finger's length (slopes: rad); and part of it by which a limit may be exceeded.
 Optima of IPOPT, recomputed independently, stay below 2e-7 (400 random scenes)."""
+CURLED = "passes through itself"
+"""Name of the check of a finger against itself, before the finger's."""
 GUARDED = 1e-4
 """Limit of what depends on the places at which the optimizer looks at clearance, some eight per element: penetration of
 the dense backbone between them, as a part of the finger's length (10 um of 0.1 m); and friction cones with other
@@ -128,6 +130,7 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
             depths.append((peg.name, float((thick + peg.radius - away).max())))
         for what, depth in depths:
             yield Check.part(f"penetration into {what}, {finger.name}", depth, finger.length, "m", GUARDED)
+        yield Check.part(f"{CURLED}, {finger.name}", self_overlap(finger), finger.length, "m", GUARDED)
     length = min(finger.length for finger in grasp.fingers)
     depths = [(wall.name, depth_of_wall(grasp.object, wall)) for wall in grasp.scene.walls]
     for peg in grasp.scene.pegs:
@@ -241,15 +244,47 @@ def overlap(finger: RecomputedFinger, other: RecomputedFinger) -> float:
     return deepest
 
 
+def self_overlap(finger: RecomputedFinger) -> float:
+    """Depth of a finger in itself [m]; negative: the distance of its parts.
+
+    Parts are apart along the finger by more than half a circle of its own half thickness: what bends no sharper than
+    its skin allows cannot touch itself closer by. Where the backbone crosses itself, as deep as the tip is beyond.
+    """
+    # What turns by less than half a circle in all has no parts that come back to each other.
+    if float(np.abs(np.diff(finger.angles)).sum()) < np.pi:
+        return -finger.length
+    z, s, half = finger.points, finger.rod.edges, finger.thickness
+    thick = np.maximum(half[:-1], half[1:])
+    between = s[None, :-1] - s[1:, None]  # of the end of one panel and the begin of another
+    parts = between > np.pi * np.maximum.outer(thick, thick)
+    apart = np.hypot(z[:, None, 0] - z[:, 0], z[:, None, 1] - z[:, 1])
+    gap = apart - half[:, None] - half
+    nodes = np.zeros(gap.shape, dtype=bool)
+    nodes[:-1, :-1] |= parts
+    if not parts.any():
+        return -finger.length
+    reach = 2.0 * float(np.hypot(*np.diff(z, axis=0).T).max())
+    p, q = _panels(gap <= gap[nodes].min() + reach, parts)
+    ends = (z[p], z[q], z[q + 1]), (z[p + 1], z[q], z[q + 1]), (z[q], z[p], z[p + 1]), (z[q + 1], z[p], z[p + 1])
+    deepest = float((_half(finger, p) + _half(finger, q) - np.min([segment_distance(*e) for e in ends], axis=0)).max())
+    p, q = _panels(apart <= reach, parts)
+    crossing = _apart(z[p], z[p + 1], z[q], z[q + 1]) & _apart(z[q], z[q + 1], z[p], z[p + 1])
+    if crossing.any():
+        before = int(p[crossing].min()) + 1
+        beyond = float(segment_distance(z[-1], z[:before], z[1 : before + 1]).min())
+        deepest = worst(deepest, float((_half(finger, p) + _half(finger, q))[crossing].max()) + beyond)
+    return deepest
+
+
 def _half(finger: RecomputedFinger, panels: Array) -> Array:
     """Half the thickness of panels, where it is greatest [m]."""
     return np.asarray(np.maximum(finger.thickness[panels], finger.thickness[panels + 1]))
 
 
-def _panels(near: Array) -> tuple[Array, Array]:
-    """Pairs of panels (m,), (m,) that end at nodes which are near each other (A, B)."""
+def _panels(near: Array, among: Array | bool = True) -> tuple[Array, Array]:
+    """Pairs of panels (m,), (m,) ``among`` some (A - 1, B - 1) that end at nodes which are near each other (A, B)."""
     touched = near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:]
-    p, q = np.nonzero(touched)
+    p, q = np.nonzero(touched & among)
     return p, q
 
 

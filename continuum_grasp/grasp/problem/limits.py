@@ -86,14 +86,15 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
 
 
 def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, ca.SX]) -> None:
-    """Two fingers keep clear of each other: of each element, the place nearest to the other finger.
+    """Two fingers keep clear of each other, or one of itself: of each element, the place nearest to the other finger,
+    or to what follows along it.
 
     The places are between guarded ones (2, K), with weights that the search renews; the gaps needed make up for the
     bend between these.
     """
     finger, other = (problem.fingers[k] for k in pair)
     name, number = f"{finger.spec.name}, {other.spec.name}", problem.numbers
-    count = finger.spec.elements + other.spec.elements
+    count = finger.spec.elements + (other.spec.elements if other is not finger else 0)
     near = [
         points @ ca.reshape(number(f"{side} of {name}", count * points.shape[1]), points.shape[1], count)
         for side, points in zip(("first", "second"), places, strict=True)
@@ -101,7 +102,8 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
     # 1e-24 keeps the root differentiable where the fingers cross.
     away = ca.sqrt(ca.sum1((near[0] - near[1]) ** 2).T + 1e-24)
     spare = away - number(f"gap of {name}", count) + problem.slack["overlap"] + number("tolerance")
-    problem.rows.require(f"overlap of fingers, {name}", spare, "m", "overlap", upper=ca.inf)
+    what = f"overlap of fingers, {name}" if other is not finger else f"passes through itself, {finger.spec.name}"
+    problem.rows.require(what, spare, "m", "overlap", upper=ca.inf)
 
 
 def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:

@@ -143,7 +143,7 @@ class ProblemSpec:
     planes: int  # supports that are half planes
     edges: int  # finite ones
     pegs: int  # round ones
-    pairs: tuple[tuple[int, int], ...]  # indices of fingers that must keep clear of each other
+    pairs: tuple[tuple[int, int], ...]  # indices of fingers that must keep clear of each other; of one twice, of itself
     free: bool  # whether the object's pose is sought
     gravity: str  # "planar", "out_of_plane" or "none"
     tilt: bool  # whether the tilt balance holds
@@ -154,8 +154,10 @@ class ProblemSpec:
     yielding: bool = False  # whether the object yields to tips that stay where they met it
 
     @staticmethod
-    def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
-        """The structure of the problem of a scene with some contacts on, which sit where a start has them."""
+    def of(scene: GraspScene, contacts: dict[str, ContactStart], curled: frozenset[str] = frozenset()) -> ProblemSpec:
+        """The structure of the problem of a scene with some contacts on, which sit where a start has them; fingers that
+        are ``curled``, by name, must not pass through themselves.
+        """
         aims, setups, weighs, on = scene.aims, scene.setups, any(scene.gravity_in_plane), frozenset(contacts)
         places: dict[str, tuple[int, int]] = {}
         for i, setup in enumerate(setups):
@@ -177,7 +179,7 @@ class ProblemSpec:
             planes=len(scene.walls) - len(bounded),
             edges=len(bounded),
             pegs=len(scene.pegs),
-            pairs=scene.pairs,
+            pairs=(*scene.pairs, *((k, k) for k, setup in enumerate(setups) if setup.name in curled)),
             free=scene.object.free is not None,
             gravity=scene.gravity.mode,
             tilt=scene.balances_tilt,

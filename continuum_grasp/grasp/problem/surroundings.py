@@ -191,11 +191,18 @@ class _Traced:
 
 
 def _between(finger: _Traced, other: _Traced, numbers: Values) -> float:
-    """Depth of two fingers in each other; the places where each element is nearest go into the numbers."""
+    """Depth of two fingers in each other, or of one in itself; the places where each element is nearest go into the
+    numbers.
+    """
     away = np.hypot(*(finger.points[:, None] - other.points).transpose(2, 0, 1))
     gap = away - finger.half[:, None] - other.half
     rows = [np.flatnonzero(finger.owner == k)[:, None] for k in range(int(finger.owner[-1]) + 1)]
     columns = [np.flatnonzero(other.owner == k) for k in range(int(other.owner[-1]) + 1)]
+    if finger is other:
+        # Of each element the place nearest to what follows it beyond half a circle of the half thickness.
+        s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(finger.points, axis=0).T))])
+        gap = np.where(s - s[:, None] > np.pi * np.maximum.outer(finger.half, finger.half), gap, _FAR)
+        columns = []
     every = np.arange(len(finger.points))[:, None], np.arange(len(other.points))
     picks = []
     for i, j in (*((row, every[1]) for row in rows), *((every[0], column) for column in columns)):
