@@ -8,10 +8,12 @@ An installed distribution that has an entry point of the group ``continuum_grasp
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 from continuum_grasp.base.errors import InputError
 
@@ -73,20 +75,36 @@ class ConfigurationKind:
         return marked and there >= set(self.required) and not there & set(self.without)
 
 
-@dataclass(frozen=True)
-class ExportTarget:
-    """An export, for a word of ``continuum-grasp export --to``; functions are named as ``module:name``."""
+class ExportTarget(ABC):
+    """An export, for a word of ``continuum-grasp export --to``; one is made where the word is used.
 
-    write: str
-    """Function (scene, path, **options), of the options of ``export`` those that it has as parameters."""
-    report: str
-    """Function (written, output) that prints what was written."""
-    suffix: str = ""
-    """End of the file's name; empty where a folder is written."""
-    loops: bool = True
-    """Whether it takes closed loops and missions, too."""
-    defaults: str = ""
-    """Function (path of the configuration, scene) -> options that are not given."""
+    Attributes
+    ----------
+    suffix : str
+        End of the file's name; empty where a folder is written.
+    takes_loops : bool
+        Whether closed loops and missions can be exported, or simulated scenes alone.
+    """
+
+    suffix: ClassVar[str] = ""
+    takes_loops: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def write(self) -> Callable[..., Any]:
+        """Function (scene, path, **options); of the options of ``export`` it has those that are its parameters."""
+
+    @abstractmethod
+    def report(self, written: Any, output: Any) -> None:
+        """Print what was written, by the `Output` of the command line."""
+
+    def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
+        """Options of a configuration that are not given."""
+        return {}
+
+    def page_maker(self, kind: str) -> Callable[[Any], Any] | None:
+        """Function result -> page of a result that shows a ``motion`` or a ``loop``; None where there is none."""
+        return None
 
 
 @dataclass(frozen=True)
@@ -99,12 +117,10 @@ class Addon:
         Configurations that ``load`` then reads.
     verbs : mapping of str to str
         Functions of the command line by their verbs, as ``module:name``.
-    exports : mapping of str to ExportTarget
-        What ``export --to`` writes, by its word.
+    exports : mapping of str to str
+        Subclasses of `ExportTarget` by the word of ``export --to``, as ``module:name``.
     contact_laws : mapping of str to str
         Subclasses of ``continuum_grasp.model.TouchLaw`` by the value of ``contact_law.law``, as ``module:name``.
-    pages : mapping of str to str
-        Functions result -> page by what the result shows, ``motion`` or ``loop``, as ``module:name``.
 
     Examples
     --------
@@ -115,9 +131,8 @@ class Addon:
 
     kinds: tuple[ConfigurationKind, ...] = ()
     verbs: Mapping[str, str] = field(default_factory=dict)
-    exports: Mapping[str, ExportTarget] = field(default_factory=dict)
+    exports: Mapping[str, str] = field(default_factory=dict)
     contact_laws: Mapping[str, str] = field(default_factory=dict)
-    pages: Mapping[str, str] = field(default_factory=dict)
 
 
 @cache

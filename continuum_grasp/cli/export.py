@@ -17,14 +17,11 @@ from continuum_grasp.cli.output import Output, one_of, out_option
 if TYPE_CHECKING:
     from continuum_grasp.export import Package
 
-_CORE = {
-    "c": ExportTarget("continuum_grasp.export:export_c", "continuum_grasp.cli.export:report_package"),
-    "casadi": ExportTarget("continuum_grasp.export:export_casadi", "continuum_grasp.cli.export:report_functions"),
-}
+_CORE = {"c": "continuum_grasp.cli.export:PackageTarget", "casadi": "continuum_grasp.cli.export:FunctionsTarget"}
 
 
-def _targets() -> dict[str, ExportTarget]:
-    """Exports of the core and of add-ons, by the word of ``--to``."""
+def _targets() -> dict[str, str]:
+    """Subclasses of `ExportTarget` of the core and of add-ons, by the word of ``--to``."""
     found = dict(_CORE)
     for name, addon in addons().items():
         if again := found.keys() & addon.exports.keys():
@@ -93,27 +90,25 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
     from continuum_grasp.results import hold_folder
     from continuum_grasp.scene import kinds
 
-    target = _targets()[to]
-    write = named_value(target.write)
-    for key in options.keys() - inspect.signature(write).parameters.keys():
+    target: ExportTarget = named_value(_targets()[to])()
+    for key in options.keys() - inspect.signature(target.write).parameters.keys():
         raise InputError(f"has no effect on --to {to}", key=f"--{_SPELLED.get(key, key)}")
     rates = [] if clock is None else [_frequency(clock, "measured" in options)]
     options = {key: _READ[key](value) if key in _READ else value for key, value in options.items()}
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{target.suffix}")
     loops = [kind.scene_class for kind in kinds().values() if kind.name == "mpc" or kind.loop]
-    scene = resolved_scene(output, *(loops if target.loops else ()))[0]
+    scene = resolved_scene(output, *(loops if target.takes_loops else ()))[0]
     if rates and not isinstance(scene, tuple(loops)):
         raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
-    if target.defaults:
-        options = {**named_value(target.defaults)(output.config, scene), **options}
+    options = {**target.defaults(output.config, scene), **options}
     hold_folder(output.folder)
     if kind := next((kind for kind in kinds().values() if kind.prepare and isinstance(scene, kind.scene_class)), None):
         with output.busy(kind.preparing):
             scene = named_value(kind.prepare)(scene)
         output.pairs(scene.pairs())
     with output.busy("writing"):
-        written = write(scene, output.out, **options)
-    named_value(target.report)(written, output, *rates)
+        written = target.write(scene, output.out, **options)
+    target.report(written, output, *rates)
 
 
 def _ranges(words: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -165,35 +160,6 @@ def calls_per_period(made: Mapping[str, Any], clock: float) -> dict[str, tuple[f
     }
 
 
-def report_package(package: Package, output: Output, clock: float | None = None) -> None:
-    """Print where a package is, its limits and errors, and what an emulated target counted; end with status 1 where a
-    call does not fit into the period of a ``clock`` [Hz].
-    """
-    made = package.manifest
-    errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
-    output.pairs(
-        {
-            "package": f"{package.folder} ({len(package.files)} files; start with README.md)",
-            "computes in": made["real"],
-            "configuration": made["configuration_hash"],
-            **_limits(made),
-            "test cases": sum(f["test_cases"] for f in made["functions"].values()),
-            **({"greatest relative error": f"{max(errors):g}"} if errors else {}),
-        }
-    )
-    for name, usage in ((made["measured"] or {}).get("functions", {})).items():
-        output.say(f"{name}: {usage['most_instructions']} instructions, {usage['stack_bytes']} bytes of stack at most")
-    shares = {} if clock is None else calls_per_period(made, clock)
-    for name, (mean, greatest) in shares.items():
-        verdict = "fits" if greatest <= 1.0 else "does not fit"
-        output.say(f"{name}: {mean:.0%} of the period in the mean, {greatest:.0%} at most: {verdict}")
-    if clock is not None:
-        output.say(f"at one instruction per cycle of {1e-6 * clock:g} MHz; waits for memory come on top")
-    output.result(folder=package.folder, files=package.files, manifest=made, period_shares=shares)
-    if any(greatest > 1.0 for _, greatest in shares.values()):
-        raise typer.Exit(1)
-
-
 def _limits(made: Mapping[str, Any]) -> dict[str, str]:
     """Longest step, where the package steps; memory of estimator and controller."""
     limits = {}
@@ -205,13 +171,63 @@ def _limits(made: Mapping[str, Any]) -> dict[str, str]:
     return limits
 
 
-def report_functions(made: Package, output: Output) -> None:
-    """Print where the functions are, and how one is loaded."""
-    names = list(made.manifest["functions"])
-    output.pairs(
-        {
-            "functions": f"{made.folder} ({len(names)} files; names and units in MANIFEST.json)",
-            "to load one": f'casadi.Function.load("{names[0]}.casadi")',
-        }
-    )
-    output.result(folder=made.folder, files=made.files, manifest=made.manifest)
+class PackageTarget(ExportTarget):
+    """A C package in a folder."""
+
+    @property
+    def write(self) -> Callable[..., Any]:
+        from continuum_grasp.export import export_c
+
+        return export_c
+
+    def report(self, written: Package, output: Output, clock: float | None = None) -> None:
+        """Print where a package is, its limits and errors, and what an emulated target counted.
+
+        End with status 1 where a call does not fit into the period of a ``clock`` [Hz].
+        """
+        made = written.manifest
+        errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
+        output.pairs(
+            {
+                "package": f"{written.folder} ({len(written.files)} files; start with README.md)",
+                "computes in": made["real"],
+                "configuration": made["configuration_hash"],
+                **_limits(made),
+                "test cases": sum(f["test_cases"] for f in made["functions"].values()),
+                **({"greatest relative error": f"{max(errors):g}"} if errors else {}),
+            }
+        )
+        for name, usage in ((made["measured"] or {}).get("functions", {})).items():
+            output.say(
+                f"{name}: {usage['most_instructions']} instructions, {usage['stack_bytes']} bytes of stack at most"
+            )
+        shares = {} if clock is None else calls_per_period(made, clock)
+        for name, (mean, greatest) in shares.items():
+            verdict = "fits" if greatest <= 1.0 else "does not fit"
+            output.say(f"{name}: {mean:.0%} of the period in the mean, {greatest:.0%} at most: {verdict}")
+        if clock is not None:
+            output.say(f"at one instruction per cycle of {1e-6 * clock:g} MHz; waits for memory come on top")
+        output.result(folder=written.folder, files=written.files, manifest=made, period_shares=shares)
+        if any(greatest > 1.0 for _, greatest in shares.values()):
+            raise typer.Exit(1)
+
+
+class FunctionsTarget(ExportTarget):
+    """Functions as files of CasADi, in a folder."""
+
+    @property
+    def write(self) -> Callable[..., Any]:
+        from continuum_grasp.export import export_casadi
+
+        return export_casadi
+
+    def report(self, written: Package, output: Output) -> None:
+        """Print where the functions are, and how one is loaded."""
+        names = list(written.manifest["functions"])
+        output.pairs(
+            {
+                "functions": f"{written.folder} ({len(names)} files; names and units in MANIFEST.json)",
+                "to load one": f'casadi.Function.load("{names[0]}.casadi")',
+            }
+        )
+        output.result(folder=written.folder, files=written.files, manifest=written.manifest)

@@ -56,7 +56,7 @@ class Library:
 
     @property
     def subject(self) -> Subject:
-        """What was exported."""
+        """Model and loop that it was made of."""
         return self.contents.subject
 
     @property

@@ -93,8 +93,9 @@ class MotionResult(Result):
     def _page_maker(self) -> Any:
         """The function of an add-on that makes the page of such a run."""
         for addon in addons().values():
-            if self.page in addon.pages:
-                return named_value(addon.pages[self.page])
+            for target in addon.exports.values():
+                if maker := named_value(target)().page_maker(self.page):
+                    return maker
         raise InputError(f"no add-on that is installed makes a page of a {self.page}")
 
     def animate(

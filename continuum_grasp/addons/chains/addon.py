@@ -1,14 +1,5 @@
 """Announcement of the add-on."""
 
-from continuum_grasp.base import Addon, ExportTarget
+from continuum_grasp.base import Addon
 
-ADDON = Addon(
-    exports={
-        "mjcf": ExportTarget(
-            write="continuum_grasp.addons.chains:export_mjcf",
-            report="continuum_grasp.addons.chains.verbs:report",
-            suffix=".xml",
-            loops=False,
-        )
-    }
-)
+ADDON = Addon(exports={"mjcf": "continuum_grasp.addons.chains.verbs:ChainTarget"})

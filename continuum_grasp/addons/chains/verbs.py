@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from continuum_grasp.addons.chains.write import HingeChain, export_mjcf
+from continuum_grasp.base import ExportTarget
 
 if TYPE_CHECKING:
-    from continuum_grasp.addons.chains.write import HingeChain
     from continuum_grasp.cli import Output
 
 
-def report(chain: HingeChain, output: Output) -> None:
-    """Print where a chain of hinges is, its controls, and what differs from the scene."""
-    output.warn(f"differs: {text}" for text in chain.differences)
-    output.pairs(
-        {
-            "written": ", ".join(map(str, chain.files)),
-            "hinges": chain.hinges,
-            "controls": ", ".join(chain.control_names) or "none",
-            "first frequency": f"{chain.first_frequency:.6g} Hz, straight and unloaded",
-            "timestep": f"{chain.timestep:g} s",
-        }
-    )
-    output.result(
-        files=chain.files,
-        hinges=chain.hinges,
-        controls=chain.control_names,
-        first_frequency_hz=chain.first_frequency,
-        timestep_s=chain.timestep,
-        differences=chain.differences,
-    )
+class ChainTarget(ExportTarget):
+    """A chain of hinges for MuJoCo, in a file."""
+
+    suffix = ".xml"
+    takes_loops = False
+
+    @property
+    def write(self) -> Callable[..., Any]:
+        return export_mjcf
+
+    def report(self, written: HingeChain, output: Output) -> None:
+        """Print where a chain of hinges is, its controls, and what differs from the scene."""
+        output.warn(f"differs: {text}" for text in written.differences)
+        output.pairs(
+            {
+                "written": ", ".join(map(str, written.files)),
+                "hinges": written.hinges,
+                "controls": ", ".join(written.control_names) or "none",
+                "first frequency": f"{written.first_frequency:.6g} Hz, straight and unloaded",
+                "timestep": f"{written.timestep:g} s",
+            }
+        )
+        output.result(
+            files=written.files,
+            hinges=written.hinges,
+            controls=written.control_names,
+            first_frequency_hz=written.first_frequency,
+            timestep_s=written.timestep,
+            differences=written.differences,
+        )

@@ -1,13 +1,5 @@
 """Announcement of the add-on."""
 
-from continuum_grasp.base import Addon, ExportTarget
+from continuum_grasp.base import Addon
 
-ADDON = Addon(
-    exports={
-        "fmu": ExportTarget(
-            write="continuum_grasp.addons.fmu:export_fmu",
-            report="continuum_grasp.addons.fmu.verbs:report",
-            defaults="continuum_grasp.addons.fmu.verbs:defaults",
-        )
-    }
-)
+ADDON = Addon(exports={"fmu": "continuum_grasp.addons.fmu.verbs:FmuTarget"})

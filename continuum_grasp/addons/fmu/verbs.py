@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.addons.fmu.write import FunctionalMockupUnit, identifier_of
+from continuum_grasp.addons.fmu.write import FunctionalMockupUnit, export_fmu, identifier_of
+from continuum_grasp.base import ExportTarget
 
 if TYPE_CHECKING:
     from continuum_grasp.cli import Output
 
 
-def defaults(config: Path, scene: Any) -> dict[str, Any]:
-    """Names of files and symbols are those of the configuration."""
-    return {"name": identifier_of(config, scene)}
+class FmuTarget(ExportTarget):
+    """Functional mock-up units in a folder."""
 
+    @property
+    def write(self) -> Callable[..., Any]:
+        return export_fmu
 
-def report(units: Sequence[FunctionalMockupUnit], output: Output) -> None:
-    """Print each unit's file, step and variables."""
-    for unit in units:
-        sizes = f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters"
-        output.pairs(
-            {
-                "written": unit.file,
-                "internal step": f"{unit.step:g} s",
-                "variables": sizes,
-                "binary": unit.binary or "none, sources alone",
-            }
+    def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
+        """Names of files and symbols are those of the configuration."""
+        return {"name": identifier_of(config, scene)}
+
+    def report(self, written: Sequence[FunctionalMockupUnit], output: Output) -> None:
+        """Print each unit's file, step and variables."""
+        for unit in written:
+            sizes = f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters"
+            output.pairs(
+                {
+                    "written": unit.file,
+                    "internal step": f"{unit.step:g} s",
+                    "variables": sizes,
+                    "binary": unit.binary or "none, sources alone",
+                }
+            )
+        output.result(
+            units=[{f"{key}_s" if key == "step" else key: value for key, value in vars(u).items()} for u in written]
         )
-    output.result(
-        units=[{f"{key}_s" if key == "step" else key: value for key, value in vars(u).items()} for u in units]
-    )

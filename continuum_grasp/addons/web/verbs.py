@@ -2,26 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from continuum_grasp.addons.mission import MissionScene
+from continuum_grasp.addons.web.page import Page, check_one_finger, export_web, page_of_loop, page_of_motion
+from continuum_grasp.base import ExportTarget
+
 if TYPE_CHECKING:
-    from continuum_grasp.addons.web.page import Page
     from continuum_grasp.cli import Output
 
 
-def defaults(_config: Path, scene: Any) -> dict[str, Any]:
-    """No options; a mission of several fingers is refused before its grasp is optimized."""
-    from continuum_grasp.addons.mission import MissionScene
-    from continuum_grasp.addons.web.page import check_one_finger
+class PageTarget(ExportTarget):
+    """A page for a browser; results are shown as pages, too."""
 
-    if isinstance(scene, MissionScene):
-        check_one_finger(scene)
-    return {}
+    suffix = ".html"
 
+    @property
+    def write(self) -> Callable[..., Any]:
+        return export_web
 
-def report(page: Page, output: Output) -> None:
-    """Print where a page is, and the size of its WebAssembly."""
-    modules = ", ".join(f"{name} {size}" for name, size in page.modules.items())
-    output.pairs({"page": f"{page.file} ({page.size} bytes; open it in a browser)", "modules [bytes]": modules})
-    output.result(file=page.file, size=page.size, modules=page.modules)
+    def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
+        """No options; a mission of several fingers is refused before its grasp is optimized."""
+        if isinstance(scene, MissionScene):
+            check_one_finger(scene)
+        return {}
+
+    def page_maker(self, kind: str) -> Callable[[Any], Any] | None:
+        makers: dict[str, Callable[[Any], Any]] = {"motion": page_of_motion, "loop": page_of_loop}
+        return makers.get(kind)
+
+    def report(self, written: Page, output: Output) -> None:
+        """Print where a page is, and the size of its WebAssembly."""
+        modules = ", ".join(f"{name} {size}" for name, size in written.modules.items())
+        output.pairs(
+            {"page": f"{written.file} ({written.size} bytes; open it in a browser)", "modules [bytes]": modules}
+        )
+        output.result(file=written.file, size=written.size, modules=written.modules)

@@ -18,7 +18,7 @@ class Color(StrEnum):
     INK = "#222222"
     """Text and outlines."""
     GRAY = "#8A8A8A"
-    """What only helps to read: limits, axes, scales."""
+    """Helps to read: limits, axes, scales."""
     SLATE = "#6B6B6B"
     """Text of less weight, and what is not real."""
     OBJECT = "#F3E9D6"
