@@ -21,8 +21,8 @@ from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.planning import PlanScene
 from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.base import InputError
-from continuum_grasp.grasp import ProblemSpec
 from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.scene import ControlScene, GraspScene, Scene, Value
 from continuum_grasp.scene.consumer import CONSUMERS
 from continuum_grasp.simulation import resolve_fidelity

@@ -17,7 +17,7 @@ from continuum_grasp.grasp.problem.values import Units, problem_values, tension_
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.supports import touching_supports
-from continuum_grasp.grasp.starts.values import start_from
+from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, Change, OutlineError, Sensitivity, tension_of
 from continuum_grasp.nlp import Budget, SolverStatus
@@ -132,7 +132,7 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
     """The grasp of a scene with other elements next to one that was found; in words why there is none."""
     search = GraspSearch(scene, budget)
     if not budget.over:
-        search.attempt(start_from(result.scene, dict(result.arrays)))
+        search.attempt(GraspStart.of(result.scene, dict(result.arrays)))
     stable = result.certificate is None or result.certificate.stability.stable
     best = search.best or (None if stable else search.unstable)
     if best is not None and not budget.stopped:

@@ -27,11 +27,10 @@ import numpy as np
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun, solver_for
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED, basin_starts, held_still, make_starts, starts_of
-from continuum_grasp.grasp.starts.values import GraspStart, start_from
+from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
 from continuum_grasp.nlp import Budget, SolverStatus
@@ -427,7 +426,7 @@ class GraspSearch:
         self.run_before(before)
         for held in before.held:
             if not (self.budget.over or self.proven):
-                self.attempt(replace(start_from(self.scene, held.arrays), label=label))
+                self.attempt(replace(GraspStart.of(self.scene, held.arrays), label=label))
 
     @property
     def _tries_all(self) -> bool:
@@ -562,7 +561,7 @@ class GraspSearch:
         began = time.perf_counter()
         contacts = tuple((name, contact.part) for name, contact in start.contacts.items())
         if contacts not in self._solvers:
-            self._solvers[contacts] = solver_for(ProblemSpec.of(self.scene, start.contacts, self._curled))
+            self._solvers[contacts] = GraspSolverRun.of(self.scene, start.contacts, self._curled)
             self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return self._solvers[contacts]

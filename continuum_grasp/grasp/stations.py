@@ -26,7 +26,7 @@ from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solver_for
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered
 from continuum_grasp.grasp.search import FIRST_CAP, GraspSearch
 from continuum_grasp.grasp.starts.supports import nearest_contact
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, start_from, with_contacts
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, with_contacts
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import NEAR, SAME, Reason
 from continuum_grasp.scene import FingerSetup, GraspScene
@@ -82,7 +82,7 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
     """A grasp of a scene ``before`` with other stations, or one middle contact each, as a start with the stations
     nearest to those that touch.
     """
-    plain = start_from(before, dict(arrays))
+    plain = GraspStart.of(before, dict(arrays))
     fingers, contacts, forces = dict(plain.fingers), dict(plain.contacts), dict(plain.forces)
     for old, setup in zip(before.setups, scene.setups, strict=True):
         if not setup.stations:
@@ -112,7 +112,7 @@ def _with_only(scene: GraspScene, start: GraspStart, contacts: Mapping[str, Cont
 
 def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[GraspStart]:
     """Starts next to a grasp with one station less, one more beside those on, or one moved to its neighbor."""
-    start = start_from(scene, dict(arrays))
+    start = GraspStart.of(scene, dict(arrays))
     for setup in scene.setups:
         names = setup.middle_names if setup.stations else ()
         on = [k for k, name in enumerate(names) if name in start.contacts]

@@ -11,7 +11,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.certificate.check import CURLED
 from continuum_grasp.grasp.problem.solver_run import GraspAttempt, GraspSolverRun
-from continuum_grasp.grasp.starts.values import GraspStart, start_from
+from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene import GraspScene
 
@@ -40,7 +40,7 @@ class Tried:
 
     @cached_property
     def start(self) -> GraspStart:
-        return start_from(self.scene, self.arrays)
+        return GraspStart.of(self.scene, self.arrays)
 
     @property
     def curled(self) -> frozenset[str]:

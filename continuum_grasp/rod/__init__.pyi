@@ -1,10 +1,7 @@
 from .dense_rod import DenseRod as DenseRod
-from .dense_rod import PanelMesh as PanelMesh
-from .dense_rod import panel_edges as panel_edges
 from .dense_rod import with_places as with_places
 from .dimensionless import RodProblem as RodProblem
 from .elastica import Elastica as Elastica
-from .elastica import deformed as deformed
 from .elastica import solve_elastica as solve_elastica
 from .equations import RodEquations as RodEquations
 from .frequencies import natural_frequencies as natural_frequencies

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError, SolverError, check_arguments, choice, real_array, within
-from continuum_grasp.rod.dense_rod import PanelMesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
 from continuum_grasp.rod.equations import RodEquations
 from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakest
@@ -72,6 +71,18 @@ class Elastica:
     iterations: int
     equations: RodEquations
     nodal_curvature: Array
+
+    @classmethod
+    def deformed(cls, problem: RodProblem, curvature: Callable[[Array], Array], *, tolerance: float = 1e-6) -> Elastica:
+        """The equilibrium, stable or not, into which a shape deforms when the couples that hold it are taken away.
+
+        The curvature [1/m] of the shape is a function of lengths (n,) [m]; the tolerance is that of position, per
+        length. Raises SolverError where the way there ends at a fold or is lost.
+        """
+        equations = _first_equations(problem)
+        start = problem.length * curvature(problem.length * equations.mesh.nodes)
+        state, steps = follow(equations, start, loads=False, folds=False)
+        return _refine(equations, state, steps, tolerance, 0)
 
     def curvature(self, s: ArrayLike) -> Array:
         """Curvature [1/m] at lengths (...,) [m]; where it jumps, that of the far side."""
@@ -189,18 +200,6 @@ def solve_elastica(
     return _refine(equations, curvature, iterations, tolerance, side if descends else 0)
 
 
-def deformed(problem: RodProblem, curvature: Callable[[Array], Array], *, tolerance: float = 1e-6) -> Elastica:
-    """The equilibrium, stable or not, into which a shape deforms when the couples that hold it are taken away.
-
-    The curvature [1/m] of the shape is a function of lengths (n,) [m]; the tolerance is that of position, per length.
-    Raises SolverError where the way there ends at a fold or is lost.
-    """
-    equations = _first_equations(problem)
-    start = problem.length * curvature(problem.length * equations.mesh.nodes)
-    state, steps = follow(equations, start, loads=False, folds=False)
-    return _refine(equations, state, steps, tolerance, 0)
-
-
 def _first_equations(problem: RodProblem) -> RodEquations:
     """On panels between breaks, no longer than what forces and moments bend by an angle of about one."""
     forces = [problem.weight, *(value for _, value in (*problem.dead, *problem.following))]
@@ -208,7 +207,7 @@ def _first_equations(problem: RodProblem) -> RodEquations:
     longest = min(0.5, 1.5 / math.sqrt(max(sum(abs(f) for f in forces), 1e-9)))
     if longest < _FINE / _MAX_NODES:
         raise _too_many("the loads bend the rod on too small a scale; check their units")
-    equations = RodEquations(problem, PanelMesh(panel_edges(problem.breaks, longest), _COARSE))
+    equations = RodEquations.on_panels(problem, longest, _COARSE)
     while True:
         # Shorter where the rod itself changes steeply.
         # 2.5: turn [rad] of a panel of the first mesh, at most, as far as moments say: some load always undoes part of

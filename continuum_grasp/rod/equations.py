@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
-from continuum_grasp.rod.dense_rod import PanelMesh
+from continuum_grasp.rod.dense_rod import PanelMesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem, TendonMoment
 
 Complex = NDArray[np.complex128]
@@ -72,6 +72,11 @@ class RodEquations:
             (each.amplitude * each.shape(place), each) for each in problem.tendons
         ]
         self.metric: Array = mesh.weights * self.bending_stiffness  # of the integral of EI (change of curvature)^2
+
+    @classmethod
+    def on_panels(cls, problem: RodProblem, longest: float, nodes: int) -> RodEquations:
+        """On equal panels between the problem's breaks, no longer than a part of the rod, with so many nodes each."""
+        return cls(problem, PanelMesh(panel_edges(problem.breaks, longest), nodes))
 
     def panel_turns(self) -> Array:
         """Turn of each panel [rad] by tendons, couples and rest curvature, at most: all to one side."""

@@ -19,9 +19,9 @@ from grasp_scenes import CONFIGS, make_scene
 import continuum_grasp
 from continuum_grasp.core import Cache, Compiler
 from continuum_grasp.core.cache import cache_folder
-from continuum_grasp.grasp import ProblemSpec
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import equations as problem
+from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import unit_model
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.scene import Box

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.grasp_oracle.check import LIMITS, residuals
-from continuum_grasp.grasp import certify, optimize_grasp, with_postures
+from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
-from continuum_grasp.grasp.robust.search import find_robust
+from continuum_grasp.grasp.robust.search import find_robust, with_postures
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.stations import _on_nearest, without_stations
 from continuum_grasp.nlp import Budget

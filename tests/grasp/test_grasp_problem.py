@@ -12,7 +12,7 @@ from grasp_scenes import CONFIGS, UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
-from continuum_grasp.grasp import RELAXATIONS, GraspResponse, optimize_grasp, resistance, start_from
+from continuum_grasp.grasp import RELAXATIONS, GraspResponse, GraspStart, Resistance, optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem import points, surroundings, values
 from continuum_grasp.grasp.problem.limits import friction_cone
@@ -222,7 +222,7 @@ def test_resisted_disturbance_against_the_fine_rod(tendons):
     search.run()
     best = search.best
     factor = float(best.attempt.x[best.solver.problem.x.at["resisted disturbance"]][0])
-    fine = resistance(GraspResponse(scene, result.arrays), displacement_limit=math.inf)
+    fine = Resistance.of(GraspResponse(scene, result.arrays), displacement_limit=math.inf)
     assert factor > 0.5
     assert fine.least == pytest.approx(factor, rel=0.05)
 
@@ -291,7 +291,7 @@ def test_every_option_set_leads_back_from_next_to_a_grasp(options_at):
     search = GraspSearch(scene, Budget.of(scene.solver))
     search.run()
     best = search.best
-    start = start_from(scene, best.arrays)
+    start = GraspStart.of(scene, best.arrays)
     x0 = best.attempt.x * (1.0 + 1e-3 * np.random.default_rng(0).standard_normal(best.attempt.x.size))
     budget = Budget(left=500)
     again = best.solver.run(scene, start, budget, options_at=options_at, features=best.attempt.features, x0=x0)

@@ -10,7 +10,7 @@ import pytest
 from grasp_elastica import Hand, designed, disturbed, stored
 from scipy.optimize import brentq
 
-from continuum_grasp.grasp import GraspResponse, Quality, resistance
+from continuum_grasp.grasp import GraspResponse, Quality, Resistance
 from continuum_grasp.grasp.quality.bent_finger import rolled
 from continuum_grasp.grasp.quality.resistance import difference_range
 from continuum_grasp.scene import Box, Circle, Ellipse, OffsetPolygon, Palm, PlanarGravity, Point
@@ -53,7 +53,7 @@ def test_the_grasp_buckles_where_the_closed_form_says():
     assert GraspResponse(*axial_pinch(critical * 0.9999)).stable("retensioned")
     assert not GraspResponse(*axial_pinch(critical * 1.0001)).stable("retensioned")
     assert GraspResponse(*axial_pinch(critical * 1.0001)).stable("locked")
-    held = resistance(GraspResponse(*axial_pinch(critical * 1.01)))
+    held = Resistance.of(GraspResponse(*axial_pinch(critical * 1.01)))
     assert not held.stable
     assert held.least == 0.0
     assert set(held.limiting) == {("unstable",)}
@@ -62,7 +62,7 @@ def test_the_grasp_buckles_where_the_closed_form_says():
 @pytest.mark.parametrize("tendons", ["locked", "retensioned"])
 def test_resisted_forces_of_the_axial_pinch(tendons):
     push, mu = 0.08, 0.5
-    held = resistance(
+    held = Resistance.of(
         GraspResponse(*axial_pinch(push, mu)), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf
     )
     assert held.factors[0] == pytest.approx(2 * push, rel=1e-6)
@@ -75,7 +75,7 @@ def test_resisted_forces_of_the_axial_pinch(tendons):
 def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
     push, mu, lift = 0.08, 0.5, 0.03
     scene, arrays = axial_pinch(push, mu, lift, cases.UPRIGHT)
-    held = resistance(GraspResponse(scene, arrays), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf)
+    held = Resistance.of(GraspResponse(scene, arrays), wrenches=WRENCHES, tendons=tendons, displacement_limit=math.inf)
     assert held.factors[0] == pytest.approx(2 * (push - lift / mu), rel=1e-6)
     assert held.factors[1] == pytest.approx(2 * math.sqrt((mu * push) ** 2 - lift**2), rel=1e-6)
 
@@ -83,7 +83,7 @@ def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
 @pytest.mark.parametrize(("friction", "given", "limit"), [(0.5, {"displacement_limit": 1e-3}, 1e-3), (50.0, {}, 0.1)])
 def test_the_give_limits_what_the_first_order_may_say(friction, given, limit):
     response = GraspResponse(*axial_pinch(0.08, friction))
-    held = resistance(response, wrenches=WRENCHES, tendons="locked", **given)
+    held = Resistance.of(response, wrenches=WRENCHES, tendons="locked", **given)
     moved = held.factors[1] * (response.to_wrenches("locked").pose @ WRENCHES[1])
     assert moved[1] == pytest.approx(limit * RADIUS, rel=1e-9)
     assert held.limiting[1] == ("the object moves",)
@@ -92,7 +92,7 @@ def test_the_give_limits_what_the_first_order_may_say(friction, given, limit):
 def test_the_polygon_holds_the_single_forces():
     scene, arrays = axial_pinch(0.08)
     polygon = Quality(scene, arrays).resistance_polygon
-    along = resistance(GraspResponse(scene, arrays), wrenches=[(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
+    along = Resistance.of(GraspResponse(scene, arrays), wrenches=[(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
     np.testing.assert_allclose(np.hypot(*polygon[[0, 9, 18]].T), along.factors, rtol=1e-9)
 
 
@@ -169,7 +169,7 @@ def test_a_change_of_tension(kind):
 def test_a_contact_slips_where_the_nonlinear_equilibrium_says():
     hand, state, names = held_disc("wall")
     mu = 0.19
-    held = resistance(
+    held = Resistance.of(
         GraspResponse(*stored_scene(hand, state, names, mu)),
         wrenches=(*WRENCHES, (-1.0, 0.0, 0.0)),
         tendons="locked",
@@ -190,8 +190,8 @@ def test_retensioning_can_be_followed():
     mu = 0.19
     scene, arrays = stored_scene(hand, state, names, mu)
     wrench = (-1.0, 0.0, 0.0)
-    locked = resistance(GraspResponse(scene, arrays), wrenches=[wrench], tendons="locked")
-    free = resistance(GraspResponse(scene, arrays), wrenches=[wrench], tendons="retensioned")
+    locked = Resistance.of(GraspResponse(scene, arrays), wrenches=[wrench], tendons="locked")
+    free = Resistance.of(GraspResponse(scene, arrays), wrenches=[wrench], tendons="retensioned")
     assert free.least > 10 * locked.least
 
     def margin(change):
@@ -224,7 +224,9 @@ def test_two_ends_of_a_face_on_a_wall_share_alike():
     np.testing.assert_allclose(change.forces[1:, 1, 0], [0.5, 0.5], atol=1e-4)
     np.testing.assert_allclose(change.forces[1:, 0, 2], [1 / 0.08, -1 / 0.08], atol=1e-3)
     for tendons in ("locked", "retensioned"):
-        held = resistance(GraspResponse(scene, arrays), wrenches=[(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], tendons=tendons)
+        held = Resistance.of(
+            GraspResponse(scene, arrays), wrenches=[(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)], tendons=tendons
+        )
         assert held.factors[0] == pytest.approx(56.0, rel=1e-5)
         assert held.factors[1] >= 4.0 * (1 - 1e-6)  # a finger that pulls down harder holds more
 

@@ -11,7 +11,8 @@ import pytest
 
 from benchmarks.grasp_oracle.scenes import scene_of
 from continuum_grasp.base import InputError
-from continuum_grasp.grasp import GraspSolverRun, GraspStatus, GraspTrials, ProblemSpec, optimize_grasp, start_from
+from continuum_grasp.grasp import GraspSolverRun, GraspStart, GraspStatus, GraspTrials, optimize_grasp
+from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.robust.errors import InError, corners, drawn, scaled
 from continuum_grasp.grasp.robust.joint import robust_problem
 from continuum_grasp.grasp.robust.response import Responder
@@ -189,7 +190,7 @@ def test_corners_have_the_least_friction_and_both_ends_of_all_else() -> None:
 @pytest.mark.parametrize("name", few(["mug_arcs", "pinch_above"], 1))
 def test_derivatives_of_the_whole_problem_are_those_of_its_expressions(name: str) -> None:
     scene = load(CONFIGS / f"{name}.yaml").changed({"fidelity.elements": 2})
-    start = start_from(scene, dict(optimize_grasp(scene).arrays))
+    start = GraspStart.of(scene, dict(optimize_grasp(scene).arrays))
     spec = ProblemSpec.of(scene, start.contacts)
     nominal, other = GraspSolverRun(spec), GraspSolverRun(spec.in_error(yielding=not scene.supports))
     whole, _ = robust_problem(nominal, (other, other), ())

@@ -37,7 +37,7 @@ def start(estimate=math.nan, imbalance=0.0, tensions=(0.0, 0.0), angle=0.0, doub
 
 def grasp(tension=TENSION, objective=1.0, optimal=True, press=1.0):
     arrays = {"finger.tensions": np.array([tension, 0.0]), "contact_forces": np.array([[press, 0.0, 0.0]])}
-    attempt = SimpleNamespace(objective=objective, optimal=optimal, converged=True, start=start(), outcome="")
+    attempt = SimpleNamespace(objective=objective, optimal=optimal, converged=True, start=start(), stalled=False)
     return Grasp(attempt=attempt, arrays=arrays, acceptable=True, solver=None)
 
 
@@ -156,7 +156,7 @@ def test_the_start_that_came_nearest_has_more_patience_where_there_is_no_grasp(m
 
     def attempt(start, **options):
         tried.append((start, options.get("patience")))
-        return Grasp(attempt=SimpleNamespace(outcome="Stalled", badness=next(violations, 0.0), converged=False))
+        return Grasp(attempt=SimpleNamespace(stalled=True, badness=next(violations, 0.0), converged=False))
 
     search.attempt = attempt
     starts = [start(estimate) for estimate in (1.0, 2.0, 3.0)]
@@ -214,7 +214,7 @@ def test_without_a_tip_no_scanned_start_is_too_far_from_balance():
 def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     search, starts = searching(objective="greatest_friction_margin")
     monkeypatch.setattr(search, "run_before", lambda before: before.good.extend(grasp(objective=k) for k in range(5)))
-    monkeypatch.setattr(module, "start_from", lambda scene, arrays: arrays)
+    monkeypatch.setattr(module.GraspStart, "of", lambda scene, arrays: arrays)
     monkeypatch.setattr(module, "replace", lambda start, label: start)
     search._from(search.scene.replaced(objective="least_tension"), "least tension")
     assert len(starts) == 3

@@ -12,7 +12,8 @@ from scipy import integrate, optimize, special
 
 from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.rod import PanelMesh, RodEquations, solve_elastica
+from continuum_grasp.rod import RodEquations, solve_elastica
+from continuum_grasp.rod.dense_rod import PanelMesh
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene import Channel, Curve, ForceLoad, MomentLoad
 from continuum_grasp.simulation import equilibrium, interpolate

@@ -21,13 +21,8 @@ from continuum_grasp.grasp import (
     GraspStart,
     GraspStatus,
     JointSolverRun,
-    ProblemSpec,
     certify,
-    moved_features,
     optimize_grasp,
-    solver_for,
-    start_from,
-    with_postures,
 )
 from continuum_grasp.model import Feature
 from continuum_grasp.nlp import Budget
@@ -118,7 +113,7 @@ class CaseGrasps:
 
     def _settled(self, result: GraspResult) -> HeldGrasp:
         """The grasp of a full search, its guarded places moved until they stand still."""
-        scene, start = result.scene, start_from(result.scene, dict(result.arrays))
+        scene, start = result.scene, GraspStart.of(result.scene, dict(result.arrays))
         if result.robustness is not None:
             grasp = self._run_joint(scene, start, result.robustness.active, result.robustness.touching)
         else:
@@ -137,7 +132,7 @@ class CaseGrasps:
         if before.relaxed:
             scene = _with_mass(scene, before.scene.object.mass)
             options = {"relaxed": [(MASS, 1.0 - before.quantities["payload"] / before.scene.object.mass)]}
-        features = moved_features(before.scene, scene, start.contacts, before.attempt.features)
+        features = before.attempt.features_in(before.scene, scene, start.contacts)
         guesses = ([] if guess is None else [guess]) + [before.attempt.x]
         for x0 in guesses:
             if isinstance(before.solver, JointSolverRun):
@@ -151,9 +146,7 @@ class CaseGrasps:
 
     def _run(self, scene: GraspScene, start: GraspStart, **options: Any) -> HeldGrasp | None:
         """A certified grasp from a start; None where there is none."""
-        grasp = self._converged(
-            scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), options_at=2, **options
-        )
+        grasp = self._converged(scene, start, GraspSolverRun.of(scene, start.contacts), options_at=2, **options)
         if grasp is None:
             return None
         checked = scene if not grasp.relaxed else _with_mass(scene, grasp.quantities["payload"])
@@ -205,7 +198,7 @@ class CaseGrasps:
                 return None
         if not exchange.holds:
             return None
-        grasp = replace(grasp, arrays=with_postures(scene, grasp.arrays, exchange.responses, budget))
+        grasp = replace(grasp, arrays=exchange.with_postures())
         return grasp if certify(scene, grasp.arrays).passed else None
 
     def _take(self, aim: str, grasp: HeldGrasp) -> None:
@@ -231,7 +224,7 @@ class CaseGrasps:
                     break
                 mass *= 0.5
                 continue
-            start = start_from(result.scene, dict(result.arrays))
+            start = GraspStart.of(result.scene, dict(result.arrays))
             grasp = self._heaviest(result.scene, start, mass)
             if grasp is None:
                 raise LostGrasp(f"{self.name}: no payload was found from the grasp of {mass:.3g} kg")

@@ -31,8 +31,6 @@ from continuum_grasp.grasp import (
     GraspSolverRun,
     GraspStart,
     JointSolverRun,
-    ProblemSpec,
-    moved_features,
     support_contacts,
     tension_weight,
 )
@@ -147,7 +145,7 @@ class HeldGrasp:
             Scenes there have a grasp problem of another structure.
         """
         contacts, spec = self.attempt.start.contacts, self.solver.problem.spec
-        if any(ProblemSpec.of(scene, contacts) != spec for scene in near.scenes):
+        if not all(spec.fits(scene, contacts) for scene in near.scenes):
             raise StructureChanges("the grasp problem changes its structure here")
         beside = [(scene, self._beside(scene)) for scene in near.scenes]
         numbers = [self.solver.numbers_near(scene, self.attempt, *states) for scene, states in beside]
@@ -165,8 +163,8 @@ class HeldGrasp:
         return x, quantities
 
     def _beside(self, scene: GraspScene) -> tuple[GraspStart, dict[str, Feature]]:
-        start, features = self.attempt.start, self.attempt.features
-        return moved_start(self.scene, scene, start), moved_features(self.scene, scene, start.contacts, features)
+        start = self.attempt.start
+        return moved_start(self.scene, scene, start), self.attempt.features_in(self.scene, scene, start.contacts)
 
     def _tangent(self, near: Stencil, numbers: list[Array], low: Array, high: Array) -> Array:
         """Change of the unknowns, from the conditions of optimality."""

@@ -16,7 +16,7 @@ from continuum_grasp.addons.mission.assignment import Assignment
 from continuum_grasp.addons.mission.plant import PlantVariation
 from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import Array
-from continuum_grasp.grasp import GraspResponse, GraspResult, Resistance, resistance
+from continuum_grasp.grasp import GraspResponse, GraspResult, Resistance
 from continuum_grasp.scene import Finger
 
 ROUNDING = 1e-6
@@ -154,7 +154,7 @@ def held_resistance(
     # Weight in the plane beyond that of the grasp is one more wrench, to which all contacts respond.
     more = (mass - scene.object.mass) * np.array([*scene.gravity_in_plane, 0.0])
     response.contacts.forces[:, :2] += response.to_wrenches("locked").forces @ more
-    return resistance(response, tendons="locked", wrenches=wrenches)
+    return Resistance.of(response, tendons="locked", wrenches=wrenches)
 
 
 # -- sinking -----------------------------------------------------------------------------------------------------------

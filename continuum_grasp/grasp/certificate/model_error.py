@@ -9,7 +9,7 @@ import numpy as np
 from continuum_grasp.base import SolverError
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.recomputed import RecomputedFinger, RecomputedGrasp
-from continuum_grasp.rod import PanelMesh, RodEquations, RodProblem, deformed, panel_edges
+from continuum_grasp.rod import Elastica, RodEquations, RodProblem
 
 SMALL = 0.005
 """Greatest displacement per finger length [1] that is not warned of: half a millimeter of a finger of 0.1 m."""
@@ -66,7 +66,7 @@ def model_error(grasp: RecomputedGrasp) -> ModelError:
         problem = _problem(finger)
         moment = float(np.maximum(moment, _moment_left_out(finger, problem)))
         try:
-            exact = deformed(problem, finger.shape.curvature)
+            exact = Elastica.deformed(problem, finger.shape.curvature)
         except SolverError:
             lost.append(finger.name)
             continue
@@ -97,7 +97,7 @@ def _problem(bent: RecomputedFinger) -> RodProblem:
 def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     """Moment of the shape against that of everything beyond a section, greatest relative difference."""
     # Two nodes per panel; dimensionless, with lengths over L and moments over E I / L.
-    equations = RodEquations(problem, PanelMesh(panel_edges(problem.breaks, 2.0 / SECTIONS), 2))
+    equations = RodEquations.on_panels(problem, 2.0 / SECTIONS, 2)
     shape = bent.length * bent.shape.curvature(bent.length * equations.mesh.nodes)
     gap = equations.balance(shape).missing
     # Less than this is rounding: the share of a straight finger's moment means nothing.

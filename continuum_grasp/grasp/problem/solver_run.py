@@ -22,12 +22,13 @@ from continuum_grasp.grasp.problem.surroundings import NearbySearch
 from continuum_grasp.grasp.problem.values import (
     Units,
     contact_features,
+    moved_features,
     problem_bounds,
     problem_values,
     tolerance_of,
     units_of_rows,
 )
-from continuum_grasp.grasp.starts.values import GraspStart, start_from
+from continuum_grasp.grasp.starts.values import ContactStart, GraspStart
 from continuum_grasp.grasp.values import LITTLE, SATISFIED
 from continuum_grasp.model import Feature, surface_of
 from continuum_grasp.nlp import (
@@ -74,6 +75,12 @@ class GraspAttempt(Attempt):
         """Whether it is a local optimum to the full tolerance."""
         return self.status is SolverStatus.SOLVED
 
+    def features_in(
+        self, before: GraspScene, after: GraspScene, contacts: Mapping[str, ContactStart]
+    ) -> dict[str, Feature]:
+        """``features``, found in the scene ``before``, in one whose object may have other dimensions."""
+        return moved_features(before, after, contacts, self.features)
+
     @property
     def badness(self) -> float:
         """Greatest scaled violation."""
@@ -88,6 +95,13 @@ class GraspSolverRun:
         self.problem, self.nlp, self._read = made.layout, made.nlp, made.read
         self.near = NearbySearch(self.problem, made.places)
         self._solvers: dict[tuple[Any, ...], Solver] = {}
+
+    @classmethod
+    def of(
+        cls, scene: GraspScene, contacts: dict[str, ContactStart], curled: frozenset[str] = frozenset()
+    ) -> GraspSolverRun:
+        """The solver for a problem, with the arguments of `ProblemSpec.of`; built once in a process for all scenes of its structure."""
+        return solver_for(ProblemSpec.of(scene, contacts, curled))
 
     def prepare(self, scene: GraspScene) -> Solver:
         """The solver for the options of a scene; built once."""
@@ -173,7 +187,7 @@ class GraspSolverRun:
         attempt = smooth = solved(sits | circles, x0)
         if not smooth.converged or smooth.objective > enough:
             return attempt
-        ends = start_from(scene, self.arrays(scene, smooth)).contacts
+        ends = GraspStart.of(scene, self.arrays(scene, smooth)).contacts
         parts = {name: scene.object.parts[ends[name].part] for name in circles}
         # 2: faces and corners next to a place on a circle that are tried, of each contact
         near = [surface_of(parts[name]).near(parts[name], *ends[name].place)[:2] for name in circles]

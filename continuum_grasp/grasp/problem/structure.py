@@ -153,6 +153,10 @@ class ProblemSpec:
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
     yielding: bool = False  # whether the object yields to tips that stay where they met it
 
+    def fits(self, scene: GraspScene, contacts: dict[str, ContactStart]) -> bool:
+        """Whether the problem of a scene with these contacts on has this structure."""
+        return ProblemSpec.of(scene, contacts) == self
+
     @staticmethod
     def of(scene: GraspScene, contacts: dict[str, ContactStart], curled: frozenset[str] = frozenset()) -> ProblemSpec:
         """The structure of the problem of a scene with some contacts on, which sit where a start has them; fingers that

@@ -11,7 +11,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, instance
 from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1
-from continuum_grasp.grasp.quality.resistance import Resistance, resistance
+from continuum_grasp.grasp.quality.resistance import Resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.values import contacts_of
 from continuum_grasp.scene import GraspScene
@@ -52,7 +52,7 @@ class Quality:
     @cached_property
     def resistance(self) -> Resistance:
         """Greatest multiples of the scene's disturbances that fingers and tendons resist."""
-        return resistance(self.response)
+        return Resistance.of(self.response)
 
     @property
     def disturbance_margin(self) -> float:
@@ -64,7 +64,7 @@ class Quality:
         """Greatest pure forces at the center of mass, in 36 directions from +x counter-clockwise, shape (36, 2) [N]."""
         turns = 2.0 * np.pi * np.arange(36) / 36
         units = np.stack([np.cos(turns), np.sin(turns), np.zeros(36)], axis=1)
-        return np.asarray(resistance(self.response, wrenches=units.tolist()).factors[:, None] * units[:, :2])
+        return np.asarray(Resistance.of(self.response, wrenches=units.tolist()).factors[:, None] * units[:, :2])
 
     @cached_property
     def friction_margins(self) -> dict[str, float]:

@@ -35,38 +35,39 @@ class Resistance:
     tendons: Tendons
     stable: bool  # whether the grasp is stable with its tendons so
 
+    @classmethod
+    def of(
+        cls,
+        response: GraspResponse,
+        *,
+        wrenches: Sequence[Sequence[float]] | None = None,
+        tendons: Tendons | None = None,
+        displacement_limit: float = YIELDS,
+    ) -> Resistance:
+        """Greatest multiples of disturbances that a grasp resists, one disturbance at a time.
+
+        Until a contact slips, parts or is pressed too hard, a tendon is at its limit, or the grasp yields too much. The
+        fingers move as ``response`` says: to first order, contacts sticking until the first one does not. It does not
+        hold far from the stored grasp of soft fingers, so motions are limited too: the object's to
+        ``displacement_limit``, as a part of its size and in rad, those of finger tips to three times as much; infinite
+        takes the first order at its word. Forces out of the plane stay as they are. Wrenches (force x, y [N], moment
+        about the center of mass [N m]) and tendons are those of the scene where not given.
+        """
+        scene = response.contacts.scene
+        kind: Tendons = tendons or scene.disturbances.tendons
+        disturbances = np.asarray(scene.wrenches if wrenches is None else wrenches, dtype=float).reshape(-1, 3)
+        stable = response.stable(kind)
+        if stable:
+            limits = _Limits(response, kind, displacement_limit)
+            answers = [limits.greatest(wrench) for wrench in disturbances]
+        else:
+            answers = [(0.0, ("unstable",))] * len(disturbances)
+        return cls(disturbances, np.array([a[0] for a in answers]), tuple(a[1] for a in answers), kind, stable)
+
     @property
     def least(self) -> float:
         """Least of the factors; infinite without disturbances."""
         return float(self.factors.min(initial=math.inf))
-
-
-def resistance(
-    response: GraspResponse,
-    *,
-    wrenches: Sequence[Sequence[float]] | None = None,
-    tendons: Tendons | None = None,
-    displacement_limit: float = YIELDS,
-) -> Resistance:
-    """Greatest multiples of disturbances that a grasp resists, one disturbance at a time: until a contact slips, parts
-    or is pressed too hard, a tendon is at its limit, or the grasp yields too much.
-
-    The fingers move as ``response`` says: to first order, contacts sticking until the first one does not. It does not
-    hold far from the stored grasp of soft fingers, so motions are limited too: the object's to ``displacement_limit``,
-    as a part of its size and in rad, those of finger tips to three times as much; infinite takes the first order at its
-    word. Forces out of the plane stay as they are. Wrenches (force x, y [N], moment about the center of mass [N m])
-    and tendons are those of the scene where not given.
-    """
-    scene = response.contacts.scene
-    kind: Tendons = tendons or scene.disturbances.tendons
-    disturbances = np.asarray(scene.wrenches if wrenches is None else wrenches, dtype=float).reshape(-1, 3)
-    stable = response.stable(kind)
-    if stable:
-        limits = _Limits(response, kind, displacement_limit)
-        answers = [limits.greatest(wrench) for wrench in disturbances]
-    else:
-        answers = [(0.0, ("unstable",))] * len(disturbances)
-    return Resistance(disturbances, np.array([a[0] for a in answers]), tuple(a[1] for a in answers), kind, stable)
 
 
 class _Limits:

@@ -33,9 +33,7 @@ from continuum_grasp.grasp.problem.solver_run import (
     allowed_depth,
     settings_of,
     solve_clear,
-    solver_for,
 )
-from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
@@ -155,7 +153,7 @@ class JointSolverRun:
         in_error = _in_error(scene, start)
         self.errors = errors
         self.touching = [start.contacts] * len(errors) if touching is None else list(touching)
-        self.nominal: GraspSolverRun = solver_for(ProblemSpec.of(scene, start.contacts))
+        self.nominal: GraspSolverRun = GraspSolverRun.of(scene, start.contacts)
         others = tuple(in_error.solver(on) for on in self.touching)
         self._solvers = [self.nominal, *others]
         self.nlp, self._links = robust_problem(self.nominal, others, in_error.left)

@@ -27,7 +27,7 @@ from continuum_grasp.grasp.problem.structure import DriveSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.supports import nearest_contact
-from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, start_from, with_contacts
+from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, with_contacts
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.nlp import Budget, SolverStatus
@@ -70,7 +70,7 @@ class Responder:
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> None:
         self.scene, self.arrays, self._budget = scene, dict(arrays), budget
         self.in_error = InError(scene, arrays)
-        self.start = start_from(scene, self.arrays)
+        self.start = GraspStart.of(scene, self.arrays)
         self._known: list[Response] = []
         self.anew = self._fruitless = self._far = 0
 

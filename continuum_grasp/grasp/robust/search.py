@@ -101,6 +101,10 @@ class Exchange:
         """Whether the grasp that was tried last passes its certificate and holds for all errors."""
         return all(response.holds for response in self.responses) and self.certificate.passed
 
+    def with_postures(self) -> dict[str, Array]:
+        """The arrays of the grasp that was tried last, with its postures; see `with_postures`."""
+        return with_postures(self.scene, self.arrays, self.responses, self.budget)
+
 
 def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Exchange:
     """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds; where the solver

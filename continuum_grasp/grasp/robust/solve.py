@@ -11,15 +11,14 @@ import numpy as np
 
 from continuum_grasp.base import Array, amount_text
 from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.grasp.problem.solver_run import solver_for
-from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import BOUNDS, OBJECT, alone, drawn, extremes, with_drawn_states, with_states
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import GraspTrials, Robustness
 from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_postures
 from continuum_grasp.grasp.search import HELD, GraspSearch
-from continuum_grasp.grasp.starts.values import start_from
+from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, GraspStatus, Reason, tension_of
 from continuum_grasp.nlp import Budget
@@ -210,8 +209,8 @@ def _holds(result: GraspResult, bounds: Robust, share: float, budget: Budget) ->
         less_error = bounds.replaced(**{name: share * getattr(bounds, name) for name in BOUNDS})
         return find_robust(scene, less_error, result.arrays, budget).holds
     fingers = {setup.name: _less_friction(setup, share) for setup in scene.setups}
-    less, start = scene.with_fingers(fingers), start_from(scene, dict(result.arrays))
-    solver = solver_for(ProblemSpec.of(less, start.contacts))
+    less, start = scene.with_fingers(fingers), GraspStart.of(scene, dict(result.arrays))
+    solver = GraspSolverRun.of(less, start.contacts)
     attempt = solver.run(less, start, budget, options_at=2)
     return attempt.converged and find_robust(less, bounds, solver.arrays(less, attempt), budget).holds
 

@@ -64,39 +64,37 @@ class GraspStart:
     """Friction states of the fingers whose tendons have others than those of pulling them from the straight finger
     on."""
 
-
-def start_from(scene: GraspScene, arrays: dict[str, Array]) -> GraspStart:
-    """A grasp of a scene, by its numbers as `continuum_grasp.grasp.GraspResult` holds them, as a start for the same
-    scene with other elements.
-    """
-    names = [str(name) for name in arrays["contact_names"]]
-    normals = dict(zip(names, arrays["contact_normals"], strict=True))
-    x, y, turn = arrays["object.pose"].tolist()
-    back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    fingers, tensions = {}, {}
-    for setup in scene.setups:
-        finger = setup.name
-        shape = FingerShape(setup, arrays)
-        ends = shape.joints
-        joints = tuple(float(ends[count]) for count in setup.before)
-        line, sides = arrays[f"{finger}.backbone"], []
-        for name, joint in zip(setup.middle_names, joints, strict=True):
-            angle = float(np.interp(joint, line[:, 0], line[:, 3]))
-            across = np.array([np.cos(angle), np.sin(angle)])
-            sides.append(1 if name not in normals or across @ normals[name] >= 0.0 else -1)
-        base = tuple(arrays[f"{finger}.base"].tolist())
-        fingers[finger] = FingerStart(base, joints, tuple(sides), *_knots(shape.curvatures, ends))
-        left, right = arrays[f"{finger}.tensions"].tolist()
-        tensions[finger] = left, right
-    contacts, forces = {}, {}
-    for k, name in enumerate(names):
-        n, f, lift = arrays["contact_forces"][k].tolist()
-        forces[name] = n, f, lift
-        point = back @ (arrays["contact_positions"][k] - [x, y])
-        normal = back @ normals[name]
-        angle = float(np.arctan2(normal[1], normal[0]))
-        contacts[name] = ContactStart(int(arrays["contact_parts"][k]), (float(point[0]), float(point[1])), angle)
-    return GraspStart("found", (x, y, turn), fingers, contacts, forces, tensions)
+    @classmethod
+    def of(cls, scene: GraspScene, arrays: dict[str, Array]) -> GraspStart:
+        """A grasp of a scene, by its numbers as `GraspResult` holds them, as a start for it with other elements."""
+        names = [str(name) for name in arrays["contact_names"]]
+        normals = dict(zip(names, arrays["contact_normals"], strict=True))
+        x, y, turn = arrays["object.pose"].tolist()
+        back = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        fingers, tensions = {}, {}
+        for setup in scene.setups:
+            finger = setup.name
+            shape = FingerShape(setup, arrays)
+            ends = shape.joints
+            joints = tuple(float(ends[count]) for count in setup.before)
+            line, sides = arrays[f"{finger}.backbone"], []
+            for name, joint in zip(setup.middle_names, joints, strict=True):
+                angle = float(np.interp(joint, line[:, 0], line[:, 3]))
+                across = np.array([np.cos(angle), np.sin(angle)])
+                sides.append(1 if name not in normals or across @ normals[name] >= 0.0 else -1)
+            base = tuple(arrays[f"{finger}.base"].tolist())
+            fingers[finger] = FingerStart(base, joints, tuple(sides), *_knots(shape.curvatures, ends))
+            left, right = arrays[f"{finger}.tensions"].tolist()
+            tensions[finger] = left, right
+        contacts, forces = {}, {}
+        for k, name in enumerate(names):
+            n, f, lift = arrays["contact_forces"][k].tolist()
+            forces[name] = n, f, lift
+            point = back @ (arrays["contact_positions"][k] - [x, y])
+            normal = back @ normals[name]
+            angle = float(np.arctan2(normal[1], normal[0]))
+            contacts[name] = ContactStart(int(arrays["contact_parts"][k]), (float(point[0]), float(point[1])), angle)
+        return cls("found", (x, y, turn), fingers, contacts, forces, tensions)
 
 
 def with_contacts(scene: GraspScene, start: GraspStart, contacts: Mapping[str, ContactStart]) -> GraspStart:
