@@ -32,9 +32,9 @@ from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.plant import Timetable
 from continuum_grasp.addons.mission.run import variations
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.closed_loop import plant_scene
+from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Controller
-from continuum_grasp.control.estimation.model import OBJECT_POSE
+from continuum_grasp.control.quantities import OBJECT_POSE
 from continuum_grasp.scene import Box, Scene, Table, load
 
 HINGES = 24
@@ -55,7 +55,7 @@ def scene_of_plant(of: Assignment, variation: PlantVariation) -> Scene:
     body = control.object
     x, y = np.array(body.position) + np.array(variation.shift)
     law = mission.contact_law.replaced(friction=mission.contact_law.friction * variation.friction)
-    return plant_scene(control.replaced(plant=own)).replaced(
+    return PlantModel.scene_of(control.replaced(plant=own)).replaced(
         contacts=control.contacts,
         object=body.replaced(mass=plant_mass(of.mission, variation), position=(float(x), float(y))),
         object_moves=True,

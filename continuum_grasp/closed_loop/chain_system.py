@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.closed_loop.links import guided_tendons, lump
+from continuum_grasp.closed_loop.links import Links, guided_tendons
 from continuum_grasp.model import (
     Contacts,
     FingerModel,
@@ -65,7 +65,7 @@ class ChainSystem(Functions):
         _check(scene, parameters)
         self.scene, finger = scene, scene.finger
         self.length, self.pitch = finger.rod.length, finger.rod.length / hinges
-        self.links = lump(finger, hinges, even=True)
+        self.links = Links.of(finger, hinges, even=True)
         self.tendons = guided_tendons(finger, self.links.at, axial_stiffness)
         self.winches = winches_of(finger)
         self.finger_model = FingerModel(

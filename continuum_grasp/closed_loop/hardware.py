@@ -23,7 +23,7 @@ from continuum_grasp.base import (
     within,
 )
 from continuum_grasp.closed_loop.drivers import HangsError, RealTime, alarm, no_collection, real_time, wait_until
-from continuum_grasp.closed_loop.wiring import wiring_of
+from continuum_grasp.closed_loop.wiring import Wiring
 from continuum_grasp.control import (
     Command,
     CommandStatus,
@@ -218,7 +218,7 @@ class _Loop:
     def __init__(self, controller: Controller, driver: Driver, first: Array, soft: float, watchdog: float) -> None:
         self.controller, self.driver = controller, driver
         scene, names = controller.scene, (controller.measurement_names, controller.stages.u_names)
-        wired = wiring_of(scene.mounting, *names, "mounting")
+        wired = Wiring.of(scene.mounting, *names, "mounting")
         self._wired = None if scene.mounting is None else wired
         self._rest, (low, high) = np.array(scene.rest_input), np.array(scene.input_limits)
         self._range = np.maximum(high - low, 1e-12)

@@ -14,9 +14,6 @@ from continuum_grasp.control import load_library
 from continuum_grasp.core import HalfStepSignal, Rollouts, filled, generated, pointer, step_function, template
 from continuum_grasp.model import Remade
 
-GUIDES = "guides"
-"""Name of the method of chains of guides, which is none of ``INTEGRATORS``."""
-
 
 class Integration(Remade):
     """Integrates a plant, or several that touch one object, over periods of constant input.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -39,6 +38,51 @@ class Links:
     across: Array  # (N,) and across it, on the +X side [m]
     inertia: Array  # (N,) about these [kg m2]
     stop: Array | None  # (N,) bend from which on a stop adds to the stiffness [rad], a magnitude; None: no stops
+
+    @staticmethod
+    def of(
+        finger: Finger, count: int, marks: Sequence[float] = (), *, per_arc: Sequence[float] = (), even: bool = False
+    ) -> Links:
+        """Lump a finger into hinges.
+
+        ``marks`` are places where the bending moment jumps [m]: ends of elements, as a hinge inside would take all of
+        the jump or nothing. ``per_arc`` are the lengths [m] of the elements that have the damping per arc. ``even``:
+        all of one length.
+        """
+        profile = finger.profile
+        length = profile.length
+        edges = np.linspace(0.0, length, count + 1) if even else _edges(profile, count, marks)
+        compliance, first = profile.moments(lambda s: 1.0 / profile.bending_stiffness(s), edges, 2)
+        at = first / compliance
+        (rest,) = profile.moments(profile.rest_curvature, edges)
+        # The damping goes with the stiffness along the finger; its coefficient is that of the rod itself at the base.
+        stiffness = 1.0 / compliance
+        damping = finger.damping.material / profile.own_stiffness * stiffness
+        if per_arc and finger.damping.per_arc:
+            # An element of ours that bends evenly has m hinges with the m-th part of its rate each.
+            element = np.clip(np.searchsorted(np.cumsum(per_arc), at), 0, len(per_arc) - 1)
+            damping = damping + finger.damping.per_arc * np.asarray(per_arc)[element] / np.diff(edges)
+        bounds = np.append(at, length)
+        mass, first, second = profile.moments(profile.linear_density, bounds, 3)
+        (turning,) = profile.moments(profile.rotary_inertia, bounds)
+        sideways = np.zeros(count)
+        for point in finger.masses:
+            k = int(np.searchsorted(at, point.at, side="right")) - 1
+            if k >= 0:
+                mass[k] += point.mass
+                first[k] += point.mass * point.at
+                second[k] += point.mass * point.at**2
+        if (body := finger.tip_body) is not None:
+            x, y = body.center_of_mass
+            mass[-1] += body.mass
+            first[-1] += body.mass * (length + y)
+            second[-1] += body.mass * (x**2 + (length + y) ** 2)
+            sideways[-1] += body.mass * x
+            turning[-1] += body.rotary_inertia
+        center, across = first / mass, sideways / mass
+        inertia = turning + second - mass * (center**2 + across**2)
+        stop = None if finger.stop_curvature is None else profile.moments(finger.stop_curvature, edges)[0]
+        return Links(edges, at, stiffness, damping, rest, bounds[1:], mass, center, across, inertia, stop)
 
     def link_of(self, s: float) -> int:
         """Index of the link that carries a position [m]; -1 before the first hinge."""
@@ -97,51 +141,6 @@ class Links:
         return float(brentq(spare, 0.0, 1.01 * longest, xtol=1e-6 * longest))
 
 
-def lump(
-    finger: Finger, count: int, marks: Sequence[float] = (), *, per_arc: Sequence[float] = (), even: bool = False
-) -> Links:
-    """Lump a finger into hinges.
-
-    ``marks`` are places where the bending moment jumps [m]: ends of elements, as a hinge inside would take all of the
-    jump or nothing. ``per_arc`` are the lengths [m] of the elements that have the damping per arc. ``even``: all of one
-    length.
-    """
-    profile = finger.profile
-    length = profile.length
-    edges = np.linspace(0.0, length, count + 1) if even else _edges(profile, count, marks)
-    compliance, first = profile.moments(lambda s: 1.0 / profile.bending_stiffness(s), edges, 2)
-    at = first / compliance
-    (rest,) = profile.moments(profile.rest_curvature, edges)
-    # The damping goes with the stiffness along the finger; its coefficient is that of the rod itself at the base.
-    stiffness = 1.0 / compliance
-    damping = finger.damping.material / profile.own_stiffness * stiffness
-    if per_arc and finger.damping.per_arc:
-        # An element of ours that bends evenly has m hinges with the m-th part of its rate each.
-        element = np.clip(np.searchsorted(np.cumsum(per_arc), at), 0, len(per_arc) - 1)
-        damping = damping + finger.damping.per_arc * np.asarray(per_arc)[element] / np.diff(edges)
-    bounds = np.append(at, length)
-    mass, first, second = profile.moments(profile.linear_density, bounds, 3)
-    (turning,) = profile.moments(profile.rotary_inertia, bounds)
-    sideways = np.zeros(count)
-    for point in finger.masses:
-        k = int(np.searchsorted(at, point.at, side="right")) - 1
-        if k >= 0:
-            mass[k] += point.mass
-            first[k] += point.mass * point.at
-            second[k] += point.mass * point.at**2
-    if (body := finger.tip_body) is not None:
-        x, y = body.center_of_mass
-        mass[-1] += body.mass
-        first[-1] += body.mass * (length + y)
-        second[-1] += body.mass * (x**2 + (length + y) ** 2)
-        sideways[-1] += body.mass * x
-        turning[-1] += body.rotary_inertia
-    center, across = first / mass, sideways / mass
-    inertia = turning + second - mass * (center**2 + across**2)
-    stop = None if finger.stop_curvature is None else profile.moments(finger.stop_curvature, edges)[0]
-    return Links(edges, at, stiffness, damping, rest, bounds[1:], mass, center, across, inertia, stop)
-
-
 def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
     """Ends of the elements: between the marks equal parts of the integral of (rho A / EI)^(1/4).
 
@@ -167,14 +166,6 @@ def _edges(profile: Profile, count: int, marks: Sequence[float]) -> Array:
     edges = np.interp(np.concatenate([*pieces, marked[-1:]]), along, s)
     edges[np.cumsum([0, *counts])] = bounds  # where marks are, to the last digit
     return np.asarray(edges)
-
-
-def rounded_step(longest: float, whole: float | None) -> float:
-    """A step [s] no longer than allowed: a whole part of another step where one is given, else 1, 2 or 5 times 10^k."""
-    if whole is not None:
-        return whole / math.ceil(whole / longest)
-    power = 10.0 ** math.floor(math.log10(longest))
-    return max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= longest)
 
 
 @dataclass(frozen=True)

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError, check_arguments
-from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.closed_loop.integration import GUIDES, ChainIntegration, Integration
-from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.closed_loop.readings import quantities_of
+from continuum_grasp.closed_loop.integration import ChainIntegration, Integration
+from continuum_grasp.closed_loop.plant_model import GUIDES, PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
-from continuum_grasp.closed_loop.wiring import wiring_of
-from continuum_grasp.control import Prediction, sensed
-from continuum_grasp.scene import INTEGRATORS, ControlScene
+from continuum_grasp.closed_loop.wiring import Wiring
+from continuum_grasp.control import Prediction
+from continuum_grasp.scene import ControlScene
 
 
 class Plant:
@@ -64,11 +60,11 @@ class Plant:
     ) -> None:
         self.model = PlantModel(scene) if model is None else model
         self.period = scene.controller.step if period is None else period
-        self.method = choose_method(self.model, self.period)
+        self.method = self.model.method_for(self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
         names = self.sensors.names, self.model.u_names
-        self._believed = wiring_of(scene.mounting, *names, "mounting")
-        self._real = wiring_of(scene.bench_mounting, *names, "plant.mounting")
+        self._believed = Wiring.of(scene.mounting, *names, "mounting")
+        self._real = Wiring.of(scene.bench_mounting, *names, "plant.mounting")
         self._wired = scene.mounting != scene.bench_mounting
         self.x, self.t = self.model.start.copy(), 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
@@ -185,46 +181,6 @@ class SharedPlant:
         return joint.parts(self._integration.advance(joint.joined(x), np.concatenate(u), *timing))
 
 
-_SHAPES = 4
-"""Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
-
-
-class PlantIntegration(NamedTuple):
-    """Integration of a plant: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
-
-    ``guides``: the steps of a chain of guides, whatever its rates (0).
-    """
-
-    name: str
-    substeps: int
-    radius: float
-
-
-def choose_method(model: PlantModel, period: float) -> PlantIntegration:
-    """Choose the cheapest stable steps, from the largest eigenvalue over some shapes at rest, contacts and damping."""
-    system, w = model.system, model.forces(0.0)[0]
-    radius, longest = 0.0, system.structure.partial_step
-    if isinstance(system, ChainSystem):
-        # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
-        return PlantIntegration(GUIDES, math.ceil(period / (10.0 * longest) - 1e-9), radius)
-    for q in system.finger_model.sample_shapes(model.start[: system.n])[:_SHAPES]:
-        x = model.start.copy()
-        x[: system.n] = q
-        a = np.array(model.linearization(x, model.rest_input, w, model.p)[0])
-        # A shape at which the model's numbers are not finite says nothing about the rate.
-        if np.all(np.isfinite(a)):
-            radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
-    if system.surroundings is not None or system.structure.has_law("damping"):
-        partial = system.structure.stiff_method() if system.structure.has_law("damping") else "ros2"
-        return PlantIntegration(partial, math.ceil(period / longest - 1e-9), radius)
-    # 12.5: longest step of either method per that; on fingers of a hand it follows a step of the input to 1e-6
-    wanted, least = math.ceil(radius * period / INTEGRATORS["rk4"].target), math.ceil(period / (12.5 * longest) - 1e-9)
-    # 40: sub-steps per control period up to which the explicit method is taken
-    if wanted <= max(40, least):
-        return PlantIntegration("rk4", max(wanted, least, 1), radius)
-    return PlantIntegration(system.structure.stiff_method(), max(least, 1), radius)
-
-
 class Sensors:
     """Measurements of a plant: noisy, late, and only what ``estimator.measured`` names.
 
@@ -241,9 +197,8 @@ class Sensors:
             self.delay, self.std = 0.0, np.zeros(len(self.names))
             self.value = plant.function("state", y=_nearest_state(plant, prediction))
             return
-        measured = {
-            name: value for of in sensor_expressions(scene, plant, prediction).values() for name, value in of.items()
-        }
+        by_sensor = plant.sensor_expressions(scene.estimator.measured, prediction)
+        measured = {name: value for of in by_sensor.values() for name, value in of.items()}
         self.names = tuple(measured)
         self.delay = scene.estimator.delay if scene.plant.delay is None else scene.plant.delay
         self.std = scene.plant.noise * np.array([scene.measurement_std(name) for name in self.names])
@@ -252,17 +207,6 @@ class Sensors:
     def read(self, x: Array, u: Array, w: Array) -> Array:
         """Measure a state (ny), with noise."""
         return np.array(self.value(x, u, w)).ravel() + self.std * self._rng.standard_normal(len(self.std))
-
-
-def sensor_expressions(scene: ControlScene, plant: PlantModel, prediction: Prediction) -> dict[str, dict[str, ca.SX]]:
-    """Expression of each number that the estimator of a scene measures, by its name and unit, by sensor."""
-    if scene.estimator is None:
-        return {}
-    finger, values = plant.scene.finger, ca.vertsplit(plant.tensions)
-    names = [f"tension_{k + 1} [N]" for k in range(len(values))] if finger.winches else plant.u_names[: len(values)]
-    tensions, motors = dict(zip(names, values, strict=True)), plant.system.finger_model.structure.motors
-    shape = quantities_of(plant, prediction, plant.command, None)
-    return sensed(scene.estimator.measured, shape, motors, plant.named_states, plant.command, tensions)
 
 
 def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:

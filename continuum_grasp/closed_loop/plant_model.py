@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,58 +13,24 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, split_unit
 from continuum_grasp.closed_loop.chain_system import ChainSystem
+from continuum_grasp.control import Outputs, Prediction, Quantities
 from continuum_grasp.model import Remade, System, column, direction, element_lengths, lag_names, lag_rates
-from continuum_grasp.scene import FAMILIES, Actuation, ControlScene, PointMass, Rod, Scene, Surroundings, default_family
+from continuum_grasp.scene import (
+    FAMILIES,
+    INTEGRATORS,
+    Actuation,
+    ControlScene,
+    Measured,
+    PointMass,
+    Rod,
+    Scene,
+    Surroundings,
+    default_family,
+)
 from continuum_grasp.simulation import Signals, initial_state
 
 _LAG = "drive_time_constant"
 """Parameter that is the lag of commanded tensions."""
-FALL = "friction_fall [1]"
-"""Entry of w by which friction of all contacts is less than ``friction_factor``, as a share of it."""
-
-
-def plant_scene(scene: ControlScene) -> Scene:
-    """Build the plant's finger in its surroundings, with the input at rest and the loads that the controller does not
-    know.
-    """
-    finger, plant = scene.finger, scene.plant
-    rod, damping, masses = finger.rod, finger.damping, finger.masses
-    material = damping.material
-    if damping.per_arc > 0.0:
-        # Material damping that takes as much power from the controller's elements, bent by a moment that is the same
-        # everywhere, so that the plant's damping does not depend on its number of elements.
-        edges = np.cumsum([0.0, *element_lengths(finger.profile, scene.contacts, scene.fidelity.elements)])
-        (bends,) = finger.profile.moments(lambda s: 1.0 / finger.profile.bending_stiffness(s), edges)
-        material += damping.per_arc * rod.stiffness * float(bends @ bends / bends.sum())
-    if plant.tip_mass > 0.0:
-        masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
-    rest, initial = None, scene.initial
-    if "tip_moment" not in finger.input_keys:
-        finger = finger.with_tendons(**plant.tendon_changes(finger))
-        if plant.time_constant is not None:
-            finger = finger.with_lags(plant.time_constant)
-        rest = Actuation.of(finger.input_keys, scene.rest_input)
-        if not finger.has_tendon_friction:
-            initial = initial.replaced(reached_by=None, friction_states=None)
-        elif not scene.finger.has_tendon_friction and initial.pose == "equilibrium":
-            # Friction that the plant alone has: the scene states no history.
-            initial = initial.replaced(reached_by="pulling")
-    around = {name: getattr(scene, name) for name in Surroundings.model_fields}
-    return Scene(
-        **around,
-        name=scene.name,
-        finger=finger.replaced(
-            rod=_stiffer(rod, plant.stiffness),
-            damping=damping.replaced(material=material * plant.damping, per_arc=0.0),
-            masses=masses,
-        ),
-        gravity=scene.gravity,
-        contacts=scene.contacts if scene.object is not None else (),
-        fidelity=scene.plant.fidelity,
-        actuation=rest,
-        initial=initial,
-        loads=scene.loads,
-    )
 
 
 def _stiffer(rod: Rod, factor: float) -> Rod:
@@ -83,16 +50,38 @@ def _lag_of(control: ControlScene, plant: Scene) -> Array | None:
     return np.array(known) if known and len(known) == len(lags) else None
 
 
+GUIDES = "guides"
+"""Name of the method of chains of guides, which is none of ``INTEGRATORS``."""
+_SHAPES = 4
+"""Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
+
+
+class PlantIntegration(NamedTuple):
+    """Integration of a plant: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
+
+    ``guides``: the steps of a chain of guides, whatever its rates (0).
+    """
+
+    name: str
+    substeps: int
+    radius: float
+
+
 class PlantModel(Remade):
     """The plant as functions of its state x (nx), the command u (nu), forces w (nw) and parameters p.
 
     x is that of the system, then, where the drive lags, the tensions or the tip moment that it exerts, and their rates
     unless it is of first order. ``given`` is the plant's finger in its surroundings, where it is not that of
-    ``plant_scene``. What of finger and object ``parameters`` name may be changed without compiling anew, by assigning
+    ``scene_of``. What of finger and object ``parameters`` name may be changed without compiling anew, by assigning
     to ``p``; ``drive_time_constant`` of commanded tensions is the last one there. ``falls``: w has a last entry
     ``friction_fall [1]``, by whose share friction is less than the parameter ``friction_factor`` has it. ``outside``
     has entries of w, by name, as functions of instants [s], on top of the scene's loads.
     """
+
+    FALL: ClassVar[str] = "friction_fall [1]"
+    """Entry of w by which friction of all contacts is less than ``friction_factor``, as a share of it."""
+    WRENCH: ClassVar[tuple[str, ...]] = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
+    """Entries of w of what pulls at an object that moves."""
 
     def __init__(
         self,
@@ -102,7 +91,7 @@ class PlantModel(Remade):
         object_parameters: Sequence[str] = (),
         falls: bool = False,
     ) -> None:
-        self.control, self.scene = scene, plant_scene(scene) if given is None else given
+        self.control, self.scene = scene, self.scene_of(scene) if given is None else given
         varies = given is None and scene.object_moves
         finger, self._order = self.scene.finger, scene.plant_order
         self._lag = _lag_of(scene, self.scene)
@@ -115,7 +104,7 @@ class PlantModel(Remade):
         self.u_names = tuple(self.system.u_names[: len(finger.input_keys)])
         lagging = [lag_names(*split_unit(name), self._order) for name in self.u_names[: self._lags]]
         self.x_names = (*self.system.x_names, *(name for names in zip(*lagging, strict=True) for name in names))
-        self.w_names = (*self.system.w_names, *([FALL] if falls else []))
+        self.w_names = (*self.system.w_names, *([self.FALL] if falls else []))
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
         self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np + varied_lag)
@@ -136,6 +125,50 @@ class PlantModel(Remade):
         self.outside: dict[str, Callable[[Array], Array]] = {}
         self.integrations: dict[str, Any] = {}
         self._signals = Signals(self.scene, self.system.finger_model)
+
+    @staticmethod
+    def scene_of(scene: ControlScene) -> Scene:
+        """Build the plant's finger in its surroundings, with the input at rest and the loads that the controller does
+        not know.
+        """
+        finger, plant = scene.finger, scene.plant
+        rod, damping, masses = finger.rod, finger.damping, finger.masses
+        material = damping.material
+        if damping.per_arc > 0.0:
+            # Material damping that takes as much power from the controller's elements, bent by a moment that is the
+            # same everywhere, so that the plant's damping does not depend on its number of elements.
+            edges = np.cumsum([0.0, *element_lengths(finger.profile, scene.contacts, scene.fidelity.elements)])
+            (bends,) = finger.profile.moments(lambda s: 1.0 / finger.profile.bending_stiffness(s), edges)
+            material += damping.per_arc * rod.stiffness * float(bends @ bends / bends.sum())
+        if plant.tip_mass > 0.0:
+            masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
+        rest, initial = None, scene.initial
+        if "tip_moment" not in finger.input_keys:
+            finger = finger.with_tendons(**plant.tendon_changes(finger))
+            if plant.time_constant is not None:
+                finger = finger.with_lags(plant.time_constant)
+            rest = Actuation.of(finger.input_keys, scene.rest_input)
+            if not finger.has_tendon_friction:
+                initial = initial.replaced(reached_by=None, friction_states=None)
+            elif not scene.finger.has_tendon_friction and initial.pose == "equilibrium":
+                # Friction that the plant alone has: the scene states no history.
+                initial = initial.replaced(reached_by="pulling")
+        around = {name: getattr(scene, name) for name in Surroundings.model_fields}
+        return Scene(
+            **around,
+            name=scene.name,
+            finger=finger.replaced(
+                rod=_stiffer(rod, plant.stiffness),
+                damping=damping.replaced(material=material * plant.damping, per_arc=0.0),
+                masses=masses,
+            ),
+            gravity=scene.gravity,
+            contacts=scene.contacts if scene.object is not None else (),
+            fidelity=scene.plant.fidelity,
+            actuation=rest,
+            initial=initial,
+            loads=scene.loads,
+        )
 
     def _system(self) -> System | ChainSystem:
         """The finger in its surroundings, without the lag, which is the plant's own: its sensors read every tension."""
@@ -441,3 +474,74 @@ class PlantModel(Remade):
     def steady(self) -> bool:
         """Whether no load varies."""
         return self._signals.constant and not self.outside
+
+    # -- for controllers ----------------------------------------------------------------------------------------------
+
+    def quantities(self, prediction: Prediction, u: Any, rate: Any) -> Quantities:
+        """Quantities that cost terms and sensors are computed from; bending is that of the controller's
+        elements.
+
+        Commands and their rates are expressions, or (K, nu) over time.
+        """
+        finger = self.scene.finger
+        # Where the controller's elements end, since the plant's are others.
+        at = np.minimum(np.cumsum(prediction.system.finger_model.lengths), finger.rod.length).tolist()
+
+        def by_element(values: ca.SX) -> ca.SX:
+            whole = ca.vertcat(0.0, values)
+            return whole[1:] - whole[:-1]
+
+        return Quantities(
+            length=finger.rod.length,
+            tip=lambda: self.tip,
+            sections=self.sections,
+            object_pose=lambda: self.object_pose,
+            bending=lambda: by_element(self.sections(at)[1] - finger.base.angle),
+            bending_rate=lambda: by_element(self.angle_rates(at)),
+            contact_force=lambda: self.tracked("contact_force", "normal_force"),
+            gap=lambda: self.tracked("gap", "gap"),
+            input=u,
+            input_rate=rate,
+        )
+
+    def tracked_expression(self, prediction: Prediction, held: ca.SX, stage: float) -> ca.SX:
+        """Tracked quantities (nr), from its x, u, w and p and the input before, ``held`` (nu).
+
+        Terms of the input are those of the command; its rate is per ``stage`` [s], as the controller's.
+        """
+        cost = self.control.controller.cost
+        quantities = self.quantities(prediction, self.command, (self.command - held) / stage)
+        return ca.SX(ca.vertcat(*[term.value(quantities, cost) for term in Outputs.of(cost, prediction).terms]))
+
+    def sensor_expressions(self, measured: Measured, prediction: Prediction) -> dict[str, dict[str, ca.SX]]:
+        """Expression of each number that an estimator measures, by its name and unit, by sensor."""
+        finger, values = self.scene.finger, ca.vertsplit(self.tensions)
+        names = [f"tension_{k + 1} [N]" for k in range(len(values))] if finger.winches else self.u_names[: len(values)]
+        tensions, motors = dict(zip(names, values, strict=True)), self.system.finger_model.structure.motors
+        shape = self.quantities(prediction, self.command, None)
+        return shape.sensed(measured, motors, self.named_states, self.command, tensions)
+
+    def method_for(self, period: float) -> PlantIntegration:
+        """Choose the cheapest stable steps, by the fastest rate of some shapes at rest, contacts and damping."""
+        system, w = self.system, self.forces(0.0)[0]
+        radius, longest = 0.0, system.structure.partial_step
+        if isinstance(system, ChainSystem):
+            # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
+            return PlantIntegration(GUIDES, math.ceil(period / (10.0 * longest) - 1e-9), radius)
+        for q in system.finger_model.sample_shapes(self.start[: system.n])[:_SHAPES]:
+            x = self.start.copy()
+            x[: system.n] = q
+            a = np.array(self.linearization(x, self.rest_input, w, self.p)[0])
+            # A shape at which the model's numbers are not finite says nothing about the rate.
+            if np.all(np.isfinite(a)):
+                radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
+        if system.surroundings is not None or system.structure.has_law("damping"):
+            partial = system.structure.stiff_method() if system.structure.has_law("damping") else "ros2"
+            return PlantIntegration(partial, math.ceil(period / longest - 1e-9), radius)
+        # 12.5: longest step of either method per that; on fingers of a hand it follows a step of the input to 1e-6
+        wanted = math.ceil(radius * period / INTEGRATORS["rk4"].target)
+        least = math.ceil(period / (12.5 * longest) - 1e-9)
+        # 40: sub-steps per control period up to which the explicit method is taken
+        if wanted <= max(40, least):
+            return PlantIntegration("rk4", max(wanted, least, 1), radius)
+        return PlantIntegration(system.structure.stiff_method(), max(least, 1), radius)

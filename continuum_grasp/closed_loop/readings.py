@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, field
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from continuum_grasp.base import Array, unit_of
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.tracking import Tracking, amount
-from continuum_grasp.control import Outputs, Prediction, Quantities, Stages, curvature_limits
+from continuum_grasp.control import Outputs, Prediction, Stages, curvature_limits
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import ContactHistory
 
@@ -29,44 +28,6 @@ class Bound:
     unit: str
     excess: Array = field(repr=False)
     scale: float
-
-
-def quantities_of(plant: PlantModel, prediction: Prediction, u: Any, rate: Any) -> Quantities:
-    """Quantities of a plant that cost terms and sensors are computed from; bending is that of the controller's
-    elements.
-
-    Commands and their rates are expressions, or (K, nu) over time.
-    """
-    finger = plant.scene.finger
-    # Where the controller's elements end, since the plant's are others.
-    at = np.minimum(np.cumsum(prediction.system.finger_model.lengths), finger.rod.length).tolist()
-
-    def by_element(values: ca.SX) -> ca.SX:
-        whole = ca.vertcat(0.0, values)
-        return whole[1:] - whole[:-1]
-
-    return Quantities(
-        length=finger.rod.length,
-        tip=lambda: plant.tip,
-        sections=plant.sections,
-        object_pose=lambda: plant.object_pose,
-        bending=lambda: by_element(plant.sections(at)[1] - finger.base.angle),
-        bending_rate=lambda: by_element(plant.angle_rates(at)),
-        contact_force=lambda: plant.tracked("contact_force", "normal_force"),
-        gap=lambda: plant.tracked("gap", "gap"),
-        input=u,
-        input_rate=rate,
-    )
-
-
-def tracked_expression(plant: PlantModel, prediction: Prediction, held: ca.SX, stage: float) -> ca.SX:
-    """Tracked quantities of a plant (nr), from its x, u, w and p and the input before, ``held`` (nu).
-
-    Terms of the input are those of the command; its rate is per ``stage`` [s], as the controller's.
-    """
-    cost = plant.control.controller.cost
-    quantities = quantities_of(plant, prediction, plant.command, (plant.command - held) / stage)
-    return ca.SX(ca.vertcat(*[term.value(quantities, cost) for term in Outputs.of(cost, prediction).terms]))
 
 
 class Readings:
@@ -123,7 +84,7 @@ class Readings:
         """Outputs (K, nr) in the order of the setpoints; ``held`` (K, nu) are the inputs before."""
         cost = self._scene.controller.cost
         terms = Outputs.of(cost, self._prediction).terms
-        plant = quantities_of(self.plant, self._prediction, u, (u - held) / self._stages.stage)
+        plant = self.plant.quantities(self._prediction, u, (u - held) / self._stages.stage)
         of_state = ca.vertcat(*[term.value(plant, cost) for term in terms if term.of_state])
         columns = [self._rows(of_state, x, u, w)]
         # Terms of the input are those of the commands as they were given, whatever the drive made of them.
@@ -147,7 +108,7 @@ class Readings:
             kappa = self._rows(self.plant.curvature, x, u, w)
             exceeded.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))
         if bounds.speed is not None:
-            rates, limit = quantities_of(self.plant, self._prediction, u, None).bending_rate(), bounds.speed
+            rates, limit = self.plant.quantities(self._prediction, u, None).bending_rate(), bounds.speed
             exceeded.append(Bound("speed", "rad/s", np.abs(self._rows(rates, x, u, w)).max(axis=1) - limit, limit))
         if bounds.keep_out:
             at = np.linspace(0.0, self._length, _FINE + 1)[1:]

@@ -24,6 +24,7 @@ from continuum_grasp.base import (
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
+from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control import Controller, Outputs, Prediction, Setpoints, Stages
 from continuum_grasp.scene import ControlScene, scene_of
 
@@ -114,7 +115,7 @@ def run_closed_loop(
         raise InputError("a closed loop needs a duration [s]", key="duration")
     rows = Setpoints.of(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows
     loop = FingerLoop(scene, control, tried, rows)
-    (run,), error = run_fingers([loop], SharedPlant([tried]), scene.duration, progress, began)
+    (run,), error = run_fingers([loop], scene.duration, progress, began=began)
     if error is not None:
         error.result = run
         raise error
@@ -146,17 +147,20 @@ class FingerLoop(NamedTuple):
 @interruptible()
 def run_fingers(
     loops: Sequence[FingerLoop],
-    shared: SharedPlant,
     duration: float,
     progress: Callable[[float], None] | None = None,
+    *,
+    joint: SharedModel | None = None,
     began: float | None = None,
 ) -> tuple[list[ControlRun], NumericalError | Interrupted | None]:
-    """Let controllers of equal periods move the plants that ``shared`` has for a time [s], each by its own setpoints.
+    """Let controllers of equal periods move their plants for a time [s], each by its own setpoints.
 
-    Returns the run of each finger, and what stopped them if anything did, which is not raised. ``began`` is when the
-    making of what is given began, by ``perf_counter`` [s].
+    Returns the run of each finger, and what stopped them if anything did, which is not raised. ``joint`` has the
+    equations of plants that move together, where they exist already; ``began`` is when the making of what is given
+    began, by ``perf_counter`` [s].
     """
     started = perf_counter() if began is None else began
+    shared = SharedPlant([loop.plant for loop in loops], joint)
     for loop in loops:
         loop.control.reset(u=loop.plant.model.rest_input)
     compiled = shared.compiled  # which makes what integrates the plants

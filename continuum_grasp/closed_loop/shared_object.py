@@ -14,7 +14,6 @@ from continuum_grasp.base import Array
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant_model import PlantModel
 
-WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
 _RISE = "object_z_rate [m/s]"
 
 
@@ -173,7 +172,7 @@ class SharedModel:
             rates[places], exerted = rate, exerted + wrench
             outputs.append(rest)
         lead, first, more = self.plants[0], parts[0], ca.SX(self.plants[0].nw, 1)
-        for name, total in zip(WRENCH, ca.vertsplit(exerted), strict=False):
+        for name, total in zip(PlantModel.WRENCH, ca.vertsplit(exerted), strict=False):
             if outputs:
                 more[lead.w_names.index(name)] = total
         rate, *of_lead = functions[0].call([*(first | {"w": first["w"] + more}).values()])

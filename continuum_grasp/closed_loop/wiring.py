@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.scene import Connection, Mounting
-
-TIP = ("tip_x [m]", "tip_y [m]")
 
 
 class Affine(NamedTuple):
@@ -34,29 +33,31 @@ def _times(matrix: ArrayLike, values: Array) -> Array:
     return np.asarray(np.where(weights != 0.0, weights * values[..., None, :], 0.0).sum(axis=-1))
 
 
-class Wiring(NamedTuple):
+@dataclass(frozen=True)
+class Wiring:
     """Readings and commands of a bench from those of the model."""
+
+    TIP: ClassVar[tuple[str, str]] = ("tip_x [m]", "tip_y [m]")
+    """Readings of the camera."""
 
     readings: Affine
     commands: Affine
 
-
-def wiring_of(
-    mounting: Mounting | None, reading_names: Sequence[str], command_names: Sequence[str], key: str
-) -> Wiring:
-    """Wiring by the names and units of readings and commands; ``key`` is where the mounting stands in its scene."""
-    known = Mounting() if mounting is None else mounting
-    readings = Affine(np.eye(len(reading_names)), np.zeros(len(reading_names)))
-    if set(TIP) <= set(reading_names):
-        rows = [reading_names.index(name) for name in TIP]
-        turn = camera_axes(known.camera.angle, known.camera.mirrored) * known.camera.scale
-        readings.matrix[np.ix_(rows, rows)] = turn
-        readings.shift[rows] = -turn @ known.camera.position
-    pulled = [reading_names.index(name) for name in command_names if name in reading_names]
-    _connect(readings, known.tensions, pulled, f"{key}.tensions")
-    commands = Affine(np.eye(len(command_names)), np.zeros(len(command_names)))
-    _connect(commands, known.drives, list(range(len(command_names))), f"{key}.drives")
-    return Wiring(readings, commands)
+    @staticmethod
+    def of(mounting: Mounting | None, reading_names: Sequence[str], command_names: Sequence[str], key: str) -> Wiring:
+        """Wiring by the names and units of readings and commands; ``key`` is where the mounting stands in its scene."""
+        known = Mounting() if mounting is None else mounting
+        readings = Affine(np.eye(len(reading_names)), np.zeros(len(reading_names)))
+        if set(Wiring.TIP) <= set(reading_names):
+            rows = [reading_names.index(name) for name in Wiring.TIP]
+            turn = camera_axes(known.camera.angle, known.camera.mirrored) * known.camera.scale
+            readings.matrix[np.ix_(rows, rows)] = turn
+            readings.shift[rows] = -turn @ known.camera.position
+        pulled = [reading_names.index(name) for name in command_names if name in reading_names]
+        _connect(readings, known.tensions, pulled, f"{key}.tensions")
+        commands = Affine(np.eye(len(command_names)), np.zeros(len(command_names)))
+        _connect(commands, known.drives, list(range(len(command_names))), f"{key}.drives")
+        return Wiring(readings, commands)
 
 
 def camera_axes(angle: float, mirrored: bool) -> Array:

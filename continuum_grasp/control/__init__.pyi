@@ -1,11 +1,9 @@
 from .arguments import vector as vector
 from .command import Command as Command
 from .compiled import Compiled as Compiled
-from .compiled import mission_source as mission_source
 from .controller import Controller as Controller
 from .estimation.adaptation import Adapted as Adapted
 from .estimation.estimator import Estimator as Estimator
-from .estimation.model import sensed as sensed
 from .estimation.noise import measurement_range as measurement_range
 from .iteration.source import SharedSlope as SharedSlope
 from .iteration.source import load_library as load_library
@@ -19,13 +17,13 @@ from .ocp.control_problem import ControlProblem as ControlProblem
 from .ocp.cost_terms import TERMS as TERMS
 from .ocp.cost_terms import UNLIMITED as UNLIMITED
 from .ocp.cost_terms import Outputs as Outputs
-from .ocp.cost_terms import Quantities as Quantities
 from .ocp.cost_terms import Residual as Residual
 from .ocp.scene_problem import stages_of as stages_of
 from .ocp.setpoints import Setpoints as Setpoints
 from .ocp.stages import Stages as Stages
 from .parts import ControlParts as ControlParts
 from .prediction import Prediction as Prediction
+from .quantities import Quantities as Quantities
 from .rti_solver import RtiSolver as RtiSolver
 from .rti_solver import rti as rti
 from .status import Anomaly as Anomaly

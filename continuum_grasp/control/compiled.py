@@ -47,7 +47,7 @@ def controller_source(parts: ControlParts, real: str) -> str:
     return "\n".join(texts)
 
 
-def mission_source(sizes: dict[str, int], settings: Settings) -> str:
+def _mission_source(sizes: dict[str, int], settings: Settings) -> str:
     """Write the C of the phases of a mission for Python: the functions of ``c/mission_python.c``."""
     # Setpoints to the bit as in exported C: products and sums are not fused.
     unfused = '#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#else\n#pragma GCC optimize("fp-contract=off")\n#endif'
@@ -146,6 +146,11 @@ class Compiled:
         self.input_address = ctypes.c_void_p(self._input.ctypes.data)
         self.output_address = ctypes.c_void_p(self.output.ctypes.data)
         self.configure(settings)
+
+    @staticmethod
+    def of_mission(sizes: dict[str, int], settings: Settings, given: dict[str, int], parts: dict[str, int]) -> Compiled:
+        """The phases of a mission, by dimensions and settings of ``c/mission.h``."""
+        return Compiled(_mission_source(sizes, settings), settings, given, parts, "the mission")
 
     def configure(self, settings: Settings) -> None:
         """Set the settings; the state stays."""

@@ -34,7 +34,7 @@ class Reported(NamedTuple):
 
     name: str
     place: str
-    """Where it stands in the structure."""
+    """Place in the structure."""
     kind: str
     """Type in C."""
     exported: str = ""

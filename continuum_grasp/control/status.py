@@ -97,7 +97,7 @@ class Anomaly(IntFlag):
 
     @property
     def description(self) -> str:
-        """What a single bit means."""
+        """Meaning of a single bit."""
         return ANOMALY_TEXTS.get(self) or f"a reading: {MEASUREMENT_TEXTS[MeasurementVerdict[str(self.name)]]}"
 
 

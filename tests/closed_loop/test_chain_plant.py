@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop import Plant, PlantModel, lump
+from continuum_grasp.closed_loop import Links, Plant, PlantModel
 from continuum_grasp.closed_loop.integration import ChainIntegration
 from continuum_grasp.scene import ControlScene
 from tests.tendon_cases import LENGTH, OFFSET, PASSIVE, ROD, STIFFNESS
@@ -128,7 +128,7 @@ def test_a_tapered_chain_has_the_integrals_of_its_rod():
     section = {"to": length, "diameter": [wide, narrow]}
     rod = {"length": length, "youngs_modulus": young, "density": density, "sections": [section]}
     finger = cg.Finger(rod=rod, half_thickness=6e-3, tendons={"offset": 5e-3, "max_tension": 60.0})
-    links = lump(finger, n, even=True)
+    links = Links.of(finger, n, even=True)
     slope = (wide - narrow) / length
     compliance = 64.0 / (np.pi * young) * (narrow**-3 - wide**-3) / (3.0 * slope)
     assert np.sum(1.0 / links.stiffness) == pytest.approx(compliance, rel=1e-10)

@@ -54,10 +54,8 @@ class Steps(Controller):
     def __init__(self, clock, durations, wanted=5.0, health=None, mounting=None) -> None:
         self.clock, self.durations, self.calls, self.wanted = clock, iter(durations), [], wanted
         self.health, self.started = iter(health or []), None
-        finger = SimpleNamespace(rod=SimpleNamespace(natural_time=0.5 / 6.5))
-        self.scene = SimpleNamespace(
-            mounting=mounting, rest_input=(REST,), input_limits=((REST,), (60.0,)), finger=finger
-        )
+        self.parts = SimpleNamespace(calls=SimpleNamespace(ramp=0.5))
+        self.scene = SimpleNamespace(mounting=mounting, rest_input=(REST,), input_limits=((REST,), (60.0,)))
 
     def reset(self, state=None, u=None):
         self.started = u

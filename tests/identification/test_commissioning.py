@@ -15,7 +15,7 @@ from continuum_grasp.addons.identification.commissioning.bench import Bench, Log
 from continuum_grasp.addons.identification.commissioning.log import _log_of
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
-from continuum_grasp.closed_loop import TIP, Plant, wiring_of
+from continuum_grasp.closed_loop import Plant, Wiring
 from continuum_grasp.control import ControlLog
 from continuum_grasp.scene import Camera, Connection, ControlScene, Mounting
 from tests.identification.test_replay import SCENE
@@ -47,14 +47,14 @@ def test_a_camera_is_found_from_points(mirrored):
     assert [*found.position, found.angle, found.scale] == pytest.approx([0.3, -0.2, 0.7, 1.3])
     assert left < 1e-12
     assert camera_through(points, seen, not mirrored)[1] > 0.5
-    wired = wiring_of(Mounting(camera=camera), TIP, (), "mounting").readings
+    wired = Wiring.of(Mounting(camera=camera), Wiring.TIP, (), "mounting").readings
     assert np.array([wired(one) for one in points]) == pytest.approx(seen)
     assert np.array([wired.back(one) for one in seen]) == pytest.approx(points)
 
 
 def test_what_is_missing_stays_alone():
     mounting = Mounting(camera=Camera(angle=0.1), tensions=(Connection(of=2, zero=1.0), Connection(of=1, sign=-1)))
-    wired = wiring_of(mounting, (*TIP, *TENSIONS), TENSIONS, "mounting").readings
+    wired = Wiring.of(mounting, (*Wiring.TIP, *TENSIONS), TENSIONS, "mounting").readings
     assert np.isnan(wired([np.nan, 0.1, 2.0, 3.0])).tolist() == [True, True, False, False]
     assert wired([0.0, 0.0, 2.0, np.nan])[2:] == pytest.approx([np.nan, -2.0], nan_ok=True)
     assert wired([0.0, 0.0, 2.0, 3.0])[2:] == pytest.approx([4.0, -2.0])
@@ -64,7 +64,7 @@ def test_lines_are_checked():
     with pytest.raises(ValueError, match="once as `of`"):
         Mounting(drives=(Connection(of=1), Connection(of=1)))
     with pytest.raises(InputError, match="expected 2 lines"):
-        wiring_of(Mounting(drives=(Connection(of=1),)), TIP, TENSIONS, "mounting")
+        Wiring.of(Mounting(drives=(Connection(of=1),)), Wiring.TIP, TENSIONS, "mounting")
 
 
 def test_a_plant_whose_mounting_is_known_is_as_the_model():
@@ -161,7 +161,9 @@ def test_a_zone_holds_the_plan_back():
 
 def errors(found, true):
     """Of the camera's view of four places within reach [m], and of zeros [N]."""
-    one, other = (wiring_of(Mounting(camera=m.camera), TIP, (), "mounting").readings for m in (true, found.mounting))
+    one, other = (
+        Wiring.of(Mounting(camera=m.camera), Wiring.TIP, (), "mounting").readings for m in (true, found.mounting)
+    )
     places = ([0.0, 0.18], [0.09, 0.14], [-0.09, 0.14], [0.03, 0.17])
     seen = max(np.linalg.norm(other.back(one(place)) - place) for place in places)
     zeros = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.addons.chains.controls import Control, cable_springs, controls_of
 from continuum_grasp.addons.chains.text import written
 from continuum_grasp.base import Array, InputError, check_arguments, whole
-from continuum_grasp.closed_loop import Links, lump, rounded_step
+from continuum_grasp.closed_loop import Links
 from continuum_grasp.core import Core
 from continuum_grasp.export import check_file, title_of
 from continuum_grasp.model import FingerModel
@@ -164,7 +165,7 @@ def export_mjcf(
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(control.varies for control in controls):
         check_file(Path(file).with_suffix(".csv"), _is_table)
-    links = lump(scene.finger, hinges, [at for control in controls for at in control.jumps], per_arc=per_arc)
+    links = Links.of(scene.finger, hinges, [at for control in controls for at in control.jumps], per_arc=per_arc)
     if links.inertia.min() < _LEAST_INERTIA:
         raise InputError(
             f"a link of {hinges} has an inertia of {links.inertia.min():.2g} kg m2, below MuJoCo's least of "
@@ -176,7 +177,7 @@ def export_mjcf(
     # 0.5: share of the longest stable step of the straight chain that is written: bends and tensions change its modes
     longest = 0.5 * links.longest_step(ratio, cable_springs(controls, links.at))
     # 1e-3: longest step of a scene without ``time`` [s]
-    step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, 1e-3), None)
+    step = _rounded_step(longest, scene.time.step) if scene.time else _rounded_step(min(longest, 1e-3), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = (*listed, *_differences(scene, controls))
     text = written(scene, links, controls, _start(scene, links), title_of(scene), step, frequency, differences)
@@ -230,3 +231,11 @@ def _saved(chain: HingeChain, file: Path, scene: Scene) -> HingeChain:
         rows = [[f"{v:.9g}" for v in row] for row in np.column_stack([t, chain.controls(t)])]
         files.append(write_text(csv_text(["time", *chain.control_names], rows), file.with_suffix(".csv")))
     return replace(chain, files=tuple(files))
+
+
+def _rounded_step(longest: float, whole: float | None) -> float:
+    """A step [s] no longer than allowed: a whole part of another step where one is given, else 1, 2 or 5 times 10^k."""
+    if whole is not None:
+        return whole / math.ceil(whole / longest)
+    power = 10.0 ** math.floor(math.log10(longest))
+    return max(digit * power for digit in (1.0, 2.0, 5.0) if digit * power <= longest)

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.addons.fmu.variable import TIP, Kind, UnitContents, count, variables_of
-from continuum_grasp.closed_loop import PlantModel, Sensors, choose_method
+from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.control import Prediction
 from continuum_grasp.core import source_and_header, step_function
 from continuum_grasp.export import (
@@ -57,7 +57,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> UnitContents:
     """The plant of a closed loop, with the integrator and the sub-steps that a run of the scene takes."""
     _UNIT.check(scene)
     model, period = PlantModel(scene), scene.controller.step
-    method = choose_method(model, period)
+    method = model.method_for(period)
     sensors, step = Sensors(scene, model, Prediction(scene), None), period / method.substeps
     named = _functions(model, sensors, method.name, step, identifier)
     source, header = _generated(f"{identifier}_plant", named)

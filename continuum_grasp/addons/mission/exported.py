@@ -42,7 +42,7 @@ class AssignedMission(Summarized):
 
     @staticmethod
     def of(given: MissionScene | AssignedMission | MissionRun) -> AssignedMission:
-        """That of a run; InputError of a mission whose grasp is not found yet."""
+        """Assigned mission of a run; InputError of a mission whose grasp is not found yet."""
         if isinstance(given, MissionScene):
             raise InputError(
                 "the grasp of this mission is not optimized yet: give what assign_mission(mission), or "

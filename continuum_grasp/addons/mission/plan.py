@@ -19,7 +19,6 @@ from continuum_grasp.control import (
     ABSENT,
     Compiled,
     Stages,
-    mission_source,
 )
 
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
@@ -179,7 +178,7 @@ class PhasePlan:
         parts = dict.fromkeys(("phase", "changed", "decision", "bears", "grip", "noticed", "asks", "lost"), 1)
         parts |= {"weights": sizes["NR"]}
         parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
-        self._c = Compiled(mission_source(sizes, settings), settings, inputs, parts, "the mission")
+        self._c = Compiled.of_mission(sizes, settings, inputs, parts)
         self.decision, self.bears, self.grip, self.noticed, self.lost, self._asks = WAITS, UNKNOWN, USUAL, 0, 0.0, False
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 from continuum_grasp.addons.mission.assignment import Assignment, object_of
 from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.closed_loop import FALL, WRENCH, Plant, PlantModel, plant_scene
+from continuum_grasp.closed_loop import Plant, PlantModel
 from continuum_grasp.control import Prediction
 from continuum_grasp.scene import GraspObject, Table
 
@@ -84,7 +84,7 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
     """Equations of the plant of one finger."""
     mission, control, body = assignment.mission, assignment.control, object_of(assignment.control)
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
-    scene = plant_scene(control).replaced(
+    scene = PlantModel.scene_of(control).replaced(
         contacts=tuple(sorted({*control.contacts, *mission.more_contacts})),
         object=body.replaced(mass=mass),
         object_moves=True,
@@ -132,7 +132,7 @@ class MissionPlant(Plant):
         of_tendons = [variation.tendon_friction] * equations.scene.finger.has_tendon_friction
         factors = [stiffness, damping, *of_tendons, variation.mass, variation.friction]
         equations.p = np.array(equations.system.p_nominal) * np.array(factors)
-        equations.outside = {**timetable.outside(), FALL: partial(timetable.fallen, variation)}
+        equations.outside = {**timetable.outside(), PlantModel.FALL: partial(timetable.fallen, variation)}
         first = own = mission.plant.seed if variation.seed is None else variation.seed
         if (number := list(mission.grasp.named_fingers).index(assignment.name)) > 0:
             # Each finger's sensors have noise of their own.
@@ -350,7 +350,10 @@ class Timetable:
 
     def outside(self) -> dict[str, Callable[[Array], Array]]:
         """Height of the table, and what pulls at the object, as functions of instants."""
-        return {"table_height [m]": self._table, **{name: partial(self._pull, k) for k, name in enumerate(WRENCH)}}
+        return {
+            "table_height [m]": self._table,
+            **{name: partial(self._pull, k) for k, name in enumerate(PlantModel.WRENCH)},
+        }
 
     def fallen(self, variation: PlantVariation, t: Array) -> Array:
         """Share (T,) by which friction of contacts has fallen on a plant at instants (T,) of the mission [s]."""

@@ -27,7 +27,7 @@ from continuum_grasp.base import (
     interruptible,
     interrupts_held,
 )
-from continuum_grasp.closed_loop import FingerLoop, SharedModel, SharedPlant, run_fingers
+from continuum_grasp.closed_loop import FingerLoop, SharedModel, run_fingers
 from continuum_grasp.control import Controller
 from continuum_grasp.grasp import GraspResult
 from continuum_grasp.scene import scene_of
@@ -107,8 +107,7 @@ class MissionRunner:
             plant = MissionPlant(assignment, check.timetable, control.prediction, asked, model)
             plan = check.schedule(k, control.stages)
             loops.append(FingerLoop(assignment.control, control, plant, plan.rows, plan))
-        shared = SharedPlant([loop.plant for loop in loops], self._shared)
-        runs, error = run_fingers(loops, shared, plan.duration, progress)  # all last equally long
+        runs, error = run_fingers(loops, plan.duration, progress, joint=self._shared)  # all last equally long
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
         with interrupts_held(quietly=True) as pressed:
             by_finger = zip(self.assignments, runs, strict=True)

@@ -36,7 +36,7 @@ _DIGITS = 6
 _TABLE = 0.005
 """Time between rows of a table of inputs and loads [s]."""
 _MISSIONS = (MissionScene, AssignedMission, MissionRun)
-"""What has a mission; `AssignedMission.of` refuses those whose grasp is not found yet."""
+"""Classes that have a mission; `AssignedMission.of` refuses those whose grasp is not found yet."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,10 +12,9 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.adaptation import AdaptedState
-from continuum_grasp.control.ocp.cost_terms import Quantities, predicted
+from continuum_grasp.control.ocp.cost_terms import predicted
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core import call, differentiated_step, straight_function
-from continuum_grasp.model import Motor
 from continuum_grasp.scene import INTEGRATORS, ControlScene, EstimatorSettings, Measured
 
 _DRIFTING = 100.0
@@ -38,8 +36,6 @@ _DISTURBANCES = (
 """Key in ``estimator.disturbances`` or ``adapt``, the parameters that the disturbances add to, and their names."""
 
 
-OBJECT_POSE = ("object_x [m]", "object_y [m]", "object_angle [rad]")
-"""Names and units of the measured pose of an object."""
 FRICTION = r"(motor_|unknown_contact_)?friction_\w+ \[1\]"
 """Names of friction states, of tendons and of motors, and of friction at contacts, unknown but for its limit."""
 
@@ -249,7 +245,7 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
         tensions = {f"tension_{k + 1} [N]": tension for k, tension in enumerate(pulled)}
     states = dict(zip(model.x_names, ca.vertsplit(model.x), strict=True))
     shape = predicted(scene.controller.cost, model, p)
-    read = sensed(asked, shape, structure.motors, states, model.u, tensions)
+    read = shape.sensed(asked, structure.motors, states, model.u, tensions)
     compared = list[_Compared]()
     for sensor, values in read.items():
         compared += [_Compared(sensor, name, value, {name: 1.0}) for name, value in values.items()]
@@ -266,47 +262,3 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
             parts = {name: of / first for name, of in zip(inputs, moment.arms, strict=False)}
             compared.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))
     return compared
-
-
-def sensed(
-    asked: Measured,
-    shape: Quantities,
-    motors: Sequence[Motor],
-    states: Mapping[str, ca.SX],
-    u: ca.SX,
-    tensions: Mapping[str, ca.SX],
-) -> dict[str, dict[str, ca.SX]]:
-    """Express what sensors read, by sensor: each number by its name and unit, in the order of a measurement.
-
-    The finger is that of a controller or of a plant: its ``shape``, states by name, commands u (nu), and the tensions
-    [N] that are read.
-    """
-    readings = dict[str, dict[str, ca.SX]]()
-    if asked.tip is not None:
-        readings["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(shape.tip()), strict=True))
-    if asked.tension is not None:
-        readings["tension"] = dict(tensions)
-
-    def read_states(sensor: str, word: str) -> None:
-        if getattr(asked, sensor) is not None:
-            selected = {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
-            readings[sensor] = selected
-
-    read_states("length", "length_")
-    read_states("angle", "motor_angle_")
-    if asked.torque is not None:
-        for k, motor in enumerate(motors):
-            position, rate = (states[name] for name in motor.names(k + 1)[:2])
-            readings.setdefault("torque", {})[torque_name(k + 1)] = ca.SX(motor.torque(u[k], position, rate))
-    read_states("pressure", "pressure_")
-    if asked.bending is not None:
-        angles = ca.vertsplit(ca.vec(shape.sections(asked.bending.at)[1]))
-        readings["bending"] = {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
-    if asked.object is not None:
-        readings["object"] = dict(zip(OBJECT_POSE, ca.vertsplit(shape.object_pose()[:3]), strict=True))
-    return readings
-
-
-def torque_name(number: int) -> str:
-    """Name and unit of the measured torque of a motor."""
-    return f"motor_torque_{number} [N m]"

@@ -9,10 +9,11 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.control.estimation.model import OBJECT_POSE, Estimation
+from continuum_grasp.control.estimation.model import Estimation
 from continuum_grasp.control.ocp.cost_terms import UNLIMITED, Outputs
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.quantities import OBJECT_POSE
 from continuum_grasp.scene import ControlScene, MotorDrive
 
 _DRIVE = 0.01

@@ -17,6 +17,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.quantities import Quantities
 from continuum_grasp.scene import Cost, Finger, Weight
 
 Limits = tuple[tuple[float, float], ...]
@@ -43,24 +44,6 @@ class Residual(NamedTuple):
     weight: Any
     final: Any = None
     names: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Quantities:
-    """Quantities that terms and sensors are computed from: expressions of a controller's model or of a plant, made when
-    asked for.
-    """
-
-    length: float  # of the finger [m]
-    tip: Callable[[], Any]  # world position (2) [m]
-    sections: Callable[[Sequence[float]], Sequence[Any]]  # world positions (2, K) [m], angles (K) [rad], of places [m]
-    object_pose: Callable[[], Any]  # of one that moves: x, y [m] and angle [rad]
-    bending: Callable[[], Any]  # of each element of the controller's model [rad]
-    bending_rate: Callable[[], Any]  # [rad/s]
-    contact_force: Callable[[], Any]  # normal force at each tracked contact [N]
-    gap: Callable[[], Any]  # distance from the object where that is tracked [m]
-    input: Any  # tip moment [N m], tensions [N] or what drives take (nu)
-    input_rate: Any  # its change per time
 
 
 def _near_base(finger: Finger) -> Limits:

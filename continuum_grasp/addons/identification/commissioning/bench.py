@@ -19,7 +19,7 @@ from continuum_grasp.addons.identification.blocks import MeasuredBlock
 from continuum_grasp.addons.identification.numbers import MeasuredColumn, MeasuredSet
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
 from continuum_grasp.base import Array, NumericalError, name_of, split_unit, unit_of
-from continuum_grasp.closed_loop import TIP, PlantModel, choose_method, wiring_of
+from continuum_grasp.closed_loop import PlantModel, Wiring
 from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
 from continuum_grasp.scene import INTEGRATORS, Camera, Connection, ControlScene, Mounting, PlantDifferences
 
@@ -87,7 +87,7 @@ class Bench:
             Unknown(f"{ZERO}_{k + 1}", unit, ZERO, lower=-greatest, upper=greatest, typical=0.05 * greatest)
             for k in range(len(self.zeros))
         ]
-        method = choose_method(self.model, period)
+        method = self.model.method_for(period)
         explicit = max(1, math.ceil(method.radius * period / INTEGRATORS["rk4"].target))
         stable = {"rk4": explicit, "rodas": 1}.get(method.name, method.substeps)
         self.step = period / max(stable, math.ceil(period / _LONGEST))
@@ -104,7 +104,7 @@ class Bench:
         lagged = self.model.drive[: self.model.nu]
         shown = ca.vertcat(self.model.tip, lagged)
         self._shown = ca.Function("shown", [x, u, w, p], [ca.densify(shown)])
-        self.names = (*TIP, *self.model.u_names)
+        self.names = (*Wiring.TIP, *self.model.u_names)
         self._maps = dict[int, ca.Function]()
         self._shown_last = b"", (np.zeros(0), np.zeros((0, 0)))
 
@@ -116,7 +116,7 @@ class Bench:
 
     def commanded(self, u: Array, mounting: Mounting) -> Array:
         """Commands (K, nu) of the tendons from those of the bench."""
-        commands = wiring_of(mounting, self.names, self.model.u_names, "mounting").commands.back(u)
+        commands = Wiring.of(mounting, self.names, self.model.u_names, "mounting").commands.back(u)
         return np.maximum(commands, 0.0) if self.scene.finger.tendons else commands
 
     def moved(self, t: Array, u: Array, p: Array, end: float) -> tuple[Array, Array, Array]:
@@ -201,13 +201,13 @@ class BenchBlock(MeasuredBlock):
         camera = [Unknown(name, unit, name, start=start, typical=size) for name, unit, start, size in rows]
         camera[-1] = camera[-1]._replace(lower=1e-6)
         # of the load cells those that are in the log
-        cells = [name for name in log.names if name not in TIP]
+        cells = [name for name in log.names if name not in Wiring.TIP]
         self._cells = [bench.model.u_names.index(name) for name in cells]
         biases = [Unknown(bias_of(name), unit_of(name), BIAS, typical=0.05 * greatest) for name in cells]
         self.unknowns = [*bench.unknowns, *camera, *biases]
         columns = []
         for name, unit in map(split_unit, log.names):
-            group, place = ("tip", length) if f"{name} [{unit}]" in TIP else ("tension", None)
+            group, place = ("tip", length) if f"{name} [{unit}]" in Wiring.TIP else ("tension", None)
             columns.append(MeasuredColumn(name, group, unit, None, name.removeprefix("tip_"), place))
         fitted = np.ones(log.at.size, dtype=bool)
         self.measured = MeasuredSet("bench", tuple(columns), log.at, log.readings, fitted, moves=True, ordered=True)
@@ -250,7 +250,7 @@ class BenchBlock(MeasuredBlock):
         t, base = bench.shown(log, mounting, values[: len(bench.unknowns)], friction)
         then = log.at - values[self._delay]
         moved = np.column_stack([np.interp(then, t, column) for column in base.T])
-        readings = wiring_of(mounting, bench.names, bench.model.u_names, "mounting").readings(moved)
+        readings = Wiring.of(mounting, bench.names, bench.model.u_names, "mounting").readings(moved)
         return np.asarray(readings[:, [bench.names.index(name) for name in log.names]]).ravel()
 
 

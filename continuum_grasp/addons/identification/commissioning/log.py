@@ -23,7 +23,7 @@ from continuum_grasp.addons.identification.periods import columns_of
 from continuum_grasp.addons.identification.problem import FitProblem, Solution
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, SolverError, check_arguments, name_of
-from continuum_grasp.closed_loop import TIP, Plant
+from continuum_grasp.closed_loop import Plant, Wiring
 from continuum_grasp.control import ControlLog
 from continuum_grasp.scene import Connection, ControlScene, Mounting
 
@@ -126,7 +126,7 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
     commands = [ControlLog.COMMANDED + name for name in bench.model.u_names]
     columns, _ = columns_of(given, (*names, *commands), scene.controller.step)
     file = None if isinstance(given, ControlLog) else str(given)
-    absent = [name_of(name) for name in (*TIP, *commands) if not columns[name][0].size]
+    absent = [name_of(name) for name in (*Wiring.TIP, *commands) if not columns[name][0].size]
     if absent:
         raise InputError(f"the log has no {', '.join(absent)}", file=file)
     t = np.unique(np.concatenate([columns[name][0] for name in commands]))
@@ -153,7 +153,7 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     log, missing = _log_of(scene, bench, given)
     start, nu = np.array([unknown.start for unknown in bench.unknowns]), bench.model.nu
     cells = _followed(bench, log, start)
-    mute = [name for name in log.names if name not in TIP and name not in cells]
+    mute = [name for name in log.names if name not in Wiring.TIP and name not in cells]
     used = [k for k, name in enumerate(log.names) if name not in mute]
     log = log._replace(readings=log.readings[:, used], names=tuple(log.names[k] for k in used))
     drives = [
@@ -187,7 +187,7 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
 
 def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]]:
     """Command, from 0, and sign that each measured tension follows, by its name; none of those that follow none."""
-    names = [name for name in log.names if name not in TIP]
+    names = [name for name in log.names if name not in Wiring.TIP]
     if not names:
         return {}
     lag = dict(zip((unknown.name for unknown in bench.unknowns), start, strict=True))
@@ -220,7 +220,7 @@ def _rough(
     """Distance [m] that the nearest camera leaves of the nominal finger, for lines of the drives and each handedness,
     and the mounting with that camera.
     """
-    seen = log.readings[:, [log.names.index(name) for name in TIP]]
+    seen = log.readings[:, [log.names.index(name) for name in Wiring.TIP]]
     then = log.at - start[[unknown.name for unknown in bench.unknowns].index(DELAY)]
     for lines in drives:
         t, base = bench.shown(log, Mounting(drives=lines), start)

@@ -16,7 +16,7 @@ from continuum_grasp.addons.identification.experiments import ExperimentPlan, pl
 from continuum_grasp.addons.identification.scene import Excitation
 from continuum_grasp.addons.identification.segments import CommandDesign, patterns_of
 from continuum_grasp.base import Array, InputError, NumericalError, check_arguments, positive
-from continuum_grasp.closed_loop import TIP, Plant, Readings, wiring_of
+from continuum_grasp.closed_loop import Plant, Readings, Wiring
 from continuum_grasp.control import ControlLog, Prediction
 from continuum_grasp.scene import Consumer, ControlScene, Mounting, beside, scene_of
 from continuum_grasp.simulation import Trajectory
@@ -77,7 +77,7 @@ def design_commissioning(
     options = Excitation(duration=positive("duration", duration), sample=period, reach=reach)
     around = bench.model.scene
     design = CommandDesign(around, patterns_of(around), options)
-    names = tuple(name for name in names_of(known) if name in (*TIP, *bench.names))
+    names = tuple(name for name in names_of(known) if name in (*Wiring.TIP, *bench.names))
     sigma = np.array([known.measurement_std(name) for name in names])
     limits, exceeded = _limits(known, bench), ""
 
@@ -96,7 +96,7 @@ def design_commissioning(
     motion = design.excited(allowed)
     if exceeded:
         raise InputError(f"no excitation is possible: it goes beyond the limit of {exceeded}", key="controller.bounds")
-    to_bench = wiring_of(known.mounting, (), bench.model.u_names, "mounting").commands
+    to_bench = Wiring.of(known.mounting, (), bench.model.u_names, "mounting").commands
     sent = np.array([to_bench(row) for row in commands(motion.rehearsal)])
     sent_names = tuple(ControlLog.COMMANDED + name for name in bench.model.u_names)
     at, t = np.array([unknown.start for unknown in unknowns]), motion.rehearsal.t

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.addons.sweeps import Sweep, SweepPlan, SweepPoint, plan_of, scene_data
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.closed_loop import PlantModel, plant_scene, tracked_expression
+from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Outputs, Prediction, Setpoints
 from continuum_grasp.model import element_lengths, nominal_values
 from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ControlScene, Scene, doubt, scene_of
@@ -132,7 +132,7 @@ def plants_of(
         doubt(text)
     for scene in scenes[1:]:
         _check_fixed(first, scene, keys)
-    around = [plant_scene(scene) for scene in scenes]
+    around = [PlantModel.scene_of(scene) for scene in scenes]
     of_finger, (object_names, of_object) = _finger_parameters(around), _object_parameters(scenes)
     plant_of = partial(PlantModel, parameters=[*of_finger], object_parameters=object_names)
     model = plant_of(first)
@@ -266,7 +266,7 @@ def _check_plant(plants: Plants, k: int, separate: PlantModel) -> None:
         why = "its plant moves otherwise"
     if why is not None:
         varied = ", ".join(f"{key} = {value}" for key, value in zip(plants.keys, plants.values[k], strict=True))
-        known = ", ".join(sorted(_values(plant_scene(plants.scenes[0]))))
+        known = ", ".join(sorted(_values(PlantModel.scene_of(plants.scenes[0]))))
         raise InputError(
             f"scene {k} ({varied}): {why} than the model of scene 0 can by its run-time parameters ({known}; of an "
             "object its mass and friction, or its position where it is fixed); vary keys that set these, the start, "
@@ -279,7 +279,7 @@ def _equations(model: PlantModel, prediction: Prediction) -> str:
     """Rates, and what is read off the shape, as text: the same for the same operations on the same constants."""
     x, u, w, p = model.symbols
     held = ca.SX.sym("held", model.nu)
-    tracked = tracked_expression(model, prediction, held, model.control.controller.horizon.stage)
+    tracked = model.tracked_expression(prediction, held, model.control.controller.horizon.stage)
     values = [model.forward_dynamics(x, u, w, p), tracked, model.tip]
     text: str = ca.Function("equations", [x, u, held, w, p], values).serialize()
     return text

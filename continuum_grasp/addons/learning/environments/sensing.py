@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.addons.learning.environments.plants import Plants
 from continuum_grasp.base import Array, InputError, split_unit
-from continuum_grasp.closed_loop import sensor_expressions, tracked_expression
 from continuum_grasp.control import UNLIMITED, load_library, measurement_range
 from continuum_grasp.core import filled, in_lanes, pointer, template
 from continuum_grasp.model import lag_names
@@ -100,7 +99,9 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     model, scene = plants.model, plants.scenes[0]
     x, u, w, p = model.symbols
     whole = dict(zip(model.x_names, ca.vertsplit(x), strict=True))
-    known = {STATE: whole, **sensor_expressions(scene, model, plants.prediction)}
+    known = {STATE: whole}
+    if scene.estimator is not None:
+        known |= model.sensor_expressions(scene.estimator.measured, plants.prediction)
     measured = tuple(name for name in known if name != STATE) or (STATE,)
     asked = measured if sensors is None else (sensors,) if isinstance(sensors, str) else tuple(sensors)
     if not asked or any(name not in known or asked.count(name) > 1 for name in asked):
@@ -119,7 +120,7 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     touched = [k for k, name in enumerate(model.system.touch_names) if name.startswith("finger.")]
     forces = [model.touch["normal_force"][k] for k in touched]
     held, r = ca.SX.sym("held", model.nu), ca.SX.sym("r", len(plants.outputs.names))
-    error = tracked_expression(model, plants.prediction, held, scene.controller.horizon.stage) - r
+    error = model.tracked_expression(plants.prediction, held, scene.controller.horizon.stage) - r
     # The running cost of a controller, over a period of which it holds the command.
     cost = 0.5 * plants.period * ca.dot(ca.DM(plants.outputs.weights[:, 0]), error**2)
     inputs = {"x": x, "u": u, "w": w, "p": p}

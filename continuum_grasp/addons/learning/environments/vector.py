@@ -16,7 +16,6 @@ from continuum_grasp.addons.learning.environments.sensing import observed_of, se
 from continuum_grasp.addons.learning.environments.substeps import check_stiffness, choose_substeps
 from continuum_grasp.addons.sweeps import Sweep
 from continuum_grasp.base import Array, InputError, check_arguments, install_line, whole
-from continuum_grasp.closed_loop import choose_method
 from continuum_grasp.scene import ControlScene
 
 try:
@@ -132,7 +131,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self._change = math.inf if rate_limit is None else rate_limit * plants.period
         model = plants.model
         self.x_names, self.action_names = model.x_names, model.u_names
-        radius = choose_method(model, plants.period).radius
+        radius = model.method_for(plants.period).radius
         if substeps is None:
             check_stiffness(radius, plants.period)
         self._sensing = sensing_of(plants, sensors)
