@@ -35,7 +35,7 @@ from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.model import GrownOutline
-from continuum_grasp.scene import GraspScene, Wall, greatest_shift
+from continuum_grasp.scene import GraspScene, Wall
 
 _PIECES, _ROUNDS = 40, 40
 """Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180; a hundred
@@ -152,7 +152,7 @@ def _contacts(scene: GraspScene) -> list[_Places]:
         half = setup.finger.profile.half_thickness.constant
         # Of a finger that is not as thick everywhere, the places themselves must be as near as its greatest thickness.
         farther, half = (0.0, half) if half is not None else (setup.finger.thickness_radius, 0.0)
-        moves = greatest_shift(setup.finger.base_free, (x, y)) + greatest_shift(body.free, body.position)
+        moves = setup.finger.base_shift + body.greatest_shift
         along = (*((m, setup.middle_bounds[1]) for m in setup.middles), (setup.tip, setup.finger.rod.length))
         contacts += [
             anywhere(setup.held_friction, center, (1.0 + ROUNDING) * s + farther + moves, half)

@@ -21,7 +21,7 @@ from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, Change, OutlineError, Sensitivity, tension_of
 from continuum_grasp.nlp import Budget, SolverStatus
-from continuum_grasp.scene import GraspScene, default_family, deviation_of, lie_against, redrawn
+from continuum_grasp.scene import GraspScene, default_family
 
 FINE = 6
 """Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:
@@ -47,10 +47,10 @@ def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
 def with_outline(result: GraspResult) -> GraspResult:
     """The result with the error of its object's outline; what that changes is not computed."""
     body = result.scene.object
-    off = deviation_of(body)
+    off = body.deviation
     if off == 0.0:
         return result
-    corners, finer = (sum(len(part.outline()) for part in each.parts) for each in (body, redrawn(body)))
+    corners, finer = (sum(len(part.outline()) for part in each.parts) for each in (body, body.redrawn()))
     missing = "what that changes was not computed"
     return replace(result, outline=OutlineError(off, body.size, corners, finer, missing=missing))
 
@@ -78,10 +78,10 @@ def with_finer_outline(
 
 def _redrawn(scene: GraspScene) -> GraspScene:
     """The scene with polygons nearer to the drawings of its object, which touches the same supports."""
-    body = redrawn(scene.object)
+    body = scene.object.redrawn()
     touching = touching_supports(scene, scene.object.pose) if body.free is None else frozenset()
     if 0 < len(touching) <= 2:
-        body = lie_against(body.replaced(against=tuple(sorted(touching))), scene.places)
+        body = scene.laid_against(body, touching)
     return scene.model_copy(update={"object": body})
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from itertools import product
 
 from continuum_grasp.grasp.starts.supports import touching_supports
-from continuum_grasp.scene import ONE_TURN, Fidelity, FingerSetup, GraspFinger, GraspScene, Switch
+from continuum_grasp.scene import ONE_TURN, Fidelity, FingerSetup, GraspFinger, GraspScene
 
 MOST = 64
 """Sets of contacts that are tried, those with the most contacts first: all choices of six contacts."""
@@ -52,7 +52,7 @@ def with_elements(
     return scene.with_fingers(fingers).replaced(fidelity=Fidelity())
 
 
-def _chosen(switches: Iterable[tuple[str, Switch]]) -> list[frozenset[str]]:
+def _chosen(switches: Iterable[tuple[str, str]]) -> list[frozenset[str]]:
     """The sets of names that switches leave to choose."""
     each = [[frozenset({name}) if on else frozenset() for on in _CHOICES[state]] for name, state in switches]
     return [frozenset[str]().union(*chosen) for chosen in product(*each)]

@@ -34,7 +34,7 @@ from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
 from continuum_grasp.nlp import Budget, SolverStatus
-from continuum_grasp.scene import Effort, GraspScene
+from continuum_grasp.scene import GraspScene
 
 HELD = 3
 """Grasps from which another scene starts, such as one with stations, or next to which a robust one is sought: of nearby
@@ -102,7 +102,7 @@ class _EffortLimits:
     exchanges: int
 
 
-_EFFORTS: dict[Effort, _EffortLimits] = {
+_EFFORTS: dict[str, _EffortLimits] = {
     "quick": _EffortLimits(basins=3, starts=2, iterations=150, always_rough=False, in_vain=4, exchanges=3),
     "normal": _EffortLimits(basins=12, starts=8, iterations=600, always_rough=False, in_vain=4, exchanges=6),
     "thorough": _EffortLimits(

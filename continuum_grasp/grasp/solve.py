@@ -41,7 +41,7 @@ from continuum_grasp.grasp.values import (
     tension_of,
 )
 from continuum_grasp.nlp import Budget, Violation
-from continuum_grasp.scene import ONE_TURN, TOUCHING, GraspScene, scene_of
+from continuum_grasp.scene import ONE_TURN, GraspScene, scene_of
 
 
 @interruptible()
@@ -396,7 +396,7 @@ class _Verdict:
         return " ".join(
             f"The object is {gap:.4g} m away from {name}, which therefore carries nothing{_place_at(self.scene, name)}."
             for name, gap in gaps
-            if gap > TOUCHING * self.scene.object.size
+            if gap > self.scene.touching_gap
         )
 
     def _statistics(self, chosen: GraspAttempt | None) -> dict[str, Any]:

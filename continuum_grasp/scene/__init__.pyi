@@ -59,11 +59,9 @@ from .graded import RodSamples as RodSamples
 from .graded import RodSection as RodSection
 from .graded import SpiRob as SpiRob
 from .graded import ends as ends
-from .grasp import TOUCHING as TOUCHING
 from .grasp import FingerSetup as FingerSetup
 from .grasp import GraspScene as GraspScene
 from .grasp_options import Disturbances as Disturbances
-from .grasp_options import Effort as Effort
 from .grasp_options import FingerContacts as FingerContacts
 from .grasp_options import GraspContacts as GraspContacts
 from .grasp_options import GraspFinger as GraspFinger
@@ -91,8 +89,6 @@ from .methods import SolverOptions as SolverOptions
 from .methods import default_family as default_family
 from .objects import GraspObject as GraspObject
 from .objects import Union as Union
-from .objects import deviation_of as deviation_of
-from .objects import redrawn as redrawn
 from .objects.outline import Outline as Outline
 from .objects.shapes import Box as Box
 from .objects.shapes import Circle as Circle
@@ -100,16 +96,12 @@ from .objects.shapes import Ellipse as Ellipse
 from .objects.shapes import Freedom as Freedom
 from .objects.shapes import ObjectBody as ObjectBody
 from .objects.shapes import Polygon as Polygon
-from .objects.shapes import Pose as Pose
 from .objects.shapes import Stadium as Stadium
 from .objects.shapes import Superellipse as Superellipse
-from .objects.shapes import greatest_shift as greatest_shift
-from .objects.shapes import pose_bounds as pose_bounds
 from .parts import OffsetPolygon as OffsetPolygon
 from .parts import Part as Part
 from .parts import PlanePoint as PlanePoint
 from .parts import SuperellipsePart as SuperellipsePart
-from .placement import lie_against as lie_against
 from .profile import Channel as Channel
 from .profile import Curve as Curve
 from .profile import Profile as Profile
@@ -143,7 +135,6 @@ from .supports import Palm as Palm
 from .supports import Peg as Peg
 from .supports import Point as Point
 from .supports import Support as Support
-from .supports import Switch as Switch
 from .supports import VGroove as VGroove
 from .supports import Wall as Wall
 from .surroundings import ContactLaw as ContactLaw

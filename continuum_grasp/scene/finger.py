@@ -121,6 +121,11 @@ class BasePose(Value):
     def _check(self) -> None:
         doubt_beyond_a_turn("base.angle", self.angle)
 
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """World x, y [m] and angle [rad]."""
+        return *self.position, self.angle
+
 
 class Finger(Value):
     """A tendon-driven continuum finger."""

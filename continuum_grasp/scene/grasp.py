@@ -27,8 +27,7 @@ from continuum_grasp.scene.grasp_options import (
     Robust,
 )
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
-from continuum_grasp.scene.objects import GraspObject, deviation_of
-from continuum_grasp.scene.objects.shapes import greatest_shift, pose_bounds
+from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.objects.simplify import SHARE
 from continuum_grasp.scene.placement import Supported, is_beside
 from continuum_grasp.scene.simulate import Fidelity
@@ -41,7 +40,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 _RELEASED = 1.4
 """Factor on the default bend of an element where friction may let go: with tendons that slide back, at tensions that
 stay, it bent by 1.8, 2.7 and 3.6 rad at friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
-TOUCHING = 1e-6
+_TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
 _TURNS = 360
 """Parts of the range of a free angle in which the distance from a support is sampled [1]."""
@@ -341,17 +340,22 @@ class GraspScene(Configuration, Supported):
     def _finger_of(self, contact: str) -> FingerSetup | None:
         return next((setup for setup in self.setups if contact.startswith(f"{setup.name}.")), None)
 
+    @property
+    def touching_gap(self) -> float:
+        """Gap up to which the object at rest lies against a support [m]."""
+        return _TOUCHING * self.object.size
+
     def gap_range(self, body: Place) -> tuple[float, float]:
         """Least and greatest distance of the object from a support within the bounds of its pose [m], or beyond them.
 
         Both are exact where only the position is free; a support function changes by no more than the object's extent
         per angle.
         """
-        pose, free, extent = self.object.pose, self.object.free, max(part.extent for part in self.object.parts)
-        *sides, (first, last) = pose_bounds(pose, free)
+        angle, extent = self.object.angle, max(part.extent for part in self.object.parts)
+        *sides, (first, last) = self.object.pose_bounds
         if isinstance(body, Peg):
             gap = self.object.distance(body.position) - body.radius
-            slack = greatest_shift(free, pose[:2]) + extent * max(pose[2] - first, last - pose[2])
+            slack = self.object.greatest_shift + extent * max(angle - first, last - angle)
             return gap - slack, gap + slack
         heights = [body.height((x, y)) for x, y in product(*sides)]
         step = (last - first) / _TURNS
@@ -456,7 +460,7 @@ class GraspScene(Configuration, Supported):
             raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
         gap = self.object.distance(finger.base.position) - finger.thickness_radius
         # A pose to be chosen only starts there.
-        if gap < -TOUCHING * self.object.size and self.object.free is None and finger.base_free is None:
+        if gap < -self.touching_gap and self.object.free is None and finger.base_free is None:
             raise ValueError(
                 f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
             )
@@ -466,7 +470,7 @@ class GraspScene(Configuration, Supported):
             a, b = setup.finger, other.finger
             half = float(a.profile.half_thickness(0.0)) + float(b.profile.half_thickness(0.0))
             gap = math.dist(a.base.position, b.base.position) - half
-            if gap < -TOUCHING * half and a.base_free is None and b.base_free is None:
+            if gap < -_TOUCHING * half and a.base_free is None and b.base_free is None:
                 raise ValueError(
                     f"fingers.{setup.name}.base and fingers.{other.name}.base overlap by {-gap:.4g} m (half "
                     "thicknesses included): move them apart, or set overlap: allow where the fingers lie at different "
@@ -474,9 +478,9 @@ class GraspScene(Configuration, Supported):
                 )
 
     def _check_supports(self) -> None:
-        near, fixed = TOUCHING * self.object.size, self.object.free is None
+        near, fixed = self.touching_gap, self.object.free is None
         # Below, a drawing of this size (twice the object's at most) does not say whether it touches.
-        nearly = max(2.0 * SHARE * self.object.size, deviation_of(self.object))
+        nearly = max(2.0 * SHARE * self.object.size, self.object.deviation)
         where, advice = ("and fixed", "; object.against places it") if fixed else ("wherever it may be", "")
         for body in self.places:
             least, greatest = self.gap_range(body)

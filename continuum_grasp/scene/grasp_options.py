@@ -88,7 +88,17 @@ class GraspFinger(Finger):
 
     def _check(self) -> None:
         if self.base_free is not None:
-            self.base_free.check(*self.base.position, self.base.angle)
+            self.base_free.check(*self.base.pose)
+
+    @property
+    def base_bounds(self) -> list[tuple[float, float]]:
+        """Least and greatest x, y [m] and angle [rad] of the base; both are its own value where it is fixed."""
+        return (self.base_free or Freedom()).bounds(self.base.pose)
+
+    @property
+    def base_shift(self) -> float:
+        """Greatest distance that the base may move [m]."""
+        return (self.base_free or Freedom()).greatest_shift(self.base.pose)
 
 
 def _as_grasp_finger(value: Any) -> Any:

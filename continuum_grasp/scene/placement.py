@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,10 @@ class Supported(Value):
         body = getattr(self, "object", None)
         if body is not None and body.against is not None:
             self.__dict__["object"] = lie_against(body, self.places)
+
+    def laid_against(self, body: GraspObject, names: Collection[str]) -> GraspObject:
+        """A copy of an object, moved along the normals of the supports of some names until it touches all of them."""
+        return lie_against(body.replaced(against=tuple(sorted(names))), self.places)
 
     @property
     def places(self) -> tuple[Place, ...]:

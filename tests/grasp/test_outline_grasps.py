@@ -16,7 +16,7 @@ from continuum_grasp.grasp.problem import solver_run, structure, surroundings
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.model import ROUND, distance_from, surface_of
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene import OffsetPolygon, load, redrawn
+from continuum_grasp.scene import OffsetPolygon, load
 from continuum_grasp.scene.parts import corners_of
 from tests.marks import few
 
@@ -177,7 +177,7 @@ def test_what_a_drawing_changes_is_that_of_a_full_search_and_near_the_disc(tmp_p
     if change is None:
         assert abs(rough.tension / disc - 1.0) < 0.02
         return
-    full = optimize_grasp(scene.changed({"object": redrawn(scene.object)})).tension
+    full = optimize_grasp(scene.changed({"object": scene.object.redrawn()})).tension
     assert change.tension == pytest.approx(full, rel=1e-3)
     # The finer one is nearer to the disc, and off by half of what it changes at most.
     assert abs(full - disc) < 0.5 * abs(full - rough.tension)

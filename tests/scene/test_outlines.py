@@ -20,7 +20,7 @@ from continuum_grasp.addons.sweeps.variation import variation_of
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp.certificate import surfaces
 from continuum_grasp.model import Vec, nearest, outline_of, surface_of
-from continuum_grasp.scene import ConfigurationData, GraspScene, OffsetPolygon, Polygon, load, redrawn
+from continuum_grasp.scene import ConfigurationData, GraspScene, OffsetPolygon, Polygon, load
 from continuum_grasp.scene.parts import corners_of
 
 SCENE = "configs/grasp/mug.yaml"
@@ -301,7 +301,7 @@ def test_the_default_tolerance_is_a_share_of_the_size_and_the_error_is_stated(tm
     assert body.drawn.deviation == pytest.approx(arrows.max(), rel=0.02)
     assert body.drawn.deviation <= 2e-3 * radius
     assert len(body.vertices) > 48
-    assert redrawn(body).vertices == body.drawn.vertices
+    assert body.redrawn().vertices == body.drawn.vertices
     finer = shapely.Polygon(body.drawn.vertices).exterior
     assert finer.hausdorff_distance(shapely.Point(0.0, 0.0).buffer(radius, 4000).exterior) < 6e-4 * radius
 

@@ -9,7 +9,7 @@ heights.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from itertools import combinations
@@ -31,7 +31,7 @@ from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
-from continuum_grasp.scene import FAMILIES, Freedom, GraspScene, pose_bounds
+from continuum_grasp.scene import FAMILIES, GraspScene
 
 
 @dataclass(frozen=True)
@@ -293,8 +293,7 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
     yield Check(f"stored backbone, {finger.name}", off, EXACT, f"{length:.4g} m")
     off = abs(finger.stored_tip_curvature - float(finger.shape.elastic(np.array(length)))) * length
     yield Check(f"stored tip curvature, {finger.name}", off, EXACT, f"{1 / length:.4g} 1/m")
-    base = finger.finger.base
-    off = _beyond((*base.position, base.angle), finger.finger.base_free, finger.base, length)
+    off = _beyond(finger.finger.base_bounds, finger.base, length)
     yield Check(f"base, {finger.name}", off, EXACT, f"{length:.4g} m")
 
 
@@ -330,7 +329,7 @@ def _finger_limits(finger: RecomputedFinger) -> Iterator[Check]:
 
 def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
     scene, body, size = grasp.scene, grasp.scene.object, grasp.size
-    yield Check("object pose", _beyond(body.pose, body.free, grasp.pose, size), EXACT, f"{size:.4g} m")
+    yield Check("object pose", _beyond(body.pose_bounds, grasp.pose, size), EXACT, f"{size:.4g} m")
     scale = grasp.force_scale
     force, turn, lift, tilt = body.mass * np.asarray(scene.gravity_in_plane), 0.0, 0.0, np.zeros(2)
     for contact in grasp.contacts:  # their forces are on what touches the object, lifts on the object
@@ -346,9 +345,9 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
         yield Check.part("object tilt balance", float(np.abs(tilt).max()), scale * size, "N m")
 
 
-def _beyond(start: tuple[float, float, float], free: Freedom | None, pose: Array, length: float) -> float:
-    """Distance of a pose outside its bounds, or from where it is fixed, as a part of a length and in radians."""
+def _beyond(bounds: Sequence[tuple[float, float]], pose: Array, length: float) -> float:
+    """Distance of a pose outside its bounds, as a part of a length and in radians."""
     over = []
-    for value, (low, high), unit in zip(pose, pose_bounds(start, free), (length, length, 1.0), strict=True):
+    for value, (low, high), unit in zip(pose, bounds, (length, length, 1.0), strict=True):
         over += [(low - value) / unit, (value - high) / unit]
     return worst(*over)

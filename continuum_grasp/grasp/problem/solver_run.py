@@ -42,7 +42,7 @@ from continuum_grasp.nlp import (
     Start,
     Violation,
 )
-from continuum_grasp.scene import GraspScene, GraspSolver
+from continuum_grasp.scene import GraspScene
 
 MODEST = 0.8
 """Part of the most that makes sense of an amount, up to which one of several limits is relaxed: else a mass would go to
@@ -108,7 +108,7 @@ class GraspSolverRun:
         options = scene.solver
         key = (options.method, options.tolerance, options.max_iterations)
         if key not in self._solvers:
-            self._solvers[key] = settings_of(options).solver()
+            self._solvers[key] = settings_of(scene).solver()
             self._solvers[key].prepare(self.nlp)
         return self._solvers[key]
 
@@ -388,7 +388,9 @@ _IPOPT = {
 }
 
 
-def settings_of(options: GraspSolver) -> Settings:
+def settings_of(scene: GraspScene) -> Settings:
+    """Settings of the solver that a scene asks for."""
+    options = scene.solver
     constraints = min(1e-9, options.tolerance)
     return Settings(options.method, options.tolerance, constraints, options.max_iterations, {"ipopt": _IPOPT})
 

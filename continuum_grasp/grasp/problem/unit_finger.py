@@ -17,7 +17,7 @@ from continuum_grasp.grasp.problem.curves import Curves
 from continuum_grasp.grasp.problem.graded_backbone import GradedBackbone
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel, soft
-from continuum_grasp.scene import Damping, DryFriction, Finger, MomentLoad, PointMass, Rod, Tendons
+from continuum_grasp.scene import Finger, MomentLoad
 
 _OFFSET = 0.5
 """Tendon offset of the unit finger; tensions are scaled so that any value does."""
@@ -224,20 +224,24 @@ def _optional(spec: FingerSpec) -> list[str]:
 def unit_model(spec: FingerSpec) -> FingerModel:
     """The model of a finger in units of its own, uniform; built once in a process."""
     # The values only state what there is: the run-time argument replaces them.
-    unit = Finger(
-        rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
-        masses=(PointMass(at=1.0, mass=1.0),) if spec.tip_heavy else (),
-        tendons=Tendons(
-            offset=_OFFSET,
-            max_tension=1.0,
-            friction=0.1 if spec.friction_cells else 0.0,
-            friction_cells=spec.friction_cells or 1,
-            presliding=_OFFSET * PRESLIDING,
-        ),
-        damping=Damping(
-            dry_friction=(DryFriction(stiffness=1.0, moment=1.0),) * spec.branches,
-            friction_cells=spec.bending_cells or 1,
-        ),
+    tendons = {
+        "offset": _OFFSET,
+        "max_tension": 1.0,
+        "friction": 0.1 if spec.friction_cells else 0.0,
+        "friction_cells": spec.friction_cells or 1,
+        "presliding": _OFFSET * PRESLIDING,
+    }
+    damping = {
+        "dry_friction": [{"stiffness": 1.0, "moment": 1.0}] * spec.branches,
+        "friction_cells": spec.bending_cells or 1,
+    }
+    unit = Finger.model_validate(
+        {
+            "rod": {"length": 1.0, "linear_density": 1.0, "bending_stiffness": 1.0},
+            "masses": [{"at": 1.0, "mass": 1.0}] if spec.tip_heavy else [],
+            "tendons": tendons,
+            "damping": damping,
+        }
     )
     contacts = tuple(count / spec.elements for count in spec.before)
     names = [] if spec.curves.graded else ["element_lengths"]

@@ -20,7 +20,7 @@ from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart
 from continuum_grasp.grasp.values import LITTLE, NEAR
 from continuum_grasp.model import SHARP, Feature, surface_of
-from continuum_grasp.scene import FingerSetup, Freedom, GraspScene, Pose, Wall, pose_bounds
+from continuum_grasp.scene import FingerSetup, GraspScene, Wall
 
 Values = dict[str, Any]
 
@@ -141,9 +141,8 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
         # Greatest tensions are constraints, which can be relaxed; a tendon that is not there has a bound.
         if finger.tendons_used != "both":
             high[f"{name}.pulls"] = [np.inf, 0.0] if finger.tendons_used == "left" else [0.0, np.inf]
-        pose = (*finger.base.position, finger.base.angle)
-        low[f"{name}.base"], high[f"{name}.base"] = _pose_bounds(pose, finger.base_free, units)
-    low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units)
+        low[f"{name}.base"], high[f"{name}.base"] = map(units.pose, zip(*finger.base_bounds, strict=True))
+    low["object pose"], high["object pose"] = map(units.pose, zip(*scene.object.pose_bounds, strict=True))
     steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.spec.aims))
     # Where slipping or disturbances are an aim, each contact presses.
     least = NEAR * max(scene.weight / units.force, 1.0) if steady else 0.0
@@ -160,11 +159,6 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
             high[f"place, {name}"][1] += EXACT
         low[f"force, {name}"] = [least, *sideways]
     return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
-
-
-def _pose_bounds(pose: Pose, free: Freedom | None, units: Units) -> tuple[list[float], list[float]]:
-    low, high = zip(*pose_bounds(pose, free), strict=True)
-    return units.pose(low), units.pose(high)
 
 
 def _graded_values(setup: FingerSetup, start: FingerStart) -> Values:

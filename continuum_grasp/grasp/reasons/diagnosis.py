@@ -28,7 +28,7 @@ from continuum_grasp.grasp.search import CLOSEST, FIRST_CAP, HELD, GraspSearch
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason
-from continuum_grasp.scene import FingerSetup, GraspScene, greatest_shift
+from continuum_grasp.scene import FingerSetup, GraspScene
 
 CLEAR = 0.03
 """Relative change of a limit, or part of a usual amount, from which on no other start would do without: the estimates
@@ -135,7 +135,7 @@ def _distance(scene: GraspScene, setup: FingerSetup) -> float:
     else:
         # However it is turned about its position, the object lies within its size of its center of mass.
         away = math.dist((x, y), body.position) - math.hypot(*body.com) - body.size
-    return away - greatest_shift(body.free, body.position) - greatest_shift(setup.finger.base_free, (x, y))
+    return away - body.greatest_shift - setup.finger.base_shift
 
 
 MORE = 8

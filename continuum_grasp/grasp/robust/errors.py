@@ -38,8 +38,8 @@ from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle, support_contacts
-from continuum_grasp.grasp.starts.values import ContactStart, GraspStart
-from continuum_grasp.scene import Freedom, GraspScene, Pose, Robust, Shape
+from continuum_grasp.grasp.starts.values import ContactStart, GraspStart, Pose
+from continuum_grasp.scene import Freedom, GraspScene, Robust, Shape
 
 OBJECT = len(ERRORS)
 """Columns of errors of the object, before the friction states."""

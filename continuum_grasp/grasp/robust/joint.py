@@ -195,7 +195,7 @@ class JointSolverRun:
             x0 = np.concatenate(list(points))
         x = np.clip(x0, low, high)
         begin = Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
-        solve = partial(settings_of(scene.solver).solver().solve, self.nlp)
+        solve = partial(settings_of(scene).solver().solve, self.nlp)
         last, numbers = solve_clear(solve, self.nlp, begin, look, allowed_depth(scene), budget, OPTION_SETS[-1][1])
         return GraspAttempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
 

@@ -30,7 +30,8 @@ from continuum_grasp.grasp.starts.scan.task import (
 )
 from continuum_grasp.grasp.starts.scan.touching import onwards, scanned, started
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
-from continuum_grasp.scene import FingerSetup, GraspScene, Pose
+from continuum_grasp.grasp.starts.values import Pose
+from continuum_grasp.scene import FingerSetup, GraspScene
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,9 @@ from continuum_grasp.grasp.starts.candidates import Candidates, spread_order
 from continuum_grasp.grasp.starts.force import ForceBlock, Loads, cone_edges, finger_block
 from continuum_grasp.grasp.starts.scan.curves import segment_end, touch
 from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violation
-from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.grasp.starts.values import ContactStart, Pose
 from continuum_grasp.grasp.values import NEAR
-from continuum_grasp.scene import FingerSetup, GraspScene, Pose, pose_bounds
+from continuum_grasp.scene import FingerSetup, GraspScene
 
 COUNTS = {2: (14, 400, 48), 3: (8, 36, 96), 4: (6, 14, 96)}
 """By number of fingers: postures per finger that are combined, to 200 to 1300 combinations; and, of those that touch
@@ -288,12 +288,11 @@ class _Finger:
 
     def __init__(self, scene: GraspScene, loads: Loads, setup: FingerSetup, pose: Pose, start: Candidates) -> None:
         self.scene, self.loads, self.setup, self.pose, self.start = scene, loads, setup, pose, start
-        base = setup.finger.base
-        base_pose = (*base.position, base.angle)
+        base_pose = setup.finger.base.pose
         length = setup.finger.rod.length
         self.task: FingerTask = make_task(scene, setup, base_pose, pose, 1, (setup.tip_name,))
         self._length, self._own = length, np.array(base_pose)
-        bounds = np.array(pose_bounds(base_pose, setup.finger.base_free))
+        bounds = np.array(setup.finger.base_bounds)
         self._free = np.flatnonzero(bounds[:, 1] > bounds[:, 0])
         self._unit = np.array([length, length, 1.0])
         self._low, self._high = ((bounds[:, k] - base_pose) / self._unit for k in (0, 1))

@@ -19,9 +19,9 @@ from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, gauss_legendre, sample
 from continuum_grasp.grasp.starts.scan.kernel import within_bounds
 from continuum_grasp.grasp.starts.scan.task import FINE
-from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.grasp.starts.values import ContactStart, Pose
 from continuum_grasp.model import family_class
-from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene, Pose
+from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
 
 _NODES, _WEIGHTS = gauss_legendre(4)
 _TENSION_WEIGHT, _ENOUGH = 5e-5, 1e-6

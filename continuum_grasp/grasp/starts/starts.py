@@ -27,9 +27,9 @@ from continuum_grasp.grasp.starts.force import (
 )
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses, support_contacts
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, interleaved
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, Pose, interleaved
 from continuum_grasp.model import family_class
-from continuum_grasp.scene import GraspScene, Pose
+from continuum_grasp.scene import GraspScene
 
 
 def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[GraspStart]:

@@ -9,9 +9,9 @@ from collections.abc import Collection
 import numpy as np
 
 from continuum_grasp.grasp.starts.scan.curves import EXACT
-from continuum_grasp.grasp.starts.values import ContactStart
+from continuum_grasp.grasp.starts.values import ContactStart, Pose
 from continuum_grasp.model import GrownOutline, outline_of
-from continuum_grasp.scene import TOUCHING, FingerSetup, GraspScene, Peg, Pose, Wall, pose_bounds
+from continuum_grasp.scene import FingerSetup, GraspScene, Peg, Wall
 
 Interval = tuple[float, float]
 
@@ -30,11 +30,11 @@ def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> 
     A wall touches the outermost point; a flat face that lies on it touches at its two ends, "<wall>.1" and "<wall>.2",
     as far as a finite wall reaches.
     """
-    shapes, size = object_outlines(scene), scene.object.size
+    shapes = object_outlines(scene)
     contacts: dict[str, ContactStart] = {}
     for wall in scene.walls:
         if wall.name in wanted:
-            ends = _wall_ends(shapes, wall, pose, TOUCHING * size)
+            ends = _wall_ends(shapes, wall, pose, scene.touching_gap)
             names = [wall.name] if len(ends) == 1 else [f"{wall.name}.1", f"{wall.name}.2"]
             contacts |= zip(names, ends, strict=True)
     for peg in scene.pegs:
@@ -45,7 +45,7 @@ def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> 
 
 def touching_supports(scene: GraspScene, pose: Pose) -> frozenset[str]:
     """Names of the walls and pegs that the object touches at a pose, to within a millionth of its size."""
-    shapes, near = object_outlines(scene), TOUCHING * scene.object.size
+    shapes, near = object_outlines(scene), scene.touching_gap
     return frozenset(
         body.name
         for body in scene.places
@@ -111,7 +111,7 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
     if free is None:
         return [scene_pose]
     shapes = object_outlines(scene)
-    bounds = pose_bounds(scene_pose, free)
+    bounds = scene.object.pose_bounds
     is_round = len(shapes) == 1 and shapes[0].is_round
     flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], scene_pose[2])
     tries: list[tuple[Pose, list[Interval]]] = []
@@ -139,11 +139,10 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
 
 def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
     """Poses of a finger's base that are tried with the ``number``-th pose of the object, its own first."""
-    base, free = setup.finger.base, setup.finger.base_free
-    pose = (*base.position, base.angle)
-    if free is None:
+    pose = setup.finger.base.pose
+    if setup.finger.base_free is None:
         return [pose]
-    return [pose, *_spread(pose_bounds(pose, free), _MORE_BASES[min(number, 1)], skip=number)]
+    return [pose, *_spread(setup.finger.base_bounds, _MORE_BASES[min(number, 1)], skip=number)]
 
 
 def settle(

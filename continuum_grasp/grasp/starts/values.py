@@ -11,7 +11,10 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene import GraspScene, Pose
+from continuum_grasp.scene import GraspScene
+
+Pose = tuple[float, float, float]
+"""World x, y [m] and angle [rad]."""
 
 
 @dataclass(frozen=True)

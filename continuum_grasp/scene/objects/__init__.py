@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from functools import reduce
 from operator import or_
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.outline import Outline, OutlineFile
+from continuum_grasp.scene.objects.outline import Outline
 from continuum_grasp.scene.objects.shapes import (
     Box,
     Circle,
@@ -24,7 +24,6 @@ from continuum_grasp.scene.objects.shapes import (
     Stadium,
     Superellipse,
 )
-from continuum_grasp.scene.objects.simplify import FINER
 from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.value import ListOf
 
@@ -41,8 +40,6 @@ __all__ = [
     "Superellipse",
     "Union",
     "UnionMember",
-    "deviation_of",
-    "redrawn",
 ]
 
 SHAPES = (Circle, Ellipse, Superellipse, Box, Polygon, Stadium, Outline)
@@ -69,6 +66,13 @@ class Union(ObjectBody):
     """The parts; they may overlap."""
 
     @property
+    def deviation(self) -> float:
+        return float(max(member.deviation for member in self.members))
+
+    def redrawn(self) -> Self:
+        return self.replaced(members=tuple(member.redrawn() for member in self.members))
+
+    @property
     def parts(self) -> tuple[Part, ...]:
         return tuple(part.placed(m.position, m.angle) for m in self.members for part in m.parts)
 
@@ -81,21 +85,3 @@ GraspObject = Annotated[
     Circle | Ellipse | Superellipse | Box | Polygon | Stadium | Outline | Union, Field(discriminator="shape")
 ]
 """An object to be grasped."""
-
-
-def deviation_of(body: GraspObject) -> float:
-    """Greatest distance of an object's polygons from the drawings that they stand for [m]."""
-    drawings = (getattr(shape, "drawn", None) for shape in getattr(body, "members", (body,)))
-    return max((drawing.deviation for drawing in drawings if drawing is not None), default=0.0)
-
-
-def redrawn(body: Any) -> Any:
-    """An object, or a member of a union, whose polygons are nearer to the drawings that they stand for."""
-    if isinstance(body, Union):
-        return body.replaced(members=tuple(redrawn(member) for member in body.members))
-    drawing = getattr(body, "drawn", None)
-    if drawing is None:
-        return body
-    if isinstance(body, OutlineFile):
-        return body.replaced(tolerance=FINER * body.distance_allowed)
-    return body.replaced(vertices=drawing.vertices, drawn=None)

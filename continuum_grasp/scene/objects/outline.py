@@ -6,15 +6,15 @@ import math
 from collections.abc import Collection, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.shapes import ObjectBody, OutlineCurve
+from continuum_grasp.scene.objects.shapes import MaybeDrawn, ObjectBody, OutlineCurve
 from continuum_grasp.scene.objects.simplify import FINER, MOST, SHARE, deviation, simplified
 from continuum_grasp.scene.parts import OffsetPolygon, Part, PlanePoint, check_simple
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import SAME, Extent, Value
+from continuum_grasp.scene.value import SAME, Extent
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnOutline
@@ -24,7 +24,7 @@ _SMALLEST, _GREATEST = 1e-4, 10.0
 _FORMS = (".svg", ".dxf", ".csv", ".png")
 
 
-class OutlineFile(Value):
+class OutlineFile(MaybeDrawn):
     """File of an outline, and how it is read."""
 
     shape: Literal["outline"]
@@ -102,6 +102,13 @@ class OutlineFile(Value):
     def drawn(self) -> OutlineCurve | None:
         """Curve that the corners stand for, where they are not exact."""
         return self.drawing(self.vertices)
+
+    @property
+    def deviation(self) -> float:
+        return 0.0 if self.drawn is None else self.drawn.deviation
+
+    def redrawn(self) -> Self:
+        return self if self.drawn is None else self.replaced(tolerance=FINER * self.distance_allowed)
 
     def corners(self, retained: Collection[int] = (), share: float = 1.0) -> tuple[PlanePoint, ...]:
         """Corners of the polygon that is within a share of the tolerance of the curve, with points of it that are

@@ -41,22 +41,31 @@ class Freedom(Value):
             if bounds is not None and not bounds[0] <= value <= bounds[1]:
                 raise ValueError(f"free.{name} = {list(bounds)} does not hold the given {value}")
 
+    def bounds(self, pose: Pose) -> list[tuple[float, float]]:
+        """Bounds of x, y [m] and angle [rad] of a pose; both are its own value where it is fixed."""
+        bounds = (self.x, self.y, self.angle)
+        return [bound or (coordinate, coordinate) for bound, coordinate in zip(bounds, pose, strict=True)]
 
-def pose_bounds(pose: Pose, free: Freedom | None) -> list[tuple[float, float]]:
-    """Bounds of x, y [m] and angle [rad] of a pose; both are its own value where it is fixed."""
-    bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
-    return [bound or (coordinate, coordinate) for bound, coordinate in zip(bounds, pose, strict=True)]
+    def greatest_shift(self, pose: Pose) -> float:
+        """Greatest distance that the position of a pose may move [m]."""
+        spans = [max(b[1] - v, v - b[0]) for b, v in zip(self.bounds(pose)[:2], pose[:2], strict=True)]
+        return math.hypot(*spans)
 
 
-def greatest_shift(free: Freedom | None, at: tuple[float, float]) -> float:
-    """Greatest distance that a position may move within bounds [m]."""
-    if free is None:
+class MaybeDrawn(Value):
+    """A shape, of an object or of a member of a union, that may stand for a drawing."""
+
+    @property
+    def deviation(self) -> float:
+        """Greatest distance of its polygons from the drawings that they stand for [m]."""
         return 0.0
-    spans = [max(b[1] - v, v - b[0]) if b else 0.0 for b, v in zip((free.x, free.y), at, strict=True)]
-    return math.hypot(*spans)
+
+    def redrawn(self) -> Self:
+        """A copy whose polygons are nearer to the drawings that they stand for."""
+        return self
 
 
-class ObjectBody(Value):
+class ObjectBody(MaybeDrawn):
     """Properties of every object beside its shape, in whose frame they are given."""
 
     mass: Mass
@@ -105,6 +114,16 @@ class ObjectBody(Value):
         """World x, y [m] and angle [rad]."""
         return *self.position, self.angle
 
+    @property
+    def pose_bounds(self) -> list[tuple[float, float]]:
+        """Least and greatest x, y [m] and angle [rad]; both are its own value where it is fixed."""
+        return (self.free or Freedom()).bounds(self.pose)
+
+    @property
+    def greatest_shift(self) -> float:
+        """Greatest distance that its position may move [m]."""
+        return (self.free or Freedom()).greatest_shift(self.pose)
+
     def moved_to(self, pose: Pose, **fields: Any) -> Self:
         """A copy that stands at a pose, whatever it lay ``against``, with other values of some ``fields``."""
         return self.replaced(position=(pose[0], pose[1]), angle=pose[2], against=None, **fields)
@@ -120,7 +139,7 @@ class ObjectBody(Value):
             self.free.check(*self.pose)
 
 
-class MemberPlace(Value):
+class MemberPlace(MaybeDrawn):
     """Pose of a part of a union."""
 
     position: Position = (0.0, 0.0)
@@ -216,7 +235,7 @@ class OutlineCurve(Value):
     """Corners of a polygon that is nearer to the curve, by which reports measure what the deviation changes [m]."""
 
 
-class _PolygonShape(Value):
+class _PolygonShape(MaybeDrawn):
     shape: Literal["polygon"]
     """A simple polygon, with rounded corners, but for reflex ones, where a radius is given."""
     vertices: Annotated[ListOf[Position], Field(min_length=3, max_length=1024)]
@@ -245,6 +264,13 @@ class _PolygonShape(Value):
                 f"corner_radius = {self.corner_radius} m is too large: an edge would have no flat part left"
             )
         check_simple(core, f"corner_radius = {self.corner_radius} m is too large: the middles of its arcs")
+
+    @property
+    def deviation(self) -> float:
+        return 0.0 if self.drawn is None else self.drawn.deviation
+
+    def redrawn(self) -> Self:
+        return self if self.drawn is None else self.replaced(vertices=self.drawn.vertices, drawn=None)
 
 
 class Polygon(_PolygonShape, ObjectBody):

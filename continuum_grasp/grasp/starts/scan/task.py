@@ -18,8 +18,9 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.shape import skin
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import EXACT, bends, sample
+from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.model import Frame, GrownOutline, family_class, surface_of
-from continuum_grasp.scene import FingerSetup, GraspScene, Pose
+from continuum_grasp.scene import FingerSetup, GraspScene
 
 ALLOWED = 2e-3
 """Penetration that a start may have, per length of the finger: thin feasible pieces of a branch survive the scan, and
