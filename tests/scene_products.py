@@ -49,7 +49,6 @@ from continuum_grasp.export.subject import Subject
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene import (
-    EXACT_ROD,
     Actuation,
     ControlScene,
     Fidelity,
@@ -261,7 +260,7 @@ def model(scene: Scene) -> Iterator[object]:
 def measured_choices(scene: Scene) -> Iterator[object]:
     """What accuracy measures against what: load cases of the exact rod, and models as they move, without an object."""
     known = scene.replaced(**{name: getattr(Surroundings(), name) for name in _AROUND})
-    EXACT_ROD.check(known)
+    known.check_for_exact_rod()
     known = known.replaced(fidelity=Fidelity(bending_range=known.fidelity.bending_range, elements=3))
     for name, case in load_cases(known):
         yield from (name, read_problem(case), case.loads)

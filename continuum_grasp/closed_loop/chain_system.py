@@ -35,7 +35,7 @@ from continuum_grasp.model import (
     named,
     winches_of,
 )
-from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ForceLoad, Initial, Scene, unknown_to
+from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ForceLoad, Initial, Scene
 
 OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """Numbers of the finger that may be changed without compiling anew."""
@@ -318,7 +318,7 @@ class ChainSystem(Functions):
 _GUIDES = Consumer(
     "plant.guides",
     refused={
-        **unknown_to("a chain of guides (plant.guides)"),
+        **Consumer.unknown_laws("a chain of guides (plant.guides)"),
         "finger.pressure": "a chain of guides (plant.guides) has tendons alone: leave guides out",
         "loads.kind=moment": "a chain of guides (plant.guides) takes forces as loads, no moments",
         "initial.reached_by=state": "state is that of cells, which a chain of guides has not",

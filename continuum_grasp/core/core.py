@@ -29,7 +29,7 @@ from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import generated, rollout_source, rollouts_source
 from continuum_grasp.model import FingerModel, Remade, System, function_names
-from continuum_grasp.scene import INTEGRATORS, SIMULATION_METHODS
+from continuum_grasp.scene import INTEGRATORS
 
 _WARNED: set[str] = set()
 """Reports of missing or failing compilers so far."""
@@ -195,8 +195,9 @@ class Core(Remade, Summarized):
         InputError
             If the method is unknown.
         """
-        if not isinstance(method, str) or method not in SIMULATION_METHODS:
-            raise InputError(f"unknown method {method!r}: expected one of {', '.join(SIMULATION_METHODS)}")
+        known = [name for name, integrator in INTEGRATORS.items() if integrator.simulates]
+        if method not in known:
+            raise InputError(f"unknown method {method!r}: expected one of {', '.join(known)}")
         if method not in self._steps:
             self._steps[method] = step_function(self.model, method)
         return self._steps[method]
@@ -232,7 +233,7 @@ class Core(Remade, Summarized):
         substeps : int
             Steps of the method per step.
         method : str
-            Name in ``SIMULATION_METHODS`` of ``scene.integrators``.
+            Name of an integrator of simulations, as in ``time.method``.
 
         Returns
         -------

@@ -20,7 +20,6 @@ from continuum_grasp.scene import (
     ControlScene,
     Scene,
     Surroundings,
-    beside,
     doubt,
     kinds,
     load,
@@ -191,10 +190,12 @@ def prefix_of(given: Any) -> str:
 _UNSEEN = "this scene has no estimator: leave the part out"
 _ALONE = "contact needs an object and its contact_law in the scene: leave the part out"
 _PARTS = (
-    beside("what=mission", lambda s: s.phases is None, "needs a mission (grasp, contact_law, phases, ...)"),
-    beside("what=estimator what=mpc", lambda s: s.loop is None, "needs a closed loop (finger, controller, ...)"),
-    beside("what=estimator", lambda s: not getattr(s.loop, "estimator", None), _UNSEEN),
-    beside("what=contact", lambda s: not (s.surroundings and s.surroundings.object), _ALONE),
+    Consumer.beside("what=mission", lambda s: s.phases is None, "needs a mission (grasp, contact_law, phases, ...)"),
+    Consumer.beside(
+        "what=estimator what=mpc", lambda s: s.loop is None, "needs a closed loop (finger, controller, ...)"
+    ),
+    Consumer.beside("what=estimator", lambda s: not getattr(s.loop, "estimator", None), _UNSEEN),
+    Consumer.beside("what=contact", lambda s: not (s.surroundings and s.surroundings.object), _ALONE),
 )
 
 

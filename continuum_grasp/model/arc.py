@@ -184,7 +184,7 @@ class ArcFamily(Family):
         value, whole = 1.0 / (end - start), mesh.ends[-1]
         densities = mesh.linear_density, mesh.rotary_inertia
         one, rest = Curve.along(whole, 1.0), Curve.along(whole, mean(mesh, element, mesh.rest))
-        parts = tuple(mesh.panels(element, *densities))
+        parts = mesh.panels(element, *densities)
         return CurvatureShapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 
     def block(self, element: int, length: Scalar) -> list[list[Scalar]]:

@@ -19,7 +19,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.model.link import Attached, Link, LoadedLink
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene import FAMILIES, Curve, integral, smooth_parts
+from continuum_grasp.scene import FAMILIES, Curve, Panels
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class Mesh:
         """Both ends of an element [m]."""
         return self.ends[element], self.ends[element + 1]
 
-    def panels(self, element: int, *curves: Curve) -> list[tuple[float, float]]:
+    def panels(self, element: int, *curves: Curve) -> Panels:
         """Parts of an element [m] on which curves are smooth, from base to tip."""
-        return smooth_parts(self.ends[-1], curves, *self.span(element))
+        return Panels.of(self.ends[-1], curves, *self.span(element))
 
     def integral(self, a: float, b: float, values: Callable[[Array], Array], *curves: Curve) -> Array:
         """Integral (...) from a to b [m] of values (..., M) at places (M,), smooth where curves are."""
-        return integral(values, smooth_parts(self.ends[-1], curves, a, b))
+        return Panels.of(self.ends[-1], curves, a, b).integral(values)
 
     def constant(self, curve: Curve, element: int) -> float | None:
         """Value of a curve where it is the same on an element; else None."""

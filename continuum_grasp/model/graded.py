@@ -14,7 +14,7 @@ from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.family import RodProperties
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import STRICT, Collocation, graded_collocation
-from continuum_grasp.scene import Curve, integral, nodes_of, smooth_parts
+from continuum_grasp.scene import Curve, Panels
 
 _MOST_NODES = 32
 """Most nodes of each smooth part of an element [1]."""
@@ -32,7 +32,7 @@ class CurvatureShapes:
     end: float
     stiffness: Curve
     rest: Curve
-    parts: tuple[tuple[float, float], ...]  # [m], on which all is smooth
+    parts: Panels  # on which all is smooth
     values: tuple[tuple[float, float], ...]  # per shape, what of the linear functions from start and end is in it
     moments: tuple[Curve | None, ...]  # per shape
     linear_density: Curve
@@ -63,12 +63,11 @@ class CurvatureShapes:
     @cached_property
     def gram(self) -> Array:
         """Integrals (K, K) of the stiffness times products of shapes."""
-        return integral(lambda s: (shapes := self.on(s)[:-1])[:, None] * shapes * self.stiffness(s), self.parts)
+        return self.parts.integral(lambda s: (shapes := self.on(s)[:-1])[:, None] * shapes * self.stiffness(s))
 
     def work(self, moment: Curve) -> Array:
         """Integrals (K,) of a moment times the shapes."""
-        panels = [panel for part in self.parts for panel in smooth_parts(moment.edges[-1], (moment,), *part)]
-        return integral(lambda s: self.on(s)[:-1] * moment(s), panels)
+        return self.parts.cut(moment).integral(lambda s: self.on(s)[:-1] * moment(s))
 
     @cached_property
     def angles(self) -> list[Array]:
@@ -134,7 +133,7 @@ def measured_rule(shapes: CurvatureShapes, reach: float, accuracy: float) -> Col
     turns = np.vstack([np.eye(len(peaks)), np.ones(len(peaks)), [(-1.0) ** k for k in range(len(peaks))]])
     cases = []
     # Of cones the curvature may be greatest inside.
-    looked = np.hstack([shapes.sides[:-1], *(shapes.on(s)[:-1] for s, _ in nodes_of(shapes.parts))])
+    looked = np.hstack([shapes.sides[:-1], *(shapes.on(s)[:-1] for s, _ in shapes.parts.nodes())])
     for turn in np.vstack([turns, -turns]) / peaks:
         bend = np.abs(turn @ looked).max() * length
         cases.append(turn * (reach / bend))

@@ -20,7 +20,6 @@ from continuum_grasp.scene import (
     Load,
     MomentLoad,
     Profile,
-    smooth_parts,
 )
 
 WHOLE_RANGE = 8 * math.pi / 3
@@ -108,9 +107,7 @@ class _Waves:
         self._even = profile.uniform
         if self._even:
             return
-        s = np.unique(
-            np.concatenate([np.linspace(a, b, _FINE + 1) for a, b in smooth_parts(profile.length, profile.curves)])
-        )
+        s = np.unique(np.concatenate([np.linspace(a, b, _FINE + 1) for a, b in profile.panels()]))
         self._s, self._sum = s, profile.waves(s)
 
     def upto(self, at: float) -> float:

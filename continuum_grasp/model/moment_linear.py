@@ -94,11 +94,11 @@ class MomentLinearFamily(Family):
         same = first == last == mesh.constant(mesh.stiffness, element)
         if not left and same and all(mesh.constant(curve, element) is not None for curve in curves):
             one, hats = Curve.along(mesh.ends[-1], 1.0), ((1.0, 0.0), (0.0, 1.0))
-            return CurvatureShapes(start, end, one, mesh.rest, ((start, end),), hats, (None, None), one, one), True
+            return CurvatureShapes(start, end, one, mesh.rest, mesh.panels(element), hats, (None, None), one, one), True
         base = float(self._at_nodes[0])
         taken = [(-base * float(m[element]), -base * float(m[element + 1])) for m in (self._moments[k] for k in left)]
         moments = [mesh.moments[k] for k in left]
-        parts, values = tuple(mesh.panels(element, *curves, *moments)), ((first, 0.0), (0.0, last), *taken)
+        parts, values = mesh.panels(element, *curves, *moments), ((first, 0.0), (0.0, last), *taken)
         beside = (None, None, *(moment.scaled(base) for moment in moments))
         densities = mesh.linear_density, mesh.rotary_inertia
         return CurvatureShapes(start, end, mesh.stiffness, mesh.rest, parts, values, beside, *densities), False

@@ -35,15 +35,13 @@ from continuum_grasp.scene import (
     Samples,
     Scene,
     Surroundings,
-    beside,
-    channels,
     default_family,
 )
 
 _CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: take choose_fidelity(scene).scene"})
 _RATES = (
-    beside("input_rates", lambda s: not s.matched, "needs family matched_clothoid"),
-    beside(
+    Consumer.beside("input_rates", lambda s: not s.matched, "needs family matched_clothoid"),
+    Consumer.beside(
         "input_rates",
         lambda s: s.lagged and not s.couples and not any(s.at_once),
         "and tendons.time_constant exclude each other: the lag gives the rates",
@@ -319,8 +317,7 @@ class Structure:
     @property
     def channels(self) -> tuple[Channel, ...]:
         """Shapes of the moments of the tendons; one per tendon where friction or winches make their tensions differ."""
-        apart = self.has_tendon_friction or bool(self.finger.winches)
-        return channels(self.length, self.finger.tendon_list, apart=apart)
+        return self.finger.tendon_channels(apart=self.has_tendon_friction or bool(self.finger.winches))
 
     def _tendon_sets(self) -> tuple[CellSet, ...]:
         if not self.own_tendons:

@@ -24,7 +24,7 @@ import casadi as ca
 from continuum_grasp.model.memory import RETURN_SHARE, Memory, clipped, direction
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene import Finger, LengthDrive, MotorDrive, Tendon, WinchDrive
+from continuum_grasp.scene import Finger, LengthDrive, MotorDrive, Tendon
 
 _SLOW = 1.0 / 6000.0
 """Speed of the cable below which dry friction without a memory is rounded off, per the finger's length in its natural
@@ -523,7 +523,7 @@ def winches_of(finger: Finger, parameters: Parameters | None = None, slack_stiff
     return tuple(winches)
 
 
-def _number(drive: WinchDrive, key: str, parameters: Parameters | None) -> Scalar:
+def _number(drive: LengthDrive | MotorDrive, key: str, parameters: Parameters | None) -> Scalar:
     name = f"drive_{key}"
     return parameters[name] if parameters and parameters.is_runtime(name) else float(getattr(drive, key))
 

@@ -29,7 +29,6 @@ from continuum_grasp.nlp.attempt import (
     Start,
 )
 from continuum_grasp.nlp.problem import NLP
-from continuum_grasp.scene import Method
 
 CLOSE = 1e-3
 """Distance of every unknown from a known solution at which a run ends there [units of the problem]."""
@@ -61,7 +60,7 @@ class Settings:
         Options of single solvers, by their names there: those of other solvers are left out.
     """
 
-    method: Method = "ipopt"
+    method: str = "ipopt"
     tolerance: float = 1e-8
     constraint_tolerance: float = 1e-4
     max_iterations: int = 3000

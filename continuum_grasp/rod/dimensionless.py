@@ -16,7 +16,6 @@ import numpy as np
 from continuum_grasp.base import InputError
 from continuum_grasp.rod.dense_rod import PanelMesh, panel_edges, with_places
 from continuum_grasp.scene import (
-    EXACT_ROD,
     Consumer,
     Curve,
     Finger,
@@ -228,7 +227,7 @@ def _wound(scene: Scene, commands: Sequence[float]) -> tuple[list[float] | None,
 
 def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
     """The rod of a scene with the values of loads and inputs at time zero, and further loads."""
-    EXACT_ROD.check(scene)
+    scene.check_for_exact_rod()
     length = scene.finger.rod.length
     dead: list[tuple[float, complex]] = []
     following: list[tuple[float, complex]] = []

@@ -68,6 +68,17 @@ class Consumer:
     def __post_init__(self) -> None:
         CONSUMERS[self.name or str(dict(self.refused))] = self
 
+    @classmethod
+    def beside(cls, keys: str, where: Callable[[Any], Any], why: str) -> Consumer:
+        """Declare that keys, separated by spaces, have no place in some scenes, where giving them is an error."""
+        return cls(refused=dict.fromkeys(keys.split(), why), where=where)
+
+    @staticmethod
+    def unknown_laws(who: str, *known: str) -> dict[str, str]:
+        """Say, by key, why one that has laws of the sections of its own refuses all but those that it knows."""
+        others = {key: word for key, word in SECTION_LAWS.items() if key not in known}
+        return {key: f"{who} does not know {word}: leave {key.rpartition('.')[2]} out" for key, word in others.items()}
+
     def check(self, scene: Any, place: str = "", of: BaseModel | Mapping[str, Any] | None = None) -> tuple[str, ...]:
         """List what becomes of keys that are taken otherwise, of a scene or of a part of one.
 
@@ -81,11 +92,6 @@ class Consumer:
                 raise InputError(why, key=f"{place}.{present}" if place else present)
         otherwise = ((key, text) for key, text in self.otherwise.items() if any(_given(of, key)))
         return tuple(f"{key}: {text}" for key, text in otherwise if self.where(scene))
-
-
-def beside(keys: str, where: Callable[[Any], Any], why: str) -> Consumer:
-    """Declare that keys, separated by spaces, have no place in some scenes, where giving them is an error."""
-    return Consumer(refused=dict.fromkeys(keys.split(), why), where=where)
 
 
 @dataclass(frozen=True)
@@ -122,7 +128,7 @@ def refusals(rules: str, **functions: Callable[..., Any]) -> tuple[Consumer, ...
             name = re.split(r"[.=]", key)[-1]
             other, why = ((rule[part] or "").replace("NAME", name) for part in ("other", "why"))
             where = KeyCondition(_spelled_out(other), rule["how"] != "with", functions)
-            declared.append(beside(key, where, why or f"needs {other.replace('=', ': ')}"))
+            declared.append(Consumer.beside(key, where, why or f"needs {other.replace('=', ': ')}"))
     return tuple(declared)
 
 
@@ -172,9 +178,3 @@ SECTION_LAWS = {
 }
 FIT_MATCHED_TIP = ("finger.damping.quadratic", "finger.gyration_radius")
 """Laws under which the moment of the input alone gives the curvature at the tip: with quadratic damping at rest."""
-
-
-def unknown_to(who: str, *known: str) -> dict[str, str]:
-    """Say, by key, why what has laws of its own refuses all but those that it knows."""
-    others = {key: word for key, word in SECTION_LAWS.items() if key not in known}
-    return {key: f"{who} does not know {word}: leave {key.rpartition('.')[2]} out" for key, word in others.items()}

@@ -9,12 +9,11 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import refusals
 from continuum_grasp.scene.controller import CommandedScene, ControllerSettings, PlantDifferences
-from continuum_grasp.scene.cost import tracked
+from continuum_grasp.scene.cost import Reference
 from continuum_grasp.scene.drives import MotorDrive, WinchDrive
 from continuum_grasp.scene.estimator import EstimatorSettings, Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.value import Duration, ListOf, doubt
 
@@ -114,7 +113,7 @@ class ControlScene(CommandedScene):
                 len({getattr(t, _OF_TENDON.get(name) or name) for t in s.finger.tendon_list} | {None}) != 2
             ),
         ),
-        *tracked("controller.cost"),
+        *Reference.refusals("controller.cost"),
     )
 
     fidelity: Fidelity = Fidelity()
@@ -150,7 +149,7 @@ class ControlScene(CommandedScene):
                     raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
         if cost.shape is not None:
             self.finger.rod.check_inside("controller.cost.shape.at[{}]", cost.shape.at)
-        check_references(self, cost, self.object_moves)
+        self.check_references(cost, moves=self.object_moves)
 
     def _doubt_margin(self) -> None:
         """Warn of a weight or delay that leaves no margin for unmodeled dead time.

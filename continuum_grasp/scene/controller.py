@@ -13,7 +13,8 @@ from continuum_grasp.scene.cost import Cost, Reference
 from continuum_grasp.scene.drives import TAKES, LengthDrive
 from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.methods import CONTROL_METHODS, default_family
+from continuum_grasp.scene.methods import INTEGRATORS, default_family
+from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial, begins
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -36,7 +37,7 @@ from continuum_grasp.scene.value import (
 if TYPE_CHECKING:
     Method = str
 else:
-    Method = Literal["auto", *CONTROL_METHODS]
+    Method = Literal["auto", *[name for name, each in INTEGRATORS.items() if each.differentiates]]
 
 
 MOST_SCENARIOS = 8
@@ -175,6 +176,10 @@ class CommandedScene(FingerScene):
         greatest = min((drive.limit for drive in self.finger.winches), default=math.inf)
         if pair is not None and max(map(abs, pair)) > greatest:
             raise ValueError(f"{self.AT}.{name}: {list(pair)} is beyond what drive.torque_max allows, {greatest:g}")
+
+    def check_references(self, cost: Cost, *, moves: bool = False) -> None:
+        """Refuse setpoints ``reference`` that the finger cannot meet; ``moves``: whether the object does."""
+        check_references(self, cost, moves)
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

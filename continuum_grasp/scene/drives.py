@@ -45,6 +45,11 @@ class Input(NamedTuple):
     most: float
 
     @property
+    def word(self) -> str:
+        """Name without a number."""
+        return COMMANDS[self.key][0]
+
+    @property
     def label(self) -> str:
         """Name and unit in one word, as in ``u_names`` of the model."""
         return f"{self.name} [{self.unit}]"

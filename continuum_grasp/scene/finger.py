@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
@@ -17,14 +17,15 @@ from continuum_grasp.base import InputError
 from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, refusals
 from continuum_grasp.scene.drives import ONSET, DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
+from continuum_grasp.scene.loads import Samples
 from continuum_grasp.scene.methods import FAMILIES
 from continuum_grasp.scene.rod import Damping, Rod
 from continuum_grasp.scene.tendons import (
     MOST_SLOPE,
+    AnyTendons,
     Chamber,
     ChamberList,
     Tendon,
-    TendonList,
     Tendons,
     channels,
     one_sided,
@@ -44,7 +45,6 @@ from continuum_grasp.scene.value import (
     Value,
     check_shorter,
     doubt,
-    doubt_beyond_a_turn,
 )
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class BasePose(Value):
     """Angle from world axes to base axes, counter-clockwise [rad]."""
 
     def _check(self) -> None:
-        doubt_beyond_a_turn("base.angle", self.angle)
+        self._doubt_beyond_a_turn("base.angle", self.angle)
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -183,7 +183,7 @@ class Finger(Value):
     """Radius of gyration of the rod's section at the base [m], by which the tensions of tendons shorten the rod: a
     quarter of the diameter of a round section, 0.289 of the thickness of a rectangle; along the finger it goes with the
     thickness. None: the rod keeps its length."""
-    tendons: Tendons | TendonList | None = None
+    tendons: AnyTendons | None = None
     """A pair of tendons at equal distances on both sides, or a list of single ones; None: none."""
     pressure: Chamber | ChamberList | None = None
     """A pressure chamber, or a list of them, which may act beside tendons; None: none. Without tendons and chambers the
@@ -417,6 +417,27 @@ class Finger(Value):
         """Whether pressures of chambers follow late, by a lag of first order: rates of their moments jump."""
         return any(chamber.time_constant is not None for chamber in self.chambers)
 
+    def check_commands(
+        self,
+        key: str,
+        values: Sequence[float | Samples],
+        limits: Sequence[tuple[float, float]],
+        allowed: str = "the limits of the input, {:g} to {:g}",
+    ) -> None:
+        """Refuse commands, at a key, that are not as many as there are limits, or beyond these."""
+        if len(values) != len(limits):
+            raise ValueError(f"{key}: expected {self.input_words}, got {len(values)} numbers")
+        for k, (command, (least, greatest)) in enumerate(zip(values, limits, strict=True)):
+            for value in command.values if isinstance(command, Samples) else (command,):
+                if not least <= value <= greatest:
+                    raise ValueError(f"{key}[{k}] = {value:g} is outside {allowed.format(least, greatest)}")
+
+    def check_reach(self, key: str, given: Mapping[str, Any], **where: Any) -> None:
+        """Refuse goals and setpoints, below a key, that the finger cannot meet; see `reach.check_reach`."""
+        from continuum_grasp.scene.reach import check_reach
+
+        check_reach(self, key, given, **where)
+
     def check_family(self, key: str, family: str, runtime: str = "") -> None:
         """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does.
 
@@ -463,6 +484,10 @@ class Finger(Value):
             *of_tendons,
             *(chamber.channel(length, tendons + k, tendons + len(none)) for k, chamber in enumerate(self.chambers)),
         )
+
+    def tendon_channels(self, *, apart: bool) -> tuple[Channel, ...]:
+        """The moments of the tendons, one per shape, or ``apart`` one per tendon."""
+        return channels(self.rod.length, self.tendon_list, apart=apart)
 
     @property
     def pulls(self) -> tuple[Pull, ...]:

@@ -83,14 +83,6 @@ class MomentLoad(Value):
 Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 
 
-def by_key(keys: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
-    """Keys and values of an ``actuation``, of one command per key given: commands of one key together, in order."""
-    commands: dict[str, Any] = {}
-    for key, value in zip(keys, values, strict=True):
-        commands[key] = value if key == "tip_moment" else (*commands.get(key, ()), value)
-    return commands
-
-
 class Actuation(Value):
     """The input of the finger: the tip moment, or what the drives of its tendons and its chambers take."""
 
@@ -112,10 +104,18 @@ class Actuation(Value):
         if self.pressures is None or self.tip_moment is not None or len(self.given) > 2:
             self._check_one_given(*COMMANDS)
 
+    @staticmethod
+    def by_key(keys: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
+        """Keys and values of an actuation, of one command per key given: commands of one key together, in order."""
+        commands: dict[str, Any] = {}
+        for key, value in zip(keys, values, strict=True):
+            commands[key] = value if key == "tip_moment" else (*commands.get(key, ()), value)
+        return commands
+
     @classmethod
     def of(cls, keys: Sequence[str], values: Sequence[float | Samples]) -> Self:
         """Commands by the key of each."""
-        return cls(**by_key(keys, values))
+        return cls(**cls.by_key(keys, values))
 
     @property
     def given(self) -> dict[str, tuple[float | Samples, ...]]:

@@ -116,8 +116,6 @@ INTEGRATORS = {
         "as sdirk2, with a third Newton iteration for stiff contacts", 2, 6, simulates=False, differentiates=True
     ),
 }
-SIMULATION_METHODS = tuple(name for name, method in INTEGRATORS.items() if method.simulates)
-CONTROL_METHODS = tuple(name for name, method in INTEGRATORS.items() if method.differentiates)
 
 
 Method = Literal["ipopt", "sqp"]

@@ -26,6 +26,34 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 """Nodes and weights of integrals between breaks: rounding for means of a taper to a tenth."""
 
 
+class Panels(tuple[tuple[float, float], ...]):
+    """Parts of a finger [m], from base to tip, on each of which some functions are smooth."""
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, length: float, curves: Iterable[Curve], start: float = 0.0, end: float | None = None) -> Panels:
+        """Parts of a finger of a length [m], or between two places on it, on which curves are smooth."""
+        least, end, edges = SAME * length, length if end is None else end, [start]
+        for at in sorted(at for curve in curves for at in curve.breaks):
+            if at - edges[-1] > least and end - at > least:
+                edges.append(at)
+        return cls(pairwise([*edges, end]))
+
+    def cut(self, curve: Curve) -> Panels:
+        """Parts of these on which a further curve is smooth."""
+        return Panels(panel for part in self for panel in Panels.of(curve.edges[-1], (curve,), *part))
+
+    def nodes(self) -> Iterator[tuple[Array, Array]]:
+        """Per part its nodes (32,) and weights, for integrals of functions that are smooth there."""
+        for a, b in self:
+            yield a + 0.5 * (b - a) * (_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS
+
+    def integral(self, values: Callable[[Array], Array]) -> Array:
+        """Integral (...) of values (..., M) at places (M,)."""
+        return np.asarray(np.sum([values(s) @ weights for s, weights in self.nodes()], axis=0))
+
+
 @dataclass(frozen=True)
 class Curve:
     """A function of the position s along the finger [m]: a polynomial, or its exponential, on each of some pieces.
@@ -123,7 +151,7 @@ class Curve:
 
     def integral(self) -> float:
         """Integral over the whole length."""
-        return float(integral(self, pairwise(self.edges)))
+        return float(Panels(pairwise(self.edges)).integral(self))
 
     def most(self) -> float:
         """Greatest value, of a function that is monotone on each piece."""
@@ -135,7 +163,7 @@ class Curve:
 
     def times(self, factors: Curve) -> Curve:
         """The product with a function that is constant between its edges, positive for an exponential."""
-        starts = [start for start, _ in smooth_parts(self.edges[-1], (self, factors))]
+        starts = [start for start, _ in Panels.of(self.edges[-1], (self, factors))]
         pieces = []
         for at in starts:
             piece = bisect_right(self.edges, at * (1.0 + SAME)) - 1
@@ -177,10 +205,14 @@ class Profile:
         """Stiffness, density, rotary inertia and rest curvature."""
         return self.bending_stiffness, self.linear_density, self.rotary_inertia, self.rest_curvature
 
+    def panels(self, start: float = 0.0, end: float | None = None) -> Panels:
+        """Parts, of all of it or between two places [m], on which these curves are smooth."""
+        return Panels.of(self.length, self.curves, start, end)
+
     @cached_property
     def breaks(self) -> tuple[float, ...]:
         """Places where these curves may jump or have kinks [m], increasing."""
-        return tuple(start for start, _ in smooth_parts(self.length, self.curves))[1:]
+        return tuple(start for start, _ in self.panels())[1:]
 
     def moments(self, density: Callable[[Array], Array], bounds: ArrayLike, powers: int = 1) -> Array:
         """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m].
@@ -188,10 +220,7 @@ class Profile:
         It is smooth where the curves are.
         """
         spans, exponents = pairwise(np.asarray(bounds).tolist()), np.arange(powers)[:, None]
-        integrals = (
-            integral(lambda s: density(s) * s**exponents, smooth_parts(self.length, self.curves, *span))
-            for span in spans
-        )
+        integrals = (self.panels(*span).integral(lambda s: density(s) * s**exponents) for span in spans)
         return np.stack([*integrals], axis=1)
 
     def waves(self, s: Array) -> Array:
@@ -217,32 +246,10 @@ class Channel:
     gain: float = 1.0  # moment per amplitude: [m3] of a chamber, whose amplitude is its pressure [Pa]
 
 
-def smooth_parts(
-    length: float, curves: Iterable[Curve], start: float = 0.0, end: float | None = None
-) -> list[tuple[float, float]]:
-    """Parts [m] of a finger of a length [m], or between two places on it, on which curves are smooth."""
-    least, end, edges = SAME * length, length if end is None else end, [start]
-    for at in sorted(at for curve in curves for at in curve.breaks):
-        if at - edges[-1] > least and end - at > least:
-            edges.append(at)
-    return list(pairwise([*edges, end]))
-
-
 def summed(length: float, steps: Sequence[Curve]) -> Curve:
     """Sum of functions along a finger of a length [m] that are constant between their edges."""
-    starts = [start for start, _ in smooth_parts(length, steps)]
+    starts = [start for start, _ in Panels.of(length, steps)]
     return Curve((*starts, length), tuple((sum(float(step(at, tip_side=True)) for step in steps),) for at in starts))
-
-
-def nodes_of(panels: Iterable[tuple[float, float]]) -> Iterator[tuple[Array, Array]]:
-    """Per part its nodes (32,) and weights, for integrals of what is smooth there."""
-    for a, b in panels:
-        yield a + 0.5 * (b - a) * (_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS
-
-
-def integral(values: Callable[[Array], Array], panels: Iterable[tuple[float, float]]) -> Array:
-    """Integral (...) of values (..., M) at places (M,) that are smooth on each of some parts."""
-    return np.asarray(np.sum([values(s) @ weights for s, weights in nodes_of(panels)], axis=0))
 
 
 def touching(length: float, spiral: SpiRob) -> Curve:

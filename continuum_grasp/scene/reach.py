@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import InputError
 from continuum_grasp.scene.cost import CircleReference, Cost, RowSamples
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.methods import DEFAULT_RANGE
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.value import doubt
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.simulate import FingerScene
+    from continuum_grasp.scene.controller import CommandedScene
+    from continuum_grasp.scene.finger import Finger
 
 _ROUNDING = 1e-6
 """Share of a reach by which a number may exceed it [1]: the tip of a straight finger, written with six digits."""
@@ -89,7 +88,7 @@ def _check_circle(finger: Finger, key: str, circle: CircleReference) -> None:
         doubt(f"{key} is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m")
 
 
-def check_references(scene: Any, cost: Cost, moves: bool = False) -> None:
+def check_references(scene: CommandedScene, cost: Cost, moves: bool) -> None:
     """Refuse setpoints ``reference`` of a scene that its finger cannot meet; ``moves``: whether the object does."""
     places = dict(zip(scene.contact_names, (*scene.contacts, scene.finger.rod.length), strict=True))
     gaps = [places[name] for name in cost.tracked_contacts("gap", scene.contact_names) if name in places]
@@ -101,17 +100,7 @@ def check_references(scene: Any, cost: Cost, moves: bool = False) -> None:
         got = width if setpoint is None else setpoint.width if isinstance(setpoint, RowSamples) else len(setpoint)
         if got != width:
             raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
-    check_reach(scene.finger, "reference", dict(scene.reference), at, scene.object, stated_ranges(scene), gaps, moves)
-
-
-def stated_ranges(scene: FingerScene) -> list[float]:
-    """Greatest bending range of each element of a scene [rad]; none where it does not say how many there are, or
-    where stops are what limits them.
-    """
-    elements, reach = scene.fidelity.elements, scene.fidelity.bending_range
-    if elements is None or (reach is None and scene.finger.stops is not None):
-        return []
-    return [DEFAULT_RANGE if reach is None else reach] * (elements if isinstance(elements, int) else len(elements))
+    check_reach(scene.finger, "reference", dict(scene.reference), at, scene.object, scene.stated_ranges, gaps, moves)
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, Sequence[float]]]:

@@ -23,7 +23,6 @@ from continuum_grasp.scene.value import (
     Positive,
     Value,
     check_shorter,
-    doubt_outside,
 )
 
 if TYPE_CHECKING:
@@ -168,7 +167,7 @@ class Rod(Section):
         if self.graded:
             self._check_values()
         too_large = "m is large for a finger; is it in millimeters? (expected: m)"
-        doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
+        self._doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
         # Materials from soft gels to graphene, and from foams to osmium.
         no_material = "Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
         no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
@@ -179,7 +178,7 @@ class Rod(Section):
         }
         for key, (least, greatest, why) in usual.items():
             for value in {*ends(getattr(self, key))}:
-                doubt_outside(f"rod.{key}", value, least, greatest, why)
+                self._doubt_outside(f"rod.{key}", value, least, greatest, why)
 
     def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
         for k, (earlier, later) in enumerate(pairwise(sections), 1):

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, refusals, unknown_to
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, refusals
 from continuum_grasp.scene.drives import COMMANDS, TAKES, MotorDrive
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import Actuation, Load, Samples
-from continuum_grasp.scene.methods import SIMULATION_METHODS, FamilyName
+from continuum_grasp.scene.loads import Actuation, Load
+from continuum_grasp.scene.methods import DEFAULT_RANGE, INTEGRATORS, FamilyName
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -32,15 +32,15 @@ from continuum_grasp.scene.value import (
 if TYPE_CHECKING:
     Method = str
 else:
-    Method = Literal["auto", *SIMULATION_METHODS, "reference"]
+    Method = Literal["auto", *[name for name, each in INTEGRATORS.items() if each.simulates], "reference"]
 
 
 _BEYOND_THE_ROD = {
     # Of what is at rest, quadratic damping and relaxation are no part.
-    **unknown_to("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
+    **Consumer.unknown_laws("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
     "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
 }
-EXACT_ROD = Consumer(
+_EXACT_ROD = Consumer(
     "accuracy by the exact rod",
     refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
     unneeded={
@@ -52,7 +52,7 @@ EXACT_ROD = Consumer(
     },
 )
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
-SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED})
+_SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED})
 
 
 class Fidelity(Value):
@@ -194,6 +194,16 @@ class FingerScene(Configuration, Surroundings):
     """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
 
     @property
+    def stated_ranges(self) -> list[float]:
+        """Greatest bending range of each element [rad]; empty where the scene does not say how many there are, or where
+        stops are what limits them.
+        """
+        elements, reach = self.fidelity.elements, self.fidelity.bending_range
+        if elements is None or (reach is None and self.finger.stops is not None):
+            return []
+        return [DEFAULT_RANGE if reach is None else reach] * (elements if isinstance(elements, int) else len(elements))
+
+    @property
     def contact_names(self) -> tuple[str, ...]:
         """Names of the contacts that the finger may have with an object."""
         return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
@@ -229,33 +239,25 @@ class Scene(FingerScene):
                     (finger_input.least, finger_input.most) for finger_input in finger.inputs if finger_input.key == key
                 ]
                 allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
-                check_commands(f"actuation.{key}", commands.get(key, ()), limits, finger.input_words, allowed)
+                finger.check_commands(f"actuation.{key}", commands.get(key, ()), limits, allowed)
         motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
         self._check_count("initial.motor_angles", self.initial.motor_angles, motors, "drive.kind: motor")
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
         if self.fidelity.tolerance is not None:
-            SEVERAL_MODELS.check(self)
+            self.check_for_several_models()
+
+    def check_for_exact_rod(self) -> None:
+        """Refuse keys that the exact rod does not know."""
+        _EXACT_ROD.check(self)
+
+    def check_for_several_models(self) -> None:
+        """Refuse keys that are of one model, where several are compared with the exact rod."""
+        _SEVERAL_MODELS.check(self)
 
 
 _ALLOWED = {
     "tensions": "min_tension = {:g} to max_tension = {:g} N",
     "pressures": "min_pressure = {:g} to max_pressure = {:g} Pa",
 }
-
-
-def check_commands(
-    key: str,
-    values: Sequence[float | Samples],
-    limits: Sequence[tuple[float, float]],
-    words: str,
-    allowed: str = "the limits of the input, {:g} to {:g}",
-) -> None:
-    """Refuse commands, at a key, that are not as many as there are limits, ``words`` of them, or beyond these."""
-    if len(values) != len(limits):
-        raise ValueError(f"{key}: expected {words}, got {len(values)} numbers")
-    for k, (command, (least, greatest)) in enumerate(zip(values, limits, strict=True)):
-        for value in command.values if isinstance(command, Samples) else (command,):
-            if not least <= value <= greatest:
-                raise ValueError(f"{key}[{k}] = {value:g} is outside {allowed.format(least, greatest)}")

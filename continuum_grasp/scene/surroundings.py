@@ -22,7 +22,6 @@ from continuum_grasp.scene.value import (
     Position,
     Positive,
     Value,
-    doubt_outside,
 )
 
 
@@ -67,10 +66,10 @@ class ContactLaw(Value):
 
     def _check(self) -> None:
         stiffness_why = "N/m is that of no fingertip (expected: N/m)"
-        doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
+        self._doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
         rounding_why = "m is more than a millimeter (expected: m)"
-        doubt_outside("contact_law.rounding", self.rounding or 0.0, 0.0, 1e-3, rounding_why)
-        doubt_outside("contact_law.friction", self.friction, 0.0, 3.0, "is more than surfaces have")
+        self._doubt_outside("contact_law.rounding", self.rounding or 0.0, 0.0, 1e-3, rounding_why)
+        self._doubt_outside("contact_law.friction", self.friction, 0.0, 3.0, "is more than surfaces have")
 
 
 class Table(Value):

@@ -124,6 +124,11 @@ class Tendon(_Tensions):
             raise ValueError(f"offset = {ends(self.offset)[0]} m at the base: a tendon in the backbone bends nothing")
 
     @property
+    def offsets(self) -> tuple[float, float]:
+        """Distance from the backbone at the base and at the tendon's end [m]."""
+        return ends(self.offset)
+
+    @property
     def greatest_offset(self) -> float:
         """Greatest distance from the backbone [m]."""
         return max(map(abs, ends(self.offset)))
@@ -161,7 +166,8 @@ class Tendon(_Tensions):
         return ends(self.offset)[0] / math.sqrt(1.0 + self.slope(length) ** 2)
 
 
-TendonList = Annotated[ListOf[Tendon], Field(min_length=1, max_length=16)]
+AnyTendons = Tendons | Annotated[ListOf[Tendon], Field(min_length=1, max_length=16)]
+"""A pair of tendons, or a list of single ones."""
 
 
 def two_lags(tendons: tuple[Tendon, ...], length: float) -> bool:
@@ -245,6 +251,11 @@ class Chamber(Value):
             raise ValueError(f"offset = {self.offset} m: a chamber around the backbone bends nothing")
         self._check_below("min_pressure", "max_pressure")
         self._check_below("start", "to")
+
+    @property
+    def offsets(self) -> tuple[float, float]:
+        """Distance from the backbone at both ends [m]."""
+        return self.offset, self.offset
 
     @property
     def arm(self) -> float:

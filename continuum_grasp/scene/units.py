@@ -144,6 +144,11 @@ class Unit:
 
     si: str | None
 
+    @property
+    def factors(self) -> dict[str, Fraction]:
+        """Units in which a value may be written, and what each is in the SI unit; none where that is not known."""
+        return units_of(self.si or "")
+
     def read(self, value: Any) -> Any:
         """A value with its texts as SI numbers."""
         if isinstance(value, str) and self.si is not None:

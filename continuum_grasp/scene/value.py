@@ -107,6 +107,17 @@ class Value(BaseModel):
         if abs(count - round(count)) > 1e-6 * count:
             raise ValueError(f"{key} must be a whole number of {what}, got {span} s in {what} of {step} s")
 
+    def _doubt_outside(self, key: str, value: float | None, least: float, most: float, why: str) -> None:
+        """Warn of a value, where there is one, outside the range of what is built; ``why`` begins with its unit."""
+        if value is not None and not least <= value <= most:
+            doubt(f"{key} = {value:g} {why}")
+
+    def _doubt_beyond_a_turn(self, key: str, angle: float | None) -> None:
+        """Warn of an angle [rad], where there is one, that was likely meant in degrees."""
+        turn = 2.0 * math.pi * (1.0 + 1e-9)
+        why = f"rad is beyond a full turn; is it in degrees? (expected: rad, or {angle or 0.0:g} deg)"
+        self._doubt_outside(key, angle, -turn, turn, why)
+
     def changed(self, changes: Overrides) -> Self:
         """Return a copy in which some entries have other values, checked as a whole.
 
@@ -298,19 +309,6 @@ def check_shorter(key: str, value: float, length: float) -> None:
     """Refuse a measure across a finger, at a key, that is not smaller than its length [m]."""
     if abs(value) >= length:
         raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
-
-
-def doubt_outside(key: str, value: float | None, least: float, most: float, why: str) -> None:
-    """Warn of a value, where there is one, outside the range of what is built; ``why`` begins with its unit."""
-    if value is not None and not least <= value <= most:
-        doubt(f"{key} = {value:g} {why}")
-
-
-def doubt_beyond_a_turn(key: str, angle: float | None) -> None:
-    """Warn of an angle [rad], where there is one, that was likely meant in degrees."""
-    turn = 2.0 * math.pi * (1.0 + 1e-9)
-    why = f"rad is beyond a full turn; is it in degrees? (expected: rad, or {angle or 0.0:g} deg)"
-    doubt_outside(key, angle, -turn, turn, why)
 
 
 def doubt(what: str) -> None:

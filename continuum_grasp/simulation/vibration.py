@@ -21,7 +21,7 @@ from continuum_grasp.base import Array, check_arguments, named_value, whole
 from continuum_grasp.core import Core
 from continuum_grasp.model import STATEFUL, FingerModel, compliance, state_of
 from continuum_grasp.results import Dimension, Picture, Result, Stored
-from continuum_grasp.scene import Scene, nodes_of
+from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.slack import least_pull
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
 from continuum_grasp.simulation.static_shape import Equilibrium
@@ -234,7 +234,7 @@ def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
         drawn = np.zeros(model.n)
         for element in range(len(made.lengths)):
             local = list(made.family.local(element))
-            for s, weights in nodes_of(made.mesh.panels(element, shape, made.mesh.stiffness)):
+            for s, weights in made.mesh.panels(element, shape, made.mesh.stiffness).nodes():
                 bent = arm * shape(s) * made.family.shapes_at(element, s)[:-1]
                 drawn[local] += bent @ weights
                 if k in frictional:

@@ -28,7 +28,7 @@ from continuum_grasp.core import (
 )
 from continuum_grasp.core.cache import cache_folder
 from continuum_grasp.model import MATRICES, function_names
-from continuum_grasp.scene import INTEGRATORS, SIMULATION_METHODS, Finger, PointMass, Tendons
+from continuum_grasp.scene import INTEGRATORS, Finger, PointMass, Tendons
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
 from tests.marks import few
 
@@ -196,7 +196,7 @@ def test_a_rollout_is_the_method_written_by_hand(family, substeps):
 
 
 @pytest.mark.parametrize("inputs", ["one row", "a row each", "a signal for all", "a signal each"])
-@pytest.mark.parametrize("method", SIMULATION_METHODS)
+@pytest.mark.parametrize("method", [name for name, each in INTEGRATORS.items() if each.simulates])
 def test_many_rollouts_are_single_ones(method, inputs):
     model, compiled = small()
     count, steps, rng = 9, 12, np.random.default_rng(2)
@@ -213,7 +213,7 @@ def test_many_rollouts_are_single_ones(method, inputs):
 
 
 @pytest.mark.parametrize("varying", [False, True])
-@pytest.mark.parametrize("method", SIMULATION_METHODS)
+@pytest.mark.parametrize("method", [name for name, each in INTEGRATORS.items() if each.simulates])
 @pytest.mark.parametrize("family", ["arc", "matched_clothoid"])
 def test_methods_have_the_order_of_their_table(family, method, varying):
     model, compiled = small(family)

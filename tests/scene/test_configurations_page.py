@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import Value, kinds, load, units_of
+from continuum_grasp.scene import Unit, Value, kinds, load
 from continuum_grasp.scene.config_kinds import kind_of
 from continuum_grasp.scene.objects.outline import OutlineFile
 from continuum_grasp.scene.units import QUANTITIES
@@ -42,7 +42,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_units_are_those_of_the_code():
     rows = [
-        [quantity.words, si, ", ".join(unit for unit in units_of(si) if unit != si), quantity.example]
+        [quantity.words, si, ", ".join(unit for unit in Unit(si).factors if unit != si), quantity.example]
         for si, quantity in QUANTITIES.items()
     ]
     assert table("Units", FILE) == rows

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import continuum_grasp as cg
 from continuum_grasp.addons.sweeps import plan_of
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import Samples, Shape, Unit, json_schema, kinds, load, load_placed, to_si, units_of
+from continuum_grasp.scene import Samples, Shape, Unit, json_schema, kinds, load, load_placed, to_si
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, advice_on, pattern
 from continuum_grasp.scene.value import field_docs
@@ -47,7 +47,7 @@ def factor(unit: str) -> float:
 
 @pytest.mark.parametrize("si", QUANTITIES)
 def test_every_unit_of_the_table_is_worth_what_its_parts_are(si):
-    for unit, worth in units_of(si).items():
+    for unit, worth in Unit(si).factors.items():
         assert float(worth) == pytest.approx(factor(unit) / factor(si), rel=1e-14), unit
 
 

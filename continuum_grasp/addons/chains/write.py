@@ -18,7 +18,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.export import check_file, title_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results import write_text
-from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, Scene, csv_text, refusals, scene_of, unknown_to
+from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, Scene, csv_text, refusals, scene_of
 from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
 
 _LEAST_INERTIA = 1e-15
@@ -33,7 +33,7 @@ _CHAIN = Consumer(
     refused={
         "finger.tendons.drive.kind=motor": "motors are not exported, which would be hinges of their own: command "
         "lengths (kind: length) or tensions",
-        **unknown_to("the chain", "finger.stops"),
+        **Consumer.unknown_laws("the chain", "finger.stops"),
         "finger.damping.dry_friction": "MuJoCo's friction is a steep damper, under which a bend that should stay "
         "creeps: leave dry_friction out",
         "finger.tendons.friction": "MuJoCo's tendons have the same tension all along: their frictionloss resists the "

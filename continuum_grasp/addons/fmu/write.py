@@ -36,7 +36,7 @@ from continuum_grasp.export import (
     title_of,
 )
 from continuum_grasp.results import replacing
-from continuum_grasp.scene import ControlScene, Scene, beside, scene_of
+from continuum_grasp.scene import Consumer, ControlScene, Scene, scene_of
 
 WHAT = ("plant", "controller")
 """Parts of a closed loop that may be exported; of a simulated scene the first, of a mission the second."""
@@ -46,12 +46,12 @@ _NO_PLANT = "a mission has a controller alone; the verb mpc moves its plant"
 _OWN = "is for a simulated scene: a closed loop has its own"
 _MISSIONS = (MissionScene, AssignedMission, MissionRun)
 _UNITS = (
-    beside("preview", lambda of: "controller" not in of[1], "is for a controller"),
-    beside("what=controller", lambda of: isinstance(of[0], Scene), _NO_LOOP),
-    beside("step ranges substeps", lambda of: not isinstance(of[0], Scene), _OWN),
-    beside("what=plant", lambda of: isinstance(of[0], _MISSIONS), _NO_PLANT),
-    beside("preview", lambda of: isinstance(of[0], _MISSIONS), "follows its phases"),
-    beside("finger", lambda of: not isinstance(of[0], _MISSIONS), "is for a mission"),
+    Consumer.beside("preview", lambda of: "controller" not in of[1], "is for a controller"),
+    Consumer.beside("what=controller", lambda of: isinstance(of[0], Scene), _NO_LOOP),
+    Consumer.beside("step ranges substeps", lambda of: not isinstance(of[0], Scene), _OWN),
+    Consumer.beside("what=plant", lambda of: isinstance(of[0], _MISSIONS), _NO_PLANT),
+    Consumer.beside("preview", lambda of: isinstance(of[0], _MISSIONS), "follows its phases"),
+    Consumer.beside("finger", lambda of: not isinstance(of[0], _MISSIONS), "is for a mission"),
 )
 _DECLARED = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
 _ARGUMENT = re.compile(r"(?!instance\b)\b(\w+)(?:\[\])?(?:,|$)")

@@ -9,7 +9,6 @@ from pydantic import Field
 from continuum_grasp.scene import (
     LIMITS_OF_BENDING,
     LIMITS_OF_COMMANDS,
-    Angle,
     Consumer,
     Duration,
     Interval,
@@ -20,7 +19,6 @@ from continuum_grasp.scene import (
     Scene,
     Unit,
     Value,
-    doubt_beyond_a_turn,
     refusals,
 )
 
@@ -130,13 +128,13 @@ class _Data(Value):
     """World axes along which the file's x and y count; [x, -y]: y down, as in images."""
     origin: Annotated[tuple[Real, Real], Field(strict=False), Unit("m")] = (0.0, 0.0)
     """World position of the origin of the file's x and y [m]."""
-    plane: Annotated[Angle, Field(examples=["87 deg"])] | None = None
+    plane: Annotated[Real, Field(examples=["87 deg"]), Unit("rad")] | None = None
     """Direction in which this set bends, about the straight finger [rad], where fingers bend in several planes."""
 
     def _check(self) -> None:
         if self.axes[0][-1] == self.axes[1][-1]:
             raise ValueError(f"axes: both are along {self.axes[0][-1]}: expected x and y, such as [x, -y]")
-        doubt_beyond_a_turn("plane", self.plane)
+        self._doubt_beyond_a_turn("plane", self.plane)
 
 
 class StaticPoses(_Data):

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.addons.identification.scene import Excitation
 from continuum_grasp.base import Array, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import MotorDrive, Scene, by_key
+from continuum_grasp.scene import Actuation, MotorDrive, Scene
 from continuum_grasp.simulation import Signals, Trajectory, equilibrium_under, integrate, modes
 
 _BASE = 0.03
@@ -240,7 +240,7 @@ class CommandDesign:
                 rows[-1] = row
         columns = np.array(rows).T
         signals = [{"times": [round(t, 9) for t in times], "values": column.tolist()} for column in columns]
-        actuation = by_key(self._scene.finger.input_keys, signals)
+        actuation = Actuation.by_key(self._scene.finger.input_keys, signals)
         options = self.options
         duration = round(options.duration / options.sample) * options.sample
         return self._scene.changed({"actuation": actuation, "time": {"duration": duration, "step": options.sample}})

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.addons.identification.data import UNIT_OF, Data, Reading, TipPath
 from continuum_grasp.addons.identification.read import unit_of_entry
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.scene import Scene, by_key, units_of
+from continuum_grasp.scene import Actuation, Scene, Unit
 
 Pair = tuple[Data, Scene]
 Columns = Mapping[str, tuple[str, float]]
@@ -147,7 +147,7 @@ def _factors(group: str, unit: str, scene: Scene, name: str) -> Iterator[tuple[s
     verb = "are" if group in _GROUPS else "is"
     if group not in _GROUPS:
         yield "has the other sign in the data", -1.0
-    sizes = {float(size): other for other, size in units_of(si).items() if other != si}
+    sizes = {float(size): other for other, size in Unit(si).factors.items() if other != si}
     for size, other in sizes.items():
         yield f"{verb} in {other}, read as {si}", size
         yield f"{verb} in {si}, read as {other}", 1.0 / size
@@ -198,4 +198,4 @@ def _changes(slip: PossibleMistake, scene: Scene) -> Iterator[tuple[str, Any]]:
             continue
         moved = {"times": [later * t for t in command.times], "values": [factor * value for value in command.values]}
         changed[names.index(to)] = command.model_dump() | moved
-    yield "actuation", by_key(scene.finger.input_keys, changed)
+    yield "actuation", Actuation.by_key(scene.finger.input_keys, changed)

@@ -27,7 +27,6 @@ from continuum_grasp.plotting import (
     shown_label,
     words,
 )
-from continuum_grasp.scene import COMMANDS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -184,8 +183,8 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
         heights = (0.66, 1.0, 1.35, 1.0, 1.0, 1.0)[: len(curves) + 1]
         ax = new_figure(8.6, 1.88 * len(heights)).subplots(len(heights), 1, sharex=True, height_ratios=heights)
     strip, *rest = ax
-    word, unit = COMMANDS[mission.assignments[0].control.finger.input_keys[0]]
-    taken = f"{word} [{unit}]"
+    first = mission.assignments[0].control.finger.inputs[0]
+    taken = f"{first.word} [{first.unit}]"
     end = max(float(mission.t[-1]), 1e-3)
     for panel, (draw, text) in zip(rest, curves, strict=True):
         quiet(panel)

@@ -11,7 +11,7 @@ from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
 from continuum_grasp.base import Array, InputError, name_of
 from continuum_grasp.closed_loop import LEAST_FORCE
-from continuum_grasp.scene import check_reach
+from continuum_grasp.scene import 
 
 MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
@@ -87,7 +87,7 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
         scales = np.full(size, scale)
         parts.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
 
-    check_reach(motion.scene.finger, "goal", goal.targets, ranges=model.system.finger_model.ranges)
+    motion.scene.finger.check_reach("goal", goal.targets, ranges=model.system.finger_model.ranges)
     # Scales make errors of different kinds comparable: a tenth of the length, half a radian, the greatest force.
     if goal.tip is not None:
         add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))

@@ -23,17 +23,12 @@ from continuum_grasp.scene import (
     Penalty,
     Position,
     Positive,
-    Ratio,
+    Reference,
     Row,
     SolverOptions,
     Unit,
     Value,
-    check_commands,
-    check_reach,
-    check_references,
     refusals,
-    stated_ranges,
-    tracked,
 )
 
 
@@ -211,7 +206,7 @@ class PlanScene(CommandedScene):
             sticking=lambda s: (law := s.contact_law) and law.friction and not law.slip_speed,
             several=lambda s: s.grasp and len(s.grasp.setups) > 1,
         ),
-        *tracked("cost"),
+        *Reference.refusals("cost"),
     )
 
     grasp: GraspScene | None = None
@@ -230,7 +225,7 @@ class PlanScene(CommandedScene):
     least_input_rate: integral of its squared rate; tracking: ``cost`` about ``reference``."""
     cost: Cost | None = None
     """Weights of ``tracking``."""
-    smoothing: Ratio = 1e-3
+    smoothing: Annotated[NonNegative, Unit("1")] = 1e-3
     """Weight of input changes beside ``least_time``, whose inputs would not be unique [1]: the plan is this share of
     the duration, or less, longer for smooth inputs."""
     duration: Annotated[Duration | DurationRange, Field(examples=[0.8, "800 ms"])]
@@ -250,18 +245,13 @@ class PlanScene(CommandedScene):
         goal, limits = self.goal, list(zip(*self.input_limits, strict=True))
         for key, row in (("input.initial", self.input.initial), ("goal.input", goal.targets.get("input"))):
             if row is not None:
-                check_commands(key, row, limits, self.finger.input_words)
+                self.finger.check_commands(key, row, limits)
         if goal.shape is not None:
             self.finger.rod.check_inside("goal.shape.at[{}]", goal.shape.at)
         # The base of a plan with a grasp is that of the grasp, which is not known yet.
         if self.grasp is None:
-            check_reach(
-                self.finger,
-                "goal",
-                goal.targets,
-                () if goal.shape is None else goal.shape.at,
-                ranges=stated_ranges(self),
-            )
+            at = () if goal.shape is None else goal.shape.at
+            self.finger.check_reach("goal", goal.targets, at=at, ranges=self.stated_ranges)
         if self.objective != "tracking" and not goal.targets and self.grasp is None:
             raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
         free = isinstance(self.duration, DurationRange)
@@ -272,7 +262,7 @@ class PlanScene(CommandedScene):
         if self.cost is None and self.objective == "tracking":
             raise ValueError("cost is missing, which objective: tracking needs")
         if self.cost is not None:
-            check_references(self, self.cost)
+            self.check_references(self.cost)
         places = (*self.contacts, self.finger.rod.length)
         for k, load in enumerate(self.loads):
             # The model has forces as inputs at its contacts and tip alone.

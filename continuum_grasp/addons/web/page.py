@@ -27,7 +27,7 @@ from continuum_grasp.core import check_tools
 from continuum_grasp.export import ModelFields, WasmController, check_file, fill, wasm_module
 from continuum_grasp.model import System
 from continuum_grasp.results import write_text
-from continuum_grasp.scene import ControlScene, Finger, Scene, Tendon, ends, scene_of
+from continuum_grasp.scene import ControlScene, Finger, Scene, Tendon, scene_of
 from continuum_grasp.simulation import Trajectory
 
 _NEEDED = "a page needs {} to make WebAssembly, which no other C compiler replaces"
@@ -349,7 +349,7 @@ def _zones(scene: ControlScene) -> dict[str, Any]:
 
 def _tendon(tendon: Tendon, at: Array, length: float) -> dict[str, Any]:
     """Distances of a tendon from the backbone [m] at the sections up to its end, and its greatest tension [N]."""
-    (first, last), end = ends(tendon.offset), tendon.end(length)
+    (first, last), end = tendon.offsets, tendon.end(length)
     sections = at[at <= end * (1.0 + 1e-9)]
     return {
         "offset": [round(float(v), _DIGITS) for v in first + (last - first) * sections / end],
@@ -363,7 +363,7 @@ def _discs(finger: Finger) -> list[float]:
     if rod.spirob is not None:
         return [round(edge / length, _DIGITS) for edge in rod.spirob.edges(length)]
     half = float(np.max(finger.profile.half_thickness(np.linspace(0.0, length, 5))))
-    if not finger.tendon_list or rod.diameter is None or half < 1.5 * 0.5 * max(ends(rod.diameter)):
+    if not finger.tendon_list or rod.diameter is None or half < 1.5 * 0.5 * float(np.max(rod.diameter)):
         return []
     # 2.5: distance of drawn discs, per half thickness
     count = round(length / (2.5 * half))

@@ -26,7 +26,7 @@ from continuum_grasp.control.arguments import named, vector
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
-from continuum_grasp.scene import CONTROL_METHODS, Penalty
+from continuum_grasp.scene import INTEGRATORS, Penalty
 
 
 class ControlProblem(Summarized):
@@ -139,7 +139,8 @@ class ControlProblem(Summarized):
                 ("dynamics", "xd", read.column("dynamics", dynamics, read.x.numel())),
             )
         }
-        method, stage = choice("method", method, CONTROL_METHODS), positive("stage", stage)
+        known = [name for name, integrator in INTEGRATORS.items() if integrator.differentiates]
+        method, stage = choice("method", method, known), positive("stage", stage)
         running, terminal = cost_functions(functions["outputs"], functions["rows"], stage, nt, ns)
         p_names = _names(read.p)
         self.stages = Stages(

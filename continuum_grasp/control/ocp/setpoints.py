@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, InputError, real_array, shown
 from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs
-from continuum_grasp.scene import CircleReference, Reference, RowSamples, Samples, check_reach
+from continuum_grasp.scene import CircleReference, Reference, RowSamples, Samples
 from continuum_grasp.simulation import interpolate
 
 Function: TypeAlias = Callable[[float], ArrayLike]

@@ -59,7 +59,7 @@ class Stages:
     stages, substeps : int
         N, and steps per stage.
     method : str
-        Name in ``CONTROL_METHODS``.
+        Name of an integrator that is ``differentiates`` in ``INTEGRATORS``.
     stage : float
         Length of a stage h [s].
     nd, ns, nt : int
@@ -146,7 +146,7 @@ class Stages:
 
 
 def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Function:
-    """Write one step of an integrator of ``CONTROL_METHODS`` with its derivatives, (x, u, p, h) -> xn, A, B.
+    """Write one step of an integrator of a controller with its derivatives, (x, u, p, h) -> xn, A, B.
 
     ``dynamics`` is (x, u, p) -> xd of the first entries of x; the last ones, if any, become the first inputs.
 

@@ -37,7 +37,7 @@ def step_function(model: Any, method: str) -> ca.Function:
 def differentiated_step(
     method: str, name: str, slope: ca.Function, start: ca.MX, others: tuple[ca.MX, ...], h: ca.MX, instants: int = 1
 ) -> list[ca.MX]:
-    """A step of a method in ``CONTROL_METHODS`` with its derivatives, as calls of straight-line functions.
+    """A step of a method of controllers with its derivatives, as calls of straight-line functions.
 
     ``slope`` is (state, *others) -> rate (n), its Jacobian (n, n + m) by the first n entries of the state and by m
     inputs; the further entries of the state are constant over the step h [s], as are ``others``. No function has loops,

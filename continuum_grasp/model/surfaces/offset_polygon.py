@@ -37,7 +37,7 @@ from continuum_grasp.model.surfaces.surface import (
     length,
     picked,
 )
-from continuum_grasp.scene import OffsetPolygon, PlanePoint
+from continuum_grasp.scene import OffsetPolygon
 
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
@@ -166,7 +166,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
         return _PolygonOutline(vertices[::-1] if frame.mirrored else vertices, part.radius * frame.scale, grown)
 
 
-def _blunt_end(every: Sequence[Feature], at: int, side: int) -> PlanePoint | None:
+def _blunt_end(every: Sequence[Feature], at: int, side: int) -> tuple[float, float] | None:
     """Place where blunt corners after (+1) or before (-1) a feature turn by `SPAN` in all; None if others end them."""
     turned = 0.5 * every[at].turn
     while every[at].turn < BLUNT and turned < SPAN:

@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing.style import CLAMP, FAINT, FORBIDDEN, MATERIAL, Color, Z
-from continuum_grasp.scene import VGroove, ends
+from continuum_grasp.scene import VGroove
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,7 +59,7 @@ def side_path(side: Tendon | Chamber, backbone: Array, finger: Finger) -> Array:
     shape = side.shape(length)
     along = np.append(shape(at[:1], tip_side=True), shape(at[1:]))
     # The X axis of a section points away from tendons of positive offset.
-    offset = -ends(side.offset)[0] * along
+    offset = -side.offsets[0] * along
     points = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
     return np.asarray(points + offset[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
 

@@ -24,7 +24,7 @@ from continuum_grasp.plotting.grasp.margins import (
     resistance_words,
 )
 from continuum_grasp.plotting.grasp.view import GraspView, lighter, turned
-from continuum_grasp.scene import GraspFinger, ends
+from continuum_grasp.scene import GraspFinger
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -177,7 +177,7 @@ def _labels(view: GraspView, forces: bool) -> list[Label]:
 def _tendons_inside(finger: GraspFinger) -> list[Tendon]:
     """Tendons that are used and run in the body: beside it, on discs, they would be taken for its outline."""
     sides = {"both": (1.0, -1.0), "left": (1.0,), "right": (-1.0,)}[finger.tendons_used]
-    first = [(tendon, ends(tendon.offset)[0]) for tendon in finger.tendon_list]
+    first = [(tendon, tendon.offsets[0]) for tendon in finger.tendon_list]
     return [tendon for tendon, e in first if math.copysign(1.0, e) in sides and abs(e) < finger.thickness_radius]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from continuum_grasp.base import ContinuumGraspError, InputError, check_arguments, interruptible, unit_of, whole
 from continuum_grasp.results import File, Picture, Result, Stored, begin_run, pareto
-from continuum_grasp.scene import EXACT_ROD, Fidelity, Scene, scene_of
+from continuum_grasp.scene import Fidelity, Scene, scene_of
 from continuum_grasp.simulation.accuracy.choice import Choice, assess, choices, open_families
 from continuum_grasp.simulation.accuracy.motion import TipMotion, evaluation_ns, pace, reference_motion, rms
 from continuum_grasp.simulation.accuracy.truth import Truth, find_truth
@@ -238,7 +238,7 @@ def accuracy_report(
     if not [whole("counts", count) for count in counts]:
         raise InputError("expected numbers of elements, got none", key="counts")
     bare_scene = scene_of(scene)
-    EXACT_ROD.check(bare_scene)
+    bare_scene.check_for_exact_rod()
     bare_scene = bare_scene.model_copy(update={"fidelity": Fidelity(bending_range=bare_scene.fidelity.bending_range)})
     truth = find_truth(bare_scene)
     reference = reference_motion(bare_scene, truth) if bare_scene.time is not None else None

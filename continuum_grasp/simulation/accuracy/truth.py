@@ -12,7 +12,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, SolverError
 from continuum_grasp.rod import Elastica, natural_frequencies, solve_elastica
-from continuum_grasp.scene import SEVERAL_MODELS, Actuation, ForceLoad, Load, Samples, Scene, VectorSamples
+from continuum_grasp.scene import Actuation, ForceLoad, Load, Samples, Scene, VectorSamples
 from continuum_grasp.simulation.signals import interpolate
 
 _HELD = "held"
@@ -72,7 +72,7 @@ class Truth:
 
 def find_truth(scene: Scene) -> Truth:
     """Solve the exact rod in every load case of a scene; the equilibrium at time zero must be found."""
-    SEVERAL_MODELS.check(scene)
+    scene.check_for_several_models()
     s = np.linspace(0.0, scene.finger.rod.length, STATIONS)
     cases: list[TrueCase] = []
     omitted: list[str] = []

@@ -18,7 +18,7 @@ from continuum_grasp.addons.identification.segments import CommandDesign, patter
 from continuum_grasp.base import Array, InputError, NumericalError, check_arguments, positive
 from continuum_grasp.closed_loop import Plant, Readings, Wiring
 from continuum_grasp.control import ControlLog, Prediction
-from continuum_grasp.scene import Consumer, ControlScene, Mounting, beside, scene_of
+from continuum_grasp.scene import Consumer, ControlScene, Mounting, scene_of
 from continuum_grasp.simulation import Trajectory
 
 _TENSIONS = "commissioning takes drives that are commanded tensions, or the tip moment"
@@ -31,7 +31,7 @@ _CONSUMER = Consumer(
     },
     unneeded={"loads": "nothing pushes the finger while it is commissioned", "reference": "drives follow a plan"},
 )
-_BLIND = beside(
+_BLIND = Consumer.beside(
     "controller",
     lambda s: s.estimator is None or s.estimator.measured.tip is None,
     "commissioning needs estimator.measured.tip, a camera that sees the tip",

@@ -22,7 +22,7 @@ import casadi as ca
 
 from continuum_grasp.base import Array, InputError, choice
 from continuum_grasp.core import Batch, Core, Scan, differentiated_step, step_function, straight_function
-from continuum_grasp.scene import CONTROL_METHODS, SIMULATION_METHODS
+from continuum_grasp.scene import INTEGRATORS
 
 Arrays = list[Any]
 """Arrays of a toolkit, rows first."""
@@ -189,7 +189,7 @@ def _function(name: str, symbols: list[Any], results: list[Any]) -> ca.Function:
     return ca.Function(name, symbols, ca.cse(results) if straight else results)
 
 
-METHODS = tuple(dict.fromkeys((*SIMULATION_METHODS, *CONTROL_METHODS)))
+METHODS = tuple(name for name, each in INTEGRATORS.items() if each.simulates or each.differentiates)
 """Methods by which operators integrate."""
 
 
@@ -204,14 +204,14 @@ def held_step(model: Any, method: str) -> ca.Function:
     sizes = {"x": model.nx, "u": model.nu, "w": model.nw, "p": model.np}
     symbols = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
     (x, u, w, p), h = symbols.values(), ca.MX.sym("h")
-    if method in CONTROL_METHODS and dynamics.is_a("SXFunction"):
+    if INTEGRATORS[method].differentiates and dynamics.is_a("SXFunction"):
         inputs = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
         rate = dynamics(*inputs.values())
         # The explicit method needs no Jacobian.
         by = ca.SX(model.nx, model.nx) if method == "rk4" else ca.jacobian(rate, inputs["x"])
         slope = straight_function("slope", inputs, {"rate": rate, "jacobian": by})
         (end,) = differentiated_step(method, "held", slope, x, (u, w, p), h, instants=0)
-    elif method in SIMULATION_METHODS:
+    elif INTEGRATORS[method].simulates:
         end = step_function(model, method)(x, u, u, u, w, w, w, p, h)
     else:
         raise InputError(
