@@ -30,10 +30,7 @@ from continuum_grasp.model import (
     Vec,
     Winch,
     column,
-    columns,
-    dense,
     named,
-    winches_of,
 )
 from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ForceLoad, Initial, Scene
 
@@ -67,7 +64,7 @@ class ChainSystem(Functions):
         self.length, self.pitch = finger.rod.length, finger.rod.length / hinges
         self.links = Links.of(finger, hinges, even=True)
         self.tendons = guided_tendons(finger, self.links.at, axial_stiffness)
-        self.winches = winches_of(finger)
+        self.winches = Winch.of_finger(finger)
         self.finger_model = FingerModel(
             scene.replaced(finger=finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
         )
@@ -210,7 +207,7 @@ class ChainSystem(Functions):
             rates += winch.rates(states, self._u[k], [next(taken) for _ in winch.tendons])
         rates += self._touched.rates(Vec(*self.scene.gravity))
         inputs = [self._motion, self._tension, self._others, self._u, self._w, self._of_object]
-        exerted = [columns(pair.force.scaled(-1.0) for pair in pairs), columns(pair.point for pair in pairs)]
+        exerted = [Vec.columns(pair.force.scaled(-1.0) for pair in pairs), Vec.columns(pair.point for pair in pairs)]
         values = [ca.horzcat(*forces), column(rates), *exerted, column([pair.lift for pair in pairs])]
         outputs = ca.cse([ca.densify(value) for value in values])
         names = ["places", "tension", "others", "u", "w", "p"]
@@ -218,10 +215,9 @@ class ChainSystem(Functions):
 
     # -- what is read off -------------------------------------------------------------------------------------------
 
-    def _function(self, name: str, inputs: str, **outputs: Any) -> ca.Function:
+    def _placed(self, expressions: list[ca.SX]) -> list[ca.SX]:
         motion = ca.horzcat(*[ca.vertcat(*self._at(at)) for at in self.places])
-        values = ca.substitute([dense(value) for value in outputs.values()], [self._motion], [motion])
-        return super()._function(name, inputs, **dict(zip(outputs, values, strict=True)))
+        return list(ca.substitute(expressions, [self._motion], [motion]))
 
     def _at(self, at: float) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Position, velocity, angle and spin of a point of the chain."""
@@ -244,7 +240,7 @@ class ChainSystem(Functions):
 
     def sections(self, stations: Sequence[float]) -> ca.Function:
         """``(x, u, p) -> r, angle`` of sections [m], as of a ``System``; a hinge spreads its bend over its part."""
-        x, angles = self._x, []
+        x, angles = self._x, list[Scalar]()
         for at in stations:
             whole = min(int(at / self.pitch), self.n - 1)
             angle = self.scene.finger.base.angle + ca.sum1(x[:whole])

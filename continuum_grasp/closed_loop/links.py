@@ -11,7 +11,7 @@ from scipy.linalg import eigh, eigvalsh
 from scipy.optimize import brentq
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.model import Motor, winches_of
+from continuum_grasp.model import Motor, Winch
 from continuum_grasp.scene import Finger, Profile
 
 _SAME = 1e-9
@@ -192,7 +192,7 @@ class Guided:
 def guided_tendons(finger: Finger, at: Array, axial_stiffness: float | None) -> list[Guided]:
     """Tendons of a finger with guides at places [m]; ``axial_stiffness`` [N] is of those whose tension is commanded."""
     length = finger.rod.length
-    motors = [winch for winch in winches_of(finger) if isinstance(winch, Motor)]
+    motors = [winch for winch in Winch.of_finger(finger) if isinstance(winch, Motor)]
     gears = {
         motor.tendons[0]: (gear[0] / motor.radius**2, gear[1] * motor.radius)
         for motor in motors

@@ -28,7 +28,7 @@ from continuum_grasp.core.compiler import CompileError, Compiler
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, row, signal
 from continuum_grasp.core.source import generated, rollout_source, rollouts_source
-from continuum_grasp.model import FingerModel, Remade, System, function_names
+from continuum_grasp.model import FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
 
 _WARNED: set[str] = set()
@@ -96,7 +96,7 @@ class Core(Remade, Summarized):
 
     @check_arguments
     def __init__(self, model: FingerModel | System, *, compiled: bool = True) -> None:
-        self._names = function_names(type(model))
+        self._names = type(model).function_names()
         self.model: Any = model
         self._compiler: Compiler | None = Compiler.find() if compiled else None
         self._callers: dict[str, Caller] = {}

@@ -15,7 +15,7 @@ import numpy as np
 
 from continuum_grasp.base import InputError
 from continuum_grasp.core.precision import literal
-from continuum_grasp.model import SECTION, SWEEPS, Kernels
+from continuum_grasp.model import Kernels
 
 OPERATORS = {
     ca.OP_ASSIGN: "{0}",
@@ -129,9 +129,9 @@ def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
         kernels.setdefault(match[1], match)  # equal kernels of several sweeps: the first stands before all of them
     # Backwards, so that the places of those before stay as they are.
     for name, match in reversed(kernels.items()):
-        if name not in SWEEPS:
+        made = Kernels.of_sweep(name)
+        if made is None:
             continue
-        made = SWEEPS[name]
         symbols = {f.name(): kernels[f.name()][2] if f.name() in kernels else f.name() for f in made.functions}
         folded = "\n".join(_constant(f) for f in made.functions if f.name() not in kernels)
         end = source.index("\n}\n", match.end()) + 3
@@ -198,7 +198,7 @@ def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
         "local": made.local,
         "shared": made.shared,
         "stride": made.stride,
-        "section": SECTION,
+        "section": made.section,
         "n": made.unknowns,
         "lag": 2 * made.unknowns,
         "full": made.unknowns + tip,

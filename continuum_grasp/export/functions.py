@@ -15,7 +15,7 @@ from continuum_grasp.base import check_arguments, interruptible
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.manifest import Package, model_description, write_package
 from continuum_grasp.export.source import Given, chosen, source_of
-from continuum_grasp.model import FingerModel, function_names
+from continuum_grasp.model import FingerModel
 from continuum_grasp.results import check_folder
 
 
@@ -62,7 +62,7 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
     ['r']
     """
     check_folder(folder, "export")
-    known = function_names(FingerModel)
+    known = FingerModel.function_names()
     names = known if what is None else chosen(what, known, "function", "what")
     source = source_of(given, REALS["double"])
     model = source.finger

@@ -14,7 +14,7 @@ from continuum_grasp.control import Controller, Estimator, Prediction, RtiSolver
 from continuum_grasp.export.control.loop import ExportedPhases
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.model import ROUNDING, FingerModel, ModelOptions
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import (
     Consumer,
     ControlScene,
@@ -118,14 +118,11 @@ def _of_precision(model: FingerModel, real: Real) -> FingerModel:
     """
     if not _is_cut(model, real):
         return model
-    finger, options = model.structure.asked
-    cut: ModelOptions = {**options, "accuracy": _CUT * real.epsilon}
-    return FingerModel(finger, **cut)
+    return model.with_accuracy(_CUT * real.epsilon)
 
 
 def _is_cut(model: FingerModel, real: Real) -> bool:
-    made = model.structure
-    return real.name == "float" and made.accuracy is None and made.family.default_accuracy <= ROUNDING
+    return real.name == "float" and model.structure.is_evaluated_to_rounding
 
 
 def _of_loop(scene: ControlScene, real: Real) -> ModelSource:

@@ -10,7 +10,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.export.fields import Real, fill
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.model import SECTION, Kernels
+from continuum_grasp.model import Kernels
 
 _TEXTS = {
     "head": "What acts, from the input.",
@@ -103,8 +103,8 @@ class SweptKernel(Kernel):
                 "end_size": sizes["end"],
                 "loads": len(made.loaded),
                 "loaded": ", ".join(map(str, made.loaded)),
-                "force": SECTION + made.local,
-                "section": SECTION,
+                "force": made.section + made.local,
+                "section": made.section,
             },
         )
 
@@ -132,7 +132,7 @@ class SweptKernel(Kernel):
             link_inputs = {"q": q[:, window[k]], "qd": qd[:, window[k]], "row": row[k], "spin": spin[k], **outer}
             spin.append(part("carry", **link_inputs)["spun"])
             bodies.append(part("outward", **link_inputs, drive=head["drive"]))
-        force = [np.zeros((count, SECTION + made.local), dtype=t) for _ in links]
+        force = [np.zeros((count, made.section + made.local), dtype=t) for _ in links]
         if made.loaded:
             turns = [np.tile(np.array([1, 0], dtype=t), (count, 1))]
             for k in links:
@@ -146,7 +146,7 @@ class SweptKernel(Kernel):
             end = results["handed"]
             gains.append(results["gain"])
         start = part("root", end=end, base=head["base"])["start"]
-        rates = [start[:, SECTION:]]
+        rates = [start[:, made.section :]]
         for k in links:
             results = part("onward", start=start, shape=bodies[k]["shape"], gain=gains[-1 - k], row=row[k])
             start = results["following"]

@@ -13,6 +13,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, Summarized
 from continuum_grasp.model.equations import Equations
+from continuum_grasp.model.pattern import FEWEST_ELEMENTS
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.sweep import Builder, sweep_function
@@ -107,6 +108,13 @@ class Functions(Remade, Summarized):
         self.n, self.nx, self.nu = structure.n, len(self.x_names), len(self.u_names)
         self.nw, self.np = len(self.w_names), len(self.p_names)
 
+    @classmethod
+    def function_names(cls) -> tuple[str, ...]:
+        """Names of the functions of a kind of model."""
+        attributes = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
+        functions = (name for name, value in attributes.items() if isinstance(value, cached_property))
+        return tuple(name for name in functions if not name.startswith("_"))
+
     def pairs(self) -> dict[str, str]:
         """Names of states, inputs, forces and parameters."""
         named = {"x": self.x_names, "u": self.u_names, "w": self.w_names, "p": self.p_names}
@@ -131,11 +139,15 @@ class Functions(Remade, Summarized):
         """A function of space-separated inputs, which are symbols of the equations."""
         names = inputs.split()
         arguments = [getattr(self._equations, key) for key in names]
-        expressions = [dense(value) for value in outputs.values()]
+        expressions = self._placed([dense(value) for value in outputs.values()])
         if "x" not in names:
             expressions = self._at_command(expressions)
         # The recursions write common factors (turns, arms, velocities) more than once: cse computes each once.
         return ca.Function(name, arguments, ca.cse(expressions), names, list(outputs))
+
+    def _placed(self, expressions: list[ca.SX]) -> list[ca.SX]:
+        """Expressions of the model's own symbols, where the equations have others in their place."""
+        return expressions
 
     def _at_command(self, expressions: list[ca.SX]) -> list[ca.SX]:
         """Expressions with the moments that u commands in place of those that lag, which are states."""
@@ -191,6 +203,11 @@ class Functions(Remade, Summarized):
         return self._equations.pattern is not None
 
     @property
+    def fewest_swept(self) -> int:
+        """Number of elements from which on sweeps are taken."""
+        return FEWEST_ELEMENTS
+
+    @property
     def instructions(self) -> int:
         """Instructions of an evaluation of the forward dynamics."""
         f = self.forward_dynamics
@@ -209,12 +226,6 @@ class Functions(Remade, Summarized):
         A=lambda eq: ca.jacobian(column(eq.state_rate), eq.x),
         B=lambda eq: ca.jacobian(column(eq.state_rate), eq.u),
     )
-
-
-def function_names(cls: type[Functions]) -> tuple[str, ...]:
-    """Names of the functions of a kind of model."""
-    attributes = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
-    return tuple(n for n, value in attributes.items() if isinstance(value, cached_property) and not n.startswith("_"))
 
 
 def dense(value: Output) -> ca.SX:

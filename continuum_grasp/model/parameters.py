@@ -16,7 +16,7 @@ import numpy as np
 
 from continuum_grasp.base import InputError, choice, nearest, real_array, shown
 from continuum_grasp.model.laws import numbers_of as numbers_of_laws
-from continuum_grasp.model.laws.section import POSITIVE, Number
+from continuum_grasp.model.laws.section import POSITIVE, Number, places_of
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import FAMILIES, Finger, ForceLoad, MomentLoad, Scene
 
@@ -127,15 +127,6 @@ class Parameters:
         return self.vector(name)[0]
 
 
-def places_of(finger: Finger, keys: str) -> list[str]:
-    """Paths in a finger of the keys of a `Number`."""
-    paths = list[str]()
-    for key in keys.split():
-        owner, every, rest = key.partition("*")
-        paths += [f"{place}{rest}" for place in finger.places_of(owner)] if every else [key]
-    return paths
-
-
 def numbers_of(finger: Finger) -> dict[str, Number]:
     """Numbers of a finger that may be run-time arguments, by name."""
     rod, profile, tendons = finger.rod, finger.profile, finger.tendon_list
@@ -145,7 +136,7 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
         "bending_stiffness": 1.0 if profile.graded else float(profile.bending_stiffness(0.0)),
         "rotary_inertia": 1.0 if profile.graded else rod.inertia_per_length,
         "rest_curvature": profile.rest_curvature.constant,
-        "tip_mass": sum(mass.mass for mass in finger.masses if at_tip(mass.at, rod.length)),
+        "tip_mass": sum(mass.mass for mass in finger.masses if rod.is_tip(mass.at)),
         "tendon_presliding": presliding.pop() if len(presliding) == 1 and finger.has_tendon_friction else None,
     }
     numbers = numbers_of_laws(finger)
@@ -155,7 +146,7 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
         values = {finger.entry(place) for place in places_of(finger, keys)}
         numbers[name] = Number(unit, known.get(name, values.pop() if len(values) == 1 else None), keys, least)
     for k, mass in enumerate(finger.masses):
-        if not at_tip(mass.at, rod.length):
+        if not rod.is_tip(mass.at):
             numbers[f"mass_{k}"] = Number("kg", mass.mass, f"masses[{k}].mass", 0.0)
     return numbers
 
@@ -165,12 +156,6 @@ def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequen
     values = {name: number.value for name, number in numbers_of(finger).items()}
     values |= {"gravity": gravity, "element_lengths": lengths}
     return {name: np.ravel(value).astype(float).tolist() for name, value in values.items() if value is not None}
-
-
-def at_tip(at: float, length: float) -> bool:
-    """Whether a position is the tip."""
-    # The tolerance of ``layout``: above the rounding of sums of lengths.
-    return abs(at - length) <= 1e-9 * length
 
 
 class ModelOptions(TypedDict, total=False):

@@ -80,6 +80,11 @@ class Vec:
         self.x = x
         self.y = y
 
+    @staticmethod
+    def columns(vectors: Iterable[Vec]) -> ca.SX:
+        """(2, K), also where there are none."""
+        return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
+
     def __add__(self, other: Vec) -> Vec:
         return Vec(self.x + other.x, self.y + other.y)
 

@@ -16,12 +16,13 @@ from continuum_grasp.model.actuation import InputLayout, MomentSource, lag_names
 from continuum_grasp.model.chain import ChainPlace
 from continuum_grasp.model.family import Mesh, family_class
 from continuum_grasp.model.laws import laws_of
-from continuum_grasp.model.laws.section import Kind
+from continuum_grasp.model.laws.section import STATEFUL, Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
 from continuum_grasp.model.memory import RETURN_SHARE
-from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters, at_tip
+from continuum_grasp.model.parameters import Choices, ModelOptions, Parameters
+from continuum_grasp.model.stumpff_functions import ROUNDING
 from continuum_grasp.model.tendon_friction import CellSet, tendon_sets
-from continuum_grasp.model.winches import Motor, winches_of
+from continuum_grasp.model.winches import Motor, Winch
 from continuum_grasp.scene import (
     FAMILIES,
     Channel,
@@ -111,7 +112,7 @@ class Structure:
         self.mesh = self._mesh()
         self.family = family_class(self.family_name)(self.mesh, self.accuracy)
         slack = choices["slack_stiffness"] or 0.0
-        self.winches = winches_of(self.finger, self.parameters, slack)
+        self.winches = Winch.of_finger(self.finger, self.parameters, slack)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.tendon_sets = self._tendon_sets()
         self.laws = laws_of(self.finger, self.family, self.parameters)
@@ -240,7 +241,7 @@ class Structure:
 
     def on_tip(self, at: float) -> bool:
         """Whether a position is the tip."""
-        return at_tip(at, self.length)
+        return self.finger.rod.is_tip(at)
 
     def masses(self) -> list[tuple[str, ChainPlace]]:
         """Names and places of the point masses that the model has."""
@@ -256,7 +257,7 @@ class Structure:
         # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns. A bare finger leaves open
         # whether its tip moment varies, which a matched tip without rates would not follow.
         unknown = scene is None and input_rates is None and not self.lagged
-        jumps = scene is not None and scene.time is not None and scene.initial.q is None and tip_moment_jumps(scene)
+        jumps = scene is not None and scene.time is not None and scene.initial.q is None and scene.tip_moment_jumps
         reasons = free_tip or self._runtime_at_tip or self.tip_couple_varies or jumps or unknown
         return default_family(free_tip=bool(reasons))
 
@@ -334,6 +335,16 @@ class Structure:
     def has_law(self, *kinds: Kind) -> bool:
         """Whether the sections have a law of one of these kinds."""
         return any(law.kind in kinds for law in self.laws)
+
+    @property
+    def has_stateful_laws(self) -> bool:
+        """Whether the sections have dry friction, or a material that relaxes."""
+        return self.has_law(*STATEFUL)
+
+    @property
+    def is_evaluated_to_rounding(self) -> bool:
+        """Whether no accuracy is asked for, and the family has that of double precision where none is."""
+        return self.accuracy is None and self.family.default_accuracy <= ROUNDING
 
     @property
     def tendon_friction_states(self) -> int:
@@ -449,38 +460,3 @@ class Structure:
                 _, name, unit, *_ = self.inputs.drives[np.flatnonzero(source.arms)[0]]
             names += lag_names(name, unit, source.lags)
         return names
-
-
-def tip_moment_jumps(scene: Scene) -> bool:
-    """Whether the moments on the tip at time zero ask for another curvature there than the initial pose has.
-
-    A matched tip then starts with the curvature of those moments, not with that of the pose.
-    """
-    length, initial, actuation = scene.finger.rod.length, scene.initial, scene.actuation
-    if initial.pose == "equilibrium":
-        return bool(_tip_couples(initial.held_by, length))
-    moment = sum(_at_zero(load.moment) for load in _tip_couples(scene.loads, length))
-    inside = [_at_zero(load.moment) for load in scene.loads if isinstance(load, MomentLoad) and load.input]
-    if actuation is not None and actuation.tip_moment is None and not scene.finger.winches:
-        pulls = [_at_zero(pull) for pull in actuation.values]
-        for channel in scene.finger.channels:
-            amplitude = channel.gain * sum(arm * pull for arm, pull in zip(channel.arms, pulls, strict=True))
-            if channel.shape.constant is None:
-                inside.append(amplitude)
-            else:
-                moment += amplitude
-    elif actuation is not None:
-        moment += _at_zero(actuation.tip_moment or 0.0)
-    curvature = float(scene.finger.profile.rest_curvature(length)) if initial.pose != "rest" else 0.0
-    return moment != 0.0 or curvature != 0.0 or any(inside)
-
-
-def _tip_couples(loads: Sequence[Load], length: float) -> list[MomentLoad]:
-    return [load for load in loads if isinstance(load, MomentLoad) and at_tip(load.at, length)]
-
-
-def _at_zero(value: float | Samples) -> float:
-    """The value at time zero, linear between samples: whether it vanishes is all that is asked of it."""
-    if not isinstance(value, Samples):
-        return value
-    return float(np.interp(0.0, value.times, value.values))

@@ -20,6 +20,7 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -73,6 +74,19 @@ class Kernels:
     loaded: tuple[int, ...]
     shared: int
     unknowns: int
+
+    section: ClassVar[int] = SECTION
+    """Entries of the velocity of a section."""
+
+    @classmethod
+    def of(cls, equations: Equations) -> Kernels:
+        """Kernels of the explicit equations of motion."""
+        return Builder(equations).kernels()
+
+    @classmethod
+    def of_sweep(cls, name: str) -> Kernels | None:
+        """Kernels behind a function that `sweep_function` has made; None of other functions."""
+        return _SWEEPS.get(name)
 
     @property
     def links(self) -> int:
@@ -436,7 +450,7 @@ def _mirrored(matrix: ca.SX) -> ca.SX:
     return ca.tril(matrix) + ca.tril(matrix, False).T
 
 
-SWEEPS: dict[str, Kernels] = {}
+_SWEEPS: dict[str, Kernels] = {}
 """Kernels by the name of the function that is made of them: ``core`` and ``export`` write one loop in its place."""
 
 
@@ -487,5 +501,5 @@ def sweep_function(builder: Builder) -> ca.Function:
     _, rates = made.onward.mapaccum(count)(first, shape, gains[:, back], rows)
     results = [ca.vertcat(first[SECTION:], ca.vec(rates))[:n], lagging]
     name = f"sweep_{_digest(' '.join([f.name() for f in made.functions]).encode() + made.rows.tobytes())}"
-    SWEEPS[name] = made
+    _SWEEPS[name] = made
     return ca.Function(name, list(inputs.values()), results, [*inputs], ["rates", "lagging"], {"never_inline": True})

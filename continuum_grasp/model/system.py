@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Unpack
 
@@ -264,7 +264,7 @@ class System(Functions):
         """
         eq, lengths = self._equations, self.finger_model.lengths
         sections = [eq.section_at(place_at(at, lengths)) for at in stations]
-        r, angles = columns(at for at, _ in sections), [angle for _, angle in sections]
+        r, angles = Vec.columns(at for at, _ in sections), [angle for _, angle in sections]
         return self._function("sections", "x u p", r=r, angle=angles)
 
     def section_velocities(self, stations: Sequence[float]) -> ca.Function:
@@ -274,7 +274,7 @@ class System(Functions):
         """
         eq, lengths = self._equations, self.finger_model.lengths
         velocities = [eq.section_velocity(place_at(at, lengths)) for at in stations]
-        v, spin = columns(velocity for velocity, _ in velocities), [spin for _, spin in velocities]
+        v, spin = Vec.columns(velocity for velocity, _ in velocities), [spin for _, spin in velocities]
         return self._function("section_velocities", "x u p", v=v, spin=spin)
 
     touch = named(
@@ -284,16 +284,11 @@ class System(Functions):
         friction=lambda eq: [pair.tangential for pair in eq.contacts.pairs],
         lift=lambda eq: [pair.lift for pair in eq.contacts.pairs],
         # What touches the object bears ``pair.force``, the object its reaction.
-        force=lambda eq: columns(pair.force.scaled(-1.0) for pair in eq.contacts.pairs),
-        point=lambda eq: columns(pair.point for pair in eq.contacts.pairs),
-        normal=lambda eq: columns(pair.normal for pair in eq.contacts.pairs),
+        force=lambda eq: Vec.columns(pair.force.scaled(-1.0) for pair in eq.contacts.pairs),
+        point=lambda eq: Vec.columns(pair.point for pair in eq.contacts.pairs),
+        normal=lambda eq: Vec.columns(pair.normal for pair in eq.contacts.pairs),
     )
     slip = named("x u w p", speed=lambda eq: [pair.slip_speed for pair in eq.contacts.pairs])
-
-
-def columns(vectors: Iterable[Vec]) -> ca.SX:
-    """(2, K), also where there are none."""
-    return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
 
 
 def _vector(name: str, value: ArrayLike | None, size: int) -> list[float]:

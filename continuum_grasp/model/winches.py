@@ -111,6 +111,13 @@ class Winch(ABC):
     def states(self) -> int:
         return len(self.names(1))
 
+    @staticmethod
+    def of_finger(
+        finger: Finger, parameters: Parameters | None = None, slack_stiffness: float = 0.0
+    ) -> tuple[Winch, ...]:
+        """The drives of a finger's tendons; none where tensions are commanded."""
+        return _winches_of(finger, parameters, slack_stiffness)
+
     @property
     @abstractmethod
     def time_constant(self) -> float:
@@ -505,8 +512,7 @@ def soft_integral(length: Scalar, onset: float) -> Scalar:
     return inside + beyond * (onset + 0.5 * beyond)
 
 
-def winches_of(finger: Finger, parameters: Parameters | None = None, slack_stiffness: float = 0.0) -> tuple[Winch, ...]:
-    """The drives of a finger's tendons; none where tensions are commanded."""
+def _winches_of(finger: Finger, parameters: Parameters | None, slack_stiffness: float) -> tuple[Winch, ...]:
     winches: list[Winch] = []
     for k, tendon in enumerate(finger.tendon_list):
         drive = tendon.drive

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from continuum_grasp.base import InputError
 from continuum_grasp.scene.consumer import refusals
-from continuum_grasp.scene.cost import Cost, Reference
+from continuum_grasp.scene.cost import Cost, Reference, RowSamples
 from continuum_grasp.scene.drives import TAKES, LengthDrive
 from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.methods import INTEGRATORS, default_family
-from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial, begins
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -179,7 +179,18 @@ class CommandedScene(FingerScene):
 
     def check_references(self, cost: Cost, *, moves: bool = False) -> None:
         """Refuse setpoints ``reference`` that the finger cannot meet; ``moves``: whether the object does."""
-        check_references(self, cost, moves)
+        places = dict(zip(self.contact_names, (*self.contacts, self.finger.rod.length), strict=True))
+        gaps = [places[name] for name in cost.tracked_contacts("gap", self.contact_names) if name in places]
+        at = () if cost.shape is None else cost.shape.at
+        widths = {"shape": (2 * len(at), f"x, y of {len(at)} sections")}
+        widths["input"] = len(self.input_limits[0]), self.finger.input_words
+        for name, (width, words) in widths.items():
+            setpoint = getattr(self.reference, name)
+            got = width if setpoint is None else setpoint.width if isinstance(setpoint, RowSamples) else len(setpoint)
+            if got != width:
+                raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
+        given = dict(self.reference)
+        self.check_reach("reference", given, at, self.object, self.stated_ranges, gaps, moves=moves)
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
@@ -431,12 +431,6 @@ class Finger(Value):
             for value in command.values if isinstance(command, Samples) else (command,):
                 if not least <= value <= greatest:
                     raise ValueError(f"{key}[{k}] = {value:g} is outside {allowed.format(least, greatest)}")
-
-    def check_reach(self, key: str, given: Mapping[str, Any], **where: Any) -> None:
-        """Refuse goals and setpoints, below a key, that the finger cannot meet; see `reach.check_reach`."""
-        from continuum_grasp.scene.reach import check_reach
-
-        check_reach(self, key, given, **where)
 
     def check_family(self, key: str, family: str, runtime: str = "") -> None:
         """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does.

@@ -30,6 +30,7 @@ from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.objects.simplify import SHARE
 from continuum_grasp.scene.placement import Supported, is_beside
+from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Switch
 from continuum_grasp.scene.tendons import Tendons
@@ -181,6 +182,10 @@ class FingerSetup:
             return (self.middle_bounds,) * len(self.middles)
         half = 0.5 * (high - low) / (len(self.stations) - 1)
         return tuple((max(low, at - half), min(high, at + half)) for at in self.stations)
+
+    def check_reach(self, key: str, position: tuple[float, float], body: GraspObject) -> None:
+        """Refuse a position of an object, below a key, at which the finger cannot touch the object."""
+        check_reach(self.finger, key, {"position": position}, body=body)
 
     @property
     def tip_name(self) -> str:

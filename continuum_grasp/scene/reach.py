@@ -5,16 +5,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene.cost import CircleReference, Cost, RowSamples
+from continuum_grasp.scene.cost import CircleReference
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.value import doubt
-
-if TYPE_CHECKING:
-    from continuum_grasp.scene.controller import CommandedScene
-    from continuum_grasp.scene.finger import Finger
 
 _ROUNDING = 1e-6
 """Share of a reach by which a number may exceed it [1]: the tip of a straight finger, written with six digits."""
@@ -86,21 +83,6 @@ def _check_circle(finger: Finger, key: str, circle: CircleReference) -> None:
         raise InputError(f"out of reach: {words}, expected {length:.4g} m at most", key=key)
     if far > limit:
         doubt(f"{key} is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m")
-
-
-def check_references(scene: CommandedScene, cost: Cost, moves: bool) -> None:
-    """Refuse setpoints ``reference`` of a scene that its finger cannot meet; ``moves``: whether the object does."""
-    places = dict(zip(scene.contact_names, (*scene.contacts, scene.finger.rod.length), strict=True))
-    gaps = [places[name] for name in cost.tracked_contacts("gap", scene.contact_names) if name in places]
-    at = () if cost.shape is None else cost.shape.at
-    widths = {"shape": (2 * len(at), f"x, y of {len(at)} sections")}
-    widths["input"] = len(scene.input_limits[0]), scene.finger.input_words
-    for name, (width, words) in widths.items():
-        setpoint = getattr(scene.reference, name)
-        got = width if setpoint is None else setpoint.width if isinstance(setpoint, RowSamples) else len(setpoint)
-        if got != width:
-            raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
-    check_reach(scene.finger, "reference", dict(scene.reference), at, scene.object, scene.stated_ranges, gaps, moves)
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, Sequence[float]]]:

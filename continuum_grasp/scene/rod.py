@@ -247,6 +247,10 @@ class Rod(Section):
             return (RodSection(to=self.length, thickness=thickness, width=self.spirob.width or thickness),)
         return (RodSection(to=self.length, **{key: getattr(self, key) for key in Section.model_fields}),)
 
+    def is_tip(self, at: float) -> bool:
+        """Whether a position [m] is the tip, but for the rounding of sums of lengths."""
+        return abs(at - self.length) <= 1e-9 * self.length
+
     def check_inside(self, key: str, positions: Iterable[float], *, tip: bool = True) -> None:
         """Refuse positions beyond the tip, but for the rounding of sums, or also those at it.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -12,8 +12,10 @@ from pydantic import BeforeValidator, Field
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, refusals
 from continuum_grasp.scene.drives import COMMANDS, TAKES, MotorDrive
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.loads import Actuation, Load
+from continuum_grasp.scene.loads import Actuation, Load, MomentLoad, Samples
 from continuum_grasp.scene.methods import DEFAULT_RANGE, INTEGRATORS, FamilyName
+from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -203,6 +205,20 @@ class FingerScene(Configuration, Surroundings):
             return []
         return [DEFAULT_RANGE if reach is None else reach] * (elements if isinstance(elements, int) else len(elements))
 
+    def check_reach(
+        self,
+        key: str,
+        given: Mapping[str, Any],
+        at: Sequence[float] = (),
+        body: GraspObject | None = None,
+        ranges: Sequence[float] = (),
+        touching: Sequence[float] = (),
+        *,
+        moves: bool = True,
+    ) -> None:
+        """Refuse goals and setpoints, below a key, that the finger cannot meet; see `reach.check_reach`."""
+        check_reach(self.finger, key, given, at, body, ranges, touching, moves)
+
     @property
     def contact_names(self) -> tuple[str, ...]:
         """Names of the contacts that the finger may have with an object."""
@@ -248,6 +264,31 @@ class Scene(FingerScene):
         if self.fidelity.tolerance is not None:
             self.check_for_several_models()
 
+    @property
+    def tip_moment_jumps(self) -> bool:
+        """Whether the moments on the tip at time zero ask for another curvature there than the initial pose has.
+
+        A matched tip then starts with the curvature of those moments, not with that of the pose.
+        """
+        rod, initial, actuation = self.finger.rod, self.initial, self.actuation
+        if initial.pose == "equilibrium":
+            return any(isinstance(load, MomentLoad) and rod.is_tip(load.at) for load in initial.held_by)
+        moments = [load for load in self.loads if isinstance(load, MomentLoad)]
+        moment = sum(_at_zero(load.moment) for load in moments if rod.is_tip(load.at))
+        inside = [_at_zero(load.moment) for load in moments if load.input]
+        if actuation is not None and actuation.tip_moment is None and not self.finger.winches:
+            pulls = [_at_zero(pull) for pull in actuation.values]
+            for channel in self.finger.channels:
+                amplitude = channel.gain * sum(arm * pull for arm, pull in zip(channel.arms, pulls, strict=True))
+                if channel.shape.constant is None:
+                    inside.append(amplitude)
+                else:
+                    moment += amplitude
+        elif actuation is not None:
+            moment += _at_zero(actuation.tip_moment or 0.0)
+        curvature = float(self.finger.profile.rest_curvature(rod.length)) if initial.pose != "rest" else 0.0
+        return moment != 0.0 or curvature != 0.0 or any(inside)
+
     def check_for_exact_rod(self) -> None:
         """Refuse keys that the exact rod does not know."""
         _EXACT_ROD.check(self)
@@ -255,6 +296,15 @@ class Scene(FingerScene):
     def check_for_several_models(self) -> None:
         """Refuse keys that are of one model, where several are compared with the exact rod."""
         _SEVERAL_MODELS.check(self)
+
+
+def _at_zero(value: float | Samples) -> float:
+    """The value at time zero, linear between samples: whether it vanishes is all that is asked of it."""
+    import numpy as np
+
+    if not isinstance(value, Samples):
+        return value
+    return float(np.interp(0.0, value.times, value.values))
 
 
 _ALLOWED = {

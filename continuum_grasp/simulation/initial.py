@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from continuum_grasp.base import Array, check_arguments
-from continuum_grasp.model import FingerModel, System, state_of, tip_moment_jumps
+from continuum_grasp.model import FingerModel, System, state_of
 from continuum_grasp.scene import Scene, default_family
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import states_of_motors
@@ -91,7 +91,7 @@ def _standing(model: FingerModel, drives: Array, angles: Sequence[float], at_res
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
     """Warnings about a start that a matched tip cannot have."""
-    if not model.structure.matched or not tip_moment_jumps(scene):
+    if not model.structure.matched or not scene.tip_moment_jumps:
         return ()
     return (
         f"the motion starts with the tip curvature that the moments on the tip impose on {model.family}, not with that "

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, check_arguments, named_value, whole
 from continuum_grasp.core import Core
-from continuum_grasp.model import STATEFUL, FingerModel, compliance, state_of
+from continuum_grasp.model import FingerModel, state_of
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.slack import least_pull
@@ -207,7 +207,7 @@ def small_motions(equilibrium: Equilibrium) -> SmallMotions:
         # Friction acts as it does at rest.
         history = (np.append(friction, 0.0),) if friction.size else ()
         held = core.statics(q, u, w, p, *history)[1]
-        return SmallMotions(mass, held, damping, held + _held(model, p) if model.structure.has_law(*STATEFUL) else None)
+        return SmallMotions(mass, held, damping, held + _held(model, p) if model.structure.has_stateful_laws else None)
     of_tendons = model.structure.tendon_friction_states
     states = state_of(friction[:of_tendons]), friction[of_tendons:]
     x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), *states])
@@ -217,7 +217,7 @@ def small_motions(equilibrium: Equilibrium) -> SmallMotions:
         both = np.zeros_like(stiffness)
         both[:n, :n], both[n:, n:] = mass, np.diag(inertia.ravel())
         free = both, stiffness
-    slides = model.friction_names or model.structure.has_law(*STATEFUL)
+    slides = model.friction_names or model.structure.has_stateful_laws
     stuck = passive + _glued(model, equilibrium, x) + _held(model, p) if slides else None
     return SmallMotions(mass, stiffness[:n, :n], damping, stuck, free)
 
@@ -240,7 +240,7 @@ def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
                 if k in frictional:
                     total[np.ix_(local, local)] += tendon.axial_stiffness * (bent * weights) @ bent.T
         if k not in frictional:
-            total += np.outer(drawn, drawn) / compliance(tendon, made.length)
+            total += np.outer(drawn, drawn) / tendon.compliance(made.length)
     return total
 
 

@@ -27,7 +27,7 @@ from continuum_grasp.core import (
     step_function,
 )
 from continuum_grasp.core.cache import cache_folder
-from continuum_grasp.model import MATRICES, function_names
+from continuum_grasp.model import MATRICES
 from continuum_grasp.scene import INTEGRATORS, Finger, PointMass, Tendons
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
 from tests.marks import few
@@ -65,7 +65,7 @@ def inputs_of(model, name: str, at) -> list:
 # Functions.
 
 
-@pytest.mark.parametrize("name", function_names(cg.FingerModel))
+@pytest.mark.parametrize("name", cg.FingerModel.function_names())
 @pytest.mark.parametrize("family", few(sorted(FAMILIES, reverse=True), 1))
 def test_compiled_functions_are_those_of_the_virtual_machine(family, name):
     model, compiled, at = full(family)
@@ -108,7 +108,7 @@ def test_a_batch_is_its_states_one_by_one(family, count):
         assert relative_error(rows[k], compiled.forward_dynamics(x[k], at.u, w[k])) <= 1e-12, k
 
 
-@pytest.mark.parametrize("name", function_names(cg.FingerModel))
+@pytest.mark.parametrize("name", cg.FingerModel.function_names())
 def test_every_function_batches(name):
     model, compiled, at = full("arc")
     arguments = inputs_of(model, name, at)

@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
-from continuum_grasp.model import function_names
 from tests.export_cases import scene
 
 
@@ -23,7 +22,7 @@ def test_what_is_loaded_computes_what_the_model_does(name, tmp_path):
     made = cg.export_casadi(model, tmp_path)
     listed = json.loads((tmp_path / "MANIFEST.json").read_text(encoding="utf-8"))
     assert listed == made.manifest
-    assert set(listed["functions"]) == set(function_names(cg.FingerModel))
+    assert set(listed["functions"]) == set(cg.FingerModel.function_names())
     assert listed["entries"]["x"] == model.x_names
     assert list(listed["nominal_parameters"]) == model.p_names
     for key, about in listed["functions"].items():

@@ -12,7 +12,7 @@ from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.blocks import Columns
-from continuum_grasp.grasp.problem.curves import CurvesSpec, curve_numbers
+from continuum_grasp.grasp.problem.curves import curve_numbers, curves_of
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.problem.unit_finger import PRESLIDING, UnitFinger
 from continuum_grasp.grasp.shape import FingerShape, skin
@@ -77,7 +77,7 @@ def test_equal_sections_give_the_uniform_fingers_grasp(friction):
         changes[f"fingers.{name}.strain_limit"] = None
         changes[f"fingers.{name}.half_thickness"] = finger.thickness_radius
     graded = uniform.changed(changes)
-    assert all(CurvesSpec.of(setup, True).edges["statics"] == 2 for setup in graded.setups)
+    assert all(curves_of(setup, True).edges["statics"] == 2 for setup in graded.setups)
     one, other = optimize_grasp(uniform), optimize_grasp(graded)
     assert other.certificate.passed
     for key in ("contact_positions", "contact_forces", "left.tensions", "left.q", "left.backbone", "right.tensions"):

@@ -19,7 +19,7 @@ from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.search import GraspSearch
-from continuum_grasp.model import NEAR, FingerModel, distance_from, surface_of
+from continuum_grasp.model import FingerModel, TouchingCircle, surface_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
     Circle,
@@ -64,8 +64,8 @@ def test_circles_stand_for_the_surface_near_a_place_to_the_third_order(name):
     points = points[surface.nearest_places(part, points)[1] > 2e-3]
     angles = rng.uniform(-math.pi, math.pi, len(points))
     circles, distances = surface.circles(part, points, 0.2)
-    point, near = ca.SX.sym("point", 2), ca.SX.sym("near", NEAR)
-    function = ca.Function("d", [point, near], [distance_from(point, near)])
+    point, near = ca.SX.sym("point", 2), ca.SX.sym("near", TouchingCircle.SIZE)
+    function = ca.Function("d", [point, near], [TouchingCircle(near).distance(point)])
     assert_allclose(np.array(function(points.T / 0.2, circles)).ravel(), distances, atol=3e-9)
     errors = []
     for step in (2e-3, 1e-3):

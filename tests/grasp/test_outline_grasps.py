@@ -14,7 +14,8 @@ from benchmarks.grasp_images import drawn
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.problem import solver_run, structure, surroundings
 from continuum_grasp.grasp.search import GraspSearch
-from continuum_grasp.model import ROUND, distance_from, surface_of
+from continuum_grasp.model import TouchingCircle, surface_of
+from continuum_grasp.model.surfaces.surface import ROUND
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import OffsetPolygon, load
 from continuum_grasp.scene.parts import corners_of
@@ -133,7 +134,7 @@ def test_a_corner_keeps_its_distance_from_a_finger_that_slides(side):
     assert circles[4, 1:] == pytest.approx(1.0 / ROUND)
     for move in (3e-3 * turn * 1j, 3e-3 * turn * (1.0 - 2j)):
         place = nearest + move
-        (away,) = np.array(distance_from([place.real, place.imag], circles[:, 0])).ravel()
+        (away,) = np.array(TouchingCircle(circles[:, 0]).distance([place.real, place.imag])).ravel()
         true = side * (abs(corner - center - move) - radius)
         assert away == pytest.approx(true, abs=1e-7)
         assert abs(abs(place - corner) - true) > 5e-5  # what the place alone would keep

@@ -11,7 +11,8 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.core import generated
-from continuum_grasp.model import FEWEST_ELEMENTS, MOST_ELEMENTS, FingerModel
+from continuum_grasp.model import MOST_ELEMENTS, FingerModel
+from continuum_grasp.model.pattern import FEWEST_ELEMENTS
 from continuum_grasp.scene import (
     BasePose,
     Damping,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.model import FingerModel, function_names
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Damping, Fidelity, Finger, ForceLoad, Initial, PointMass, Scene, Tendons
 from continuum_grasp.scene import Rod as RodValue
 from tests.finger_cases import (
@@ -197,7 +197,7 @@ def same_everywhere(runtime: FingerModel, folded: FingerModel, p: list) -> None:
     if states:  # where friction is a run-time argument alone, what does not have it has no states of it
         friction = [0.7, -1.2, 0.3, 1.1][:states]
         arguments |= {"x": [*at.x, *friction], "history": [*friction, 0.0]}
-    for name in (n for n in function_names(FingerModel) if n not in slow):
+    for name in (n for n in FingerModel.function_names() if n not in slow):
         one, other = getattr(runtime, name), getattr(folded, name)
         found = one.call([{**arguments, "p": p}[key] for key in one.name_in()])
         known = {**arguments, "p": [], "x": at.x if len(folded.friction_names) < states else arguments["x"]}
@@ -267,7 +267,7 @@ def test_names_fit_sizes(family, make):
     assert model.x_names[: model.n] == model.q_names
     assert model.n == len(model.lengths) + (family == "clothoid")
     assert model.nx == 2 * model.n + 2 * (finger.tendons is not None and finger.tendons.time_constant is not None)
-    for name in function_names(FingerModel):
+    for name in FingerModel.function_names():
         assert getattr(model, name).name() == name
         assert getattr(model, name).is_a("SXFunction")
 

@@ -11,13 +11,13 @@ import mpmath
 import numpy as np
 import pytest
 
-from continuum_grasp.model import RANGES, ROUNDING, Vec, collocation, column, stumpff
+from continuum_grasp.model import RANGES, Vec, column, stumpff
 from continuum_grasp.model.chain import Chain, ChainPlace
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.moment_linear import Clothoid
 from continuum_grasp.model.planar import ZERO
-from continuum_grasp.model.quadrature import _ERRORS
-from continuum_grasp.model.stumpff_functions import rotation
+from continuum_grasp.model.quadrature import _ERRORS, collocation
+from continuum_grasp.model.stumpff_functions import ROUNDING, rotation
 from continuum_grasp.scene import Damping, PointMass, Tendons
 from tests.finger_cases import (
     EXACT,

@@ -9,8 +9,8 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
-from continuum_grasp.model import RANGES, FingerModel, node_count
-from continuum_grasp.model.quadrature import _ERRORS, STRICT
+from continuum_grasp.model import RANGES, FingerModel
+from continuum_grasp.model.quadrature import _ERRORS, STRICT, node_count
 from continuum_grasp.scene import BasePose, Damping, Finger, PointMass, Rod
 
 ROD = Rod(length=0.6, linear_density=0.02, bending_stiffness=0.047)

@@ -33,9 +33,9 @@ from continuum_grasp.nlp import (
     Start,
 )
 from continuum_grasp.nlp.solver import _Stop
-from continuum_grasp.scene import GraspSolver, Method
+from continuum_grasp.scene import GraspSolver
 
-METHODS = get_args(Method)
+METHODS = get_args(GraspSolver.model_fields["method"].annotation)
 INF = np.inf
 
 

@@ -13,7 +13,7 @@ from continuum_grasp.addons.identification.inference import Inference
 from continuum_grasp.addons.identification.searches import LawTrial
 from continuum_grasp.addons.identification.unknowns import ALONG, DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.model import at_tip, numbers_of, places_of
+from continuum_grasp.model import numbers_of
 from continuum_grasp.results import Dimension, File, Picture, Stored, yaml_text
 from continuum_grasp.scene import Finger, FingerScene, PointMass, Rod
 
@@ -253,12 +253,12 @@ def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[
     if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
         return {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
     if target == "tip_mass":
-        others = [mass for mass in finger.masses if not at_tip(mass.at, finger.rod.length)]
+        others = [mass for mass in finger.masses if not finger.rod.is_tip(mass.at)]
         return {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
     numbers = numbers_of(finger)
     if target not in numbers:
         raise InputError(f"no value of a scene is behind {target}")
-    return dict.fromkeys(places_of(finger, numbers[target].key), value)
+    return dict.fromkeys(numbers[target].places(finger), value)
 
 
 def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:

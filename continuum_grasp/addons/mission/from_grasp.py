@@ -26,7 +26,7 @@ from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import Array, InputError, Interrupted, SolverError
 from continuum_grasp.core import Core
 from continuum_grasp.grasp import Contact, GraspResult, Resistance, optimize_grasp
-from continuum_grasp.model import FingerModel, Winch, winches_of
+from continuum_grasp.model import FingerModel, Winch
 from continuum_grasp.scene import (
     BasePose,
     ControllerSettings,
@@ -52,7 +52,7 @@ class Commands:
 
     def __init__(self, finger: Finger, s: ArrayLike) -> None:
         self._finger, self._s = finger, np.asarray(s, dtype=float)
-        self._winches = winches_of(finger)
+        self._winches = Winch.of_finger(finger)
 
     def of(self, tensions: ArrayLike, angles: ArrayLike) -> Array:
         """Commands (nu) under tensions (T) [N] at the drives, with angles of the backbone at ``s`` [rad]."""

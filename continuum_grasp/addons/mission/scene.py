@@ -275,7 +275,7 @@ class MissionScene(Configuration):
             # The tip is a contact already.
             setup.finger.rod.check_inside("more_contacts[{}]", self.more_contacts, tip=False)
             if self.turn is not None and setup.finger.base_free is None:
-                setup.finger.check_reach("turn", {"position": self.turn.position}, body=self.grasp.object)
+                setup.check_reach("turn", self.turn.position, self.grasp.object)
             finger, where = setup.finger, f"grasp.{self.grasp.place_of(setup)}"
             if self.tendons is not None:
                 finger, where = finger.replaced(tendons=self.tendons), ""

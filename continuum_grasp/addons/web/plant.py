@@ -18,7 +18,7 @@ from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.control import Prediction, Stages, stages_of
 from continuum_grasp.core import GAMMA
 from continuum_grasp.export import REALS, SETTLED, Field, Kernel, SeenKernels, fill
-from continuum_grasp.model import FEWEST_ELEMENTS, FingerModel, System
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import (
     FAMILIES,
     LEAST_COMMANDS,
@@ -77,7 +77,7 @@ class WebPlant:
 
     def __post_init__(self) -> None:
         if self.system.sweeps:
-            message = f"a page has no sweeps along the chain: expected fewer than {FEWEST_ELEMENTS} elements"
+            message = f"a page has no sweeps along the chain: expected fewer than {self.system.fewest_swept} elements"
             raise InputError(message, key="fidelity.elements")
 
     @property

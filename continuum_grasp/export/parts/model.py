@@ -17,7 +17,7 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Code, PackagePart, Rows
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
-from continuum_grasp.model import Builder, FingerModel, System, column, direction
+from continuum_grasp.model import FingerModel, Kernels, System, column, direction
 
 
 def _dynamics_kernel(subject: Subject) -> Kernel:
@@ -25,7 +25,7 @@ def _dynamics_kernel(subject: Subject) -> Kernel:
     text = "Rate of change xd of the state x; equation of motion."
     if subject.moving.sweeps:
         driven = subject.model.drive_rates if subject.equations.drives_feel_motion else None
-        return SweptKernel("dynamics", Builder(subject.equations).kernels(), text, driven)
+        return SweptKernel("dynamics", Kernels.of(subject.equations), text, driven)
     return Kernel("dynamics", subject.moving.forward_dynamics, text)
 
 

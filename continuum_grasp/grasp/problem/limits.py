@@ -9,7 +9,7 @@ import casadi as ca
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Unknowns
-from continuum_grasp.model import NEAR, SHORTEST, distance_from
+from continuum_grasp.model import SHORTEST, TouchingCircle
 
 
 def add_limits(problem: Unknowns) -> None:
@@ -58,6 +58,7 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
     """A finger keeps clear of object and supports at its guarded places, world positions (2, K)."""
     name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
     points, _, touches, thick = finger.guarded
+    size = TouchingCircle.SIZE
     places, tolerance, half = ca.horzsplit(points), finger.number("tolerance"), ca.vertsplit(thick)
     back = rotation(-problem.pose[2])
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent. Of several
@@ -67,9 +68,9 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
         # The tolerance is never zero: a finger that lies along the object makes all its places active at once, and the
         # active constraints dependent (93 % of 60 discs converged with 0, all with 1e-9 and more).
         slack = problem.slack["clearance at the object"] + tolerance
-        near = ca.reshape(finger.number(f"near_{part}", NEAR * len(free)), NEAR, len(free))
+        near = ca.reshape(finger.number(f"near_{part}", size * len(free)), size, len(free))
         spare = [
-            distance_from(back @ (places[j] - problem.pose[:2]), near[:, k]) - half[j] + slack
+            TouchingCircle(near[:, k]).distance(back @ (places[j] - problem.pose[:2])) - half[j] + slack
             for k, j in enumerate(free)
         ]
         require(f"penetration into the object, {name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
@@ -79,8 +80,8 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
         spare += [ca.dot(normal, z - at) - finger.number(f"needed_{k}_{j}") + slack for j, z in enumerate(places)]
     for k in range(spec.edges + spec.pegs):
-        near = ca.reshape(finger.number(f"near_fixed_{k}", NEAR * len(places)), NEAR, len(places))
-        spare += [distance_from(z, near[:, j]) - half[j] + slack for j, z in enumerate(places)]
+        near = ca.reshape(finger.number(f"near_fixed_{k}", size * len(places)), size, len(places))
+        spare += [TouchingCircle(near[:, j]).distance(z) - half[j] + slack for j, z in enumerate(places)]
     require(f"penetration into a support, {name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
     return points
 
@@ -145,7 +146,7 @@ def _keep_object_clear(problem: Unknowns) -> None:
     for k in range(spec.pegs):
         local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])
         for part in range(spec.obstacles):
-            near = number(f"peg_{k}.near_{part}", NEAR)
-            spare.append(distance_from(local, near) - number(f"peg_{k}.radius"))
+            near = number(f"peg_{k}.near_{part}", TouchingCircle.SIZE)
+            spare.append(TouchingCircle(near).distance(local) - number(f"peg_{k}.radius"))
     if spare:
         problem.rows.require("object in a support", ca.vertcat(*spare) + tolerance, "m", "supports", upper=ca.inf)

@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from continuum_grasp.grasp.problem.curves import CurvesSpec
+from continuum_grasp.grasp.problem.curves import curves_of
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.model import Surface, surface_of
+from continuum_grasp.model import CurvesSpec, Surface, surface_of
 from continuum_grasp.scene import Finger, FingerSetup, GraspScene, Peg, PointMass
 
 _RANGES = (1.0, 2.1, 3.15, 4.5, 6.3)
@@ -108,7 +108,7 @@ class FingerSpec:
             free=finger.base_free is not None,
             bending_range=next((r for r in _RANGES if setup.bending_range <= r), setup.bending_range),
             accuracy=setup.accuracy,
-            curves=CurvesSpec.of(setup, weighs),
+            curves=curves_of(setup, weighs),
             drive=DriveSpec.of(setup),
             wound=setup.drive is not None,
             pulley=setup.drive is not None and setup.drive.pulley,

@@ -16,7 +16,7 @@ from continuum_grasp.grasp.problem.values import FINE, Units, Values
 from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
-from continuum_grasp.model import ROUND, own_outline, surface_of
+from continuum_grasp.model import TouchingCircle, outline_of, surface_of
 from continuum_grasp.rod import DenseRod
 from continuum_grasp.scene import Finger, FingerSetup, GraspScene, Part, Wall
 
@@ -43,7 +43,7 @@ class _Obstacle:
         that they need.
         """
         if not isinstance(self.body, Wall):
-            return own_outline(surface_of(self.body), self.body).distance(_complex(at, units)) / units.length, half
+            return outline_of(self.body).distance(_complex(at, units)) / units.length, half
         needed = half if self.floor is None else np.where(owner < self.emerging, self.floor, half)
         return (at - np.asarray(self.body.point) / units.length) @ np.asarray(self.body.normal), needed
 
@@ -137,7 +137,7 @@ class NearbySearch:
         at, thick = np.concatenate([points.T, at]), np.concatenate([half, thick])
         owner = np.concatenate([finger.elements, owner]).astype(int)
         beside = _beside(pieces, count, _local(at, pose), units, (~clear, touched.T))
-        sharp = np.any([circles[4, -probes.size :] >= 1.0 / ROUND for circles, _ in beside], axis=0)
+        sharp = np.any([TouchingCircle(circles[:, -probes.size :]).is_corner for circles, _ in beside], axis=0)
         # Next to an end a corner is what touches there.
         inside = (np.abs(probes - 0.5) < 0.5 - 1.5 / FINE).ravel()
         if (sharp & inside).any():
@@ -338,7 +338,7 @@ def _peak(values: Array, rows: Array, pick: Array) -> Array:
 
 
 def _bend_corners(circles: Array, traced: Array, some: Array) -> None:
-    """Bend circles (NEAR, K) that stand for corners as the finger bends opposite to them, ``traced`` (K, 3, 2) before,
+    """Bend circles (5, K) that stand for corners as the finger bends opposite to them, ``traced`` (K, 3, 2) before,
     at and behind ``some`` (K,) places.
 
     A corner may slide along the finger, away from a place that is fixed: the finger's distance from it is, to second
@@ -349,7 +349,7 @@ def _bend_corners(circles: Array, traced: Array, some: Array) -> None:
     # 0.1: angle between the finger's normal and a corner's direction [rad] up to which the corner is opposite to a
     # place
     opposite = np.abs((along * normal).sum(axis=1)) < 0.1 * length
-    corner = some & opposite & (circles[4] >= 1.0 / ROUND)
+    corner = some & opposite & TouchingCircle(circles).is_corner
     circles[4, corner] = (4.0 * (bend * normal).sum(axis=1) / length**2)[corner]
 
 
@@ -365,7 +365,7 @@ def _complex(points: Array, units: Units) -> Array:
 
 def _from_object(pieces: tuple[Part, ...], points: Array, rough: bool) -> Array:
     """Distances (K,) of complex points (K,) in the object's frame [m], to 1e-5 of its size where that is enough."""
-    shapes = tuple(own_outline(surface_of(piece), piece) for piece in pieces)
+    shapes = tuple(outline_of(piece) for piece in pieces)
     if rough:
         return rough_distance(shapes, points)
     return np.asarray(np.min([shape.distance(points) for shape in shapes], axis=0))
@@ -374,7 +374,7 @@ def _from_object(pieces: tuple[Part, ...], points: Array, rough: bool) -> Array:
 def _beside(
     pieces: tuple[Part, ...], count: int, points: Array, units: Units, touching: tuple[Array, Array] | None = None
 ) -> list[tuple[Array, Array]]:
-    """Circles (NEAR, K) and distances (K,) of the pieces nearest to points of the object's frame (K, 2), for each of
+    """Circles (5, K) and distances (K,) of the pieces nearest to points of the object's frame (K, 2), for each of
     ``count`` of them; of the points that are marked (K,) as ``touching`` at places (T, 2), without what they touch.
     """
     nearest = [_nearest(piece, points, units) for piece in pieces]
@@ -393,7 +393,7 @@ def _beside(
 
 
 def _nearest(part: Part, points: Array, units: Units) -> tuple[Array, Array]:
-    """Circles (NEAR, K) that stand for a part near points of its frame (K, 2), and distances (K,), in units of the
+    """Circles (5, K) that stand for a part near points of its frame (K, 2), and distances (K,), in units of the
     problem.
     """
     return surface_of(part).circles(part, points * units.length, units.length)

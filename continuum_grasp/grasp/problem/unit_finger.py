@@ -13,8 +13,6 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
-from continuum_grasp.grasp.problem.curves import Curves
-from continuum_grasp.grasp.problem.graded_backbone import GradedBackbone
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel, soft
 from continuum_grasp.scene import Finger, MomentLoad
@@ -33,10 +31,10 @@ class UnitFinger:
     def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX) -> None:
         """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
         self.spec, self._numbers = spec, numbers
-        self.curves = Curves(spec.curves, self.number("curves", spec.curves.size))
+        self.curves = spec.curves.expressions(self.number("curves", spec.curves.size))
         self.model = unit_model(spec)
         graded = spec.curves.graded
-        self.backbone = GradedBackbone(self.model, spec.curves) if graded else self.model.backbone()
+        self.backbone = self.model.graded_backbone(spec.curves) if graded else self.model.backbone()
         name, number = spec.name, self.number
         self.q = x(f"{name}.q", self.model.n)  # bending coordinates of the unit finger
         # Positions of the middle contacts, as parts of the length.

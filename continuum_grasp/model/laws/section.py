@@ -24,7 +24,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.model.family import Family, Mesh, gathered
 from continuum_grasp.model.memory import Instant, Memory
 from continuum_grasp.model.planar import Scalar, is_zero
-from continuum_grasp.scene import SAME, Curve, Value
+from continuum_grasp.scene import SAME, Curve, Finger, Value
 
 Kind = Literal["elastic", "damping", "friction", "relaxation"]
 
@@ -45,6 +45,15 @@ POSITIVE = 1e-9
 """Least value, per typical size [1], of a number that the model divides by, or that means nothing at zero."""
 
 
+def places_of(finger: Finger, keys: str) -> list[str]:
+    """Paths in a finger of the keys of a `Number`."""
+    paths = list[str]()
+    for key in keys.split():
+        owner, every, rest = key.partition("*")
+        paths += [f"{place}{rest}" for place in finger.places_of(owner)] if every else [key]
+    return paths
+
+
 @dataclass(frozen=True)
 class Number:
     """A number of a finger that may be a run-time argument."""
@@ -53,6 +62,10 @@ class Number:
     value: Any  # or numbers; None where the finger has none
     key: str  # where the finger has it, or the keys; ``*`` stands for all entries of a list, or for the only one
     least: float = POSITIVE  # per typical size [1]
+
+    def places(self, finger: Finger) -> list[str]:
+        """Paths of it in a finger."""
+        return places_of(finger, self.key)
 
 
 def numbers_of_branches(name: str, branches: Sequence[Value], units: Mapping[str, str]) -> dict[str, Number]:

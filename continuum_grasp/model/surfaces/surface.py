@@ -11,7 +11,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -119,10 +119,37 @@ P = TypeVar("P", bound=Part)
 
 ROUND = 1e-9
 """Radius of a sharp corner, in a unit of lengths: its distance is off by that much."""
-NEAR = 5
-"""Numbers of a circle that stands for a surface; see `distance_from`."""
 TINY = 1e-30
 """Keeps roots and powers of a square differentiable at zero [unit of the square]; far below rounding."""
+
+
+@dataclass(frozen=True)
+class TouchingCircle:
+    """The circle that touches a surface at a place, where it has the surface's curvature.
+
+    The place is the nearest one of a point: its distance from the circle is that from the surface but for the third
+    power of how far the nearest place has moved along it. Of discs and corners it is exact, and of faces, whose
+    curvature is zero.
+    """
+
+    SIZE: ClassVar[int] = 5
+    """Numbers of a circle."""
+
+    numbers: Any  # expressions (5,), or an array (5, K): x, y, normal x, normal y, curvature
+
+    @property
+    def is_corner(self) -> Any:
+        """Whether it stands for a sharp corner; of arrays (K,)."""
+        return self.numbers[4] >= 1.0 / ROUND
+
+    def distance(self, point: ca.SX) -> ca.SX:
+        """Distance of a point."""
+        off, normal, bend = point - self.numbers[:2], self.numbers[2:4], self.numbers[4]
+        along, across = ca.dot(off, normal), off[1] * normal[0] - off[0] * normal[1]
+        # |x - c| - r without a difference of large numbers; TINY: differentiable at the center.
+        reach = ca.sqrt((1.0 + bend * along) ** 2 + (bend * across) ** 2 + TINY)
+        away: ca.SX = (bend * ca.sumsqr(off) + 2.0 * along) / (1.0 + reach)
+        return away
 
 
 # -- contact in motion -------------------------------------------------------------------------------------------------
@@ -254,8 +281,8 @@ class Surface(ABC, Generic[P]):
             return at.angle, distances, at.dangle / np.abs(at.dpoint)
 
     def circles(self, part: P, points: Array, unit: float) -> tuple[Array, Array]:
-        """Circles (NEAR, K) that stand for the surface near points (K, 2) of the object's frame, and their distances
-        (K,), in a unit [m]; see `distance_from`.
+        """Numbers (5, K) of circles that stand for the surface near points (K, 2) of the object's frame, and their
+        distances (K,), in a unit [m]; see `TouchingCircle`.
         """
         angles, distances, curvatures = self.nearest_places(part, points)
         normals = np.stack([np.cos(angles), np.sin(angles)])
@@ -273,17 +300,3 @@ class Surface(ABC, Generic[P]):
 def own_outline(surface: Surface[P], part: P) -> GrownOutline:
     """The outline of a part in the object's frame, not grown."""
     return surface.outline(part, Frame(), 0.0)
-
-
-def distance_from(point: ca.SX, near: ca.SX) -> ca.SX:
-    """Distance of a point from the circle (x, y, normal x, normal y, curvature) that touches a surface at a place.
-
-    The place is the nearest one of a point, and the circle that of the curvature there: its distance is that from the
-    surface but for the third power of how far the nearest place has moved along it. Of discs and corners it is exact,
-    and of faces, whose curvature is zero.
-    """
-    off, normal, bend = point - near[:2], near[2:4], near[4]
-    along, across = ca.dot(off, normal), off[1] * normal[0] - off[0] * normal[1]
-    # |x - c| - r without a difference of large numbers; TINY: differentiable at the center.
-    reach = ca.sqrt((1.0 + bend * along) ** 2 + (bend * across) ** 2 + TINY)
-    return (bend * ca.sumsqr(off) + 2.0 * along) / (1.0 + reach)

@@ -25,7 +25,7 @@ from continuum_grasp.base import (
     whole,
 )
 from continuum_grasp.core import Core, check_moment, finite, section_check
-from continuum_grasp.model import MATRICES, FingerModel, Remade, System, function_names
+from continuum_grasp.model import MATRICES, FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
 
 
@@ -44,7 +44,7 @@ class Operators(Remade, Summarized, ABC):
         compiled: bool = True,
     ) -> None:
         self._toolkit = toolkit(*self.TOOLKIT)
-        self._names = function_names(type(model))
+        self._names = type(model).function_names()
         self.model: Any = model
         self.nonfinite = choice("nonfinite", nonfinite, ("raise", "nan"))
         self._core = Core(model, compiled=compiled)

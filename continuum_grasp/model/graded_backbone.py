@@ -20,21 +20,14 @@ from typing import Any, cast
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.curves import Curves, CurvesSpec
-from continuum_grasp.model import (
-    Backbone,
-    Cell,
-    Equations,
-    FingerModel,
-    Panel,
-    Port,
-    Scalar,
-    Structure,
-    collocation,
-    column,
-    matrix,
-    node_count,
-)
+from continuum_grasp.model.backbone import Backbone, Panel
+from continuum_grasp.model.equations import Equations
+from continuum_grasp.model.laws.section import Port
+from continuum_grasp.model.planar import Scalar, column, matrix
+from continuum_grasp.model.quadrature import collocation, node_count
+from continuum_grasp.model.runtime_curves import CurvesSpec
+from continuum_grasp.model.structure import Structure
+from continuum_grasp.model.tendon_friction import Cell
 
 _GRADED_NODES = 2
 """Nodes beside those of a uniform element: a taper of 1:4 in four elements is then within 1e-7 (tests measure it)."""
@@ -75,12 +68,15 @@ class GradedBackbone(Backbone):
     there, at the places where the search began, then those of a model of a uniform finger of the same structure.
     """
 
-    def __init__(self, model: FingerModel, spec: CurvesSpec) -> None:
-        made = model.structure
+    def __init__(self, made: Structure, spec: CurvesSpec) -> None:
         count, self._matched = len(made.lengths), made.matched
         sizes = {"lengths": count, "curves": spec.size, "scales": count + 1, "known": count + 1}
         symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-        self.curves, self._scales, self._known = Curves(spec, symbols["curves"]), symbols["scales"], symbols["known"]
+        self.curves, self._scales, self._known = (
+            spec.expressions(symbols["curves"]),
+            symbols["scales"],
+            symbols["known"],
+        )
         lengths = ca.vertsplit(symbols["lengths"])
         self.ends = [ca.SX(0.0), *accumulate(lengths)]
         varies = any(curve.name == "stiffness" and curve.degree for curve in spec.curves)
