@@ -190,7 +190,7 @@ def check_moment(model: FingerModel, u: Array) -> None:
         return
     values = list(np.moveaxis(u[:, :, : structure.inputs.count], -1, 0))
     for source in structure.sources:
-        driven, couples = source.amplitudes(values, len(structure.inputs.drives))
+        driven, couples = source.amplitudes(values, len(structure.finger.inputs))
         # A lag gives the rates of what it follows, not those of a couple beside it.
         known = 0.0 if source.lags else source.gain * driven
         amplitude = np.broadcast_to(known + couples, values[0].shape)

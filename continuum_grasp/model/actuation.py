@@ -7,26 +7,29 @@ from dataclasses import dataclass
 from typing import Any
 
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene import Channel, Input
+from continuum_grasp.scene import Channel, Finger
 
 
 @dataclass(frozen=True)
 class InputLayout:
     """Layout of the input vector: values, then (for known moments that vary) their rates and accelerations."""
 
-    drives: tuple[Input, ...]  # the finger's own: tip moment, tensions, ...
+    finger: Finger  # whose inputs come first: tip moment, tensions, ...
     couples: tuple[str, ...]  # names of the couples of the scene that are inputs
     rates: bool
 
     @property
     def count(self) -> int:
         """Number of values."""
-        return len(self.drives) + len(self.couples)
+        return len(self.finger.inputs) + len(self.couples)
 
     @property
     def labels(self) -> list[str]:
         """Name and unit of each entry of u."""
-        entries = [*((drive.name, drive.unit) for drive in self.drives), *((name, "N m") for name in self.couples)]
+        entries = [
+            *((drive.name, drive.unit) for drive in self.finger.inputs),
+            *((name, "N m") for name in self.couples),
+        ]
         derivatives = (("", ""), ("_rate", "/s"), ("_acceleration", "/s2")) if self.rates else (("", ""),)
         return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
 

@@ -74,7 +74,7 @@ class Equations:
             scale: Scalar = 1.0
             if self._par.is_runtime("tendon_offset") and source.tendon is None and not source.chamber:
                 source, scale = replace(source, arms=tuple(np.sign(source.arms))), self._par["tendon_offset"]
-            amplitudes.append([source.amplitudes(block, len(made.inputs.drives), scale) for block in blocks])
+            amplitudes.append([source.amplitudes(block, len(made.finger.inputs), scale) for block in blocks])
         return amplitudes
 
     @cached_property

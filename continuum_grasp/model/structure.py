@@ -281,7 +281,7 @@ class Structure:
         for k, load in enumerate(self.loads):
             if self._is_input(load):
                 names.append(f"tip_couple_{next(tip)}" if self.on_tip(load.at) else f"load_{k + 1}_moment")
-        return InputLayout(self.finger.inputs, tuple(names), input_rates and not self.finger.winches)
+        return InputLayout(self.finger, tuple(names), input_rates and not self.finger.winches)
 
     def _is_input(self, load: Load) -> bool:
         """Whether the moment of a load is an input: on the tip, and wherever it is asked for."""
@@ -289,7 +289,7 @@ class Structure:
 
     def _sources(self) -> tuple[MomentSource, ...]:
         """Sources of bending moments, one per shape."""
-        length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.inputs.drives)
+        length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.finger.inputs)
         wound, sources = bool(self.finger.winches), list[MomentSource]()
         for k, channel in enumerate(self.channels):
             arms = (*channel.arms, *[0.0] * (drives - len(channel.arms)))
@@ -457,6 +457,6 @@ class Structure:
             name, unit = "tip_moment" if len(self.lagging) == 1 else f"moment_{k + 1}", "N m"
             if source.lags and (source.tendon is not None or source.chamber):
                 # A tension or a pressure of its own: that of an input.
-                _, name, unit, *_ = self.inputs.drives[np.flatnonzero(source.arms)[0]]
+                _, name, unit, *_ = self.finger.inputs[np.flatnonzero(source.arms)[0]]
             names += lag_names(name, unit, source.lags)
         return names

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.base import Array, amount_text
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.grasp.view import turned, unloaded
-from continuum_grasp.scene import CircleReference, Finger, FingerSetup, GraspScene, Palm, RowSamples
+from continuum_grasp.scene import CircleReference, Finger, FingerSetup, GraspScene, RowSamples
 
 if TYPE_CHECKING:
     from continuum_grasp.scene import Peg, Support, Wall
@@ -75,8 +75,8 @@ class SceneView:
     def supports(self) -> dict[str, Support]:
         """The supports by name, with a table that is in the plane."""
         table = getattr(self.inner, "table", None)
-        wall = None if table is None else table.wall
-        palm = {} if wall is None else {"table": Palm(point=wall.point, normal_angle=wall.normal_angle)}
+        support = None if table is None else table.support
+        palm = {} if support is None else {"table": support}
         return {**getattr(self.inner, "supports", {}), **palm}
 
     @property

@@ -24,7 +24,6 @@ from .cost import CircleReference as CircleReference
 from .cost import Cost as Cost
 from .cost import ForceWeight as ForceWeight
 from .cost import Reference as Reference
-from .cost import Row as Row
 from .cost import RowSamples as RowSamples
 from .cost import ShapeWeight as ShapeWeight
 from .cost import Weight as Weight
@@ -32,7 +31,6 @@ from .document import Document as Document
 from .document import KeyPath as KeyPath
 from .document import refuse_what_is_no_file as refuse_what_is_no_file
 from .drives import DriveLaw as DriveLaw
-from .drives import Input as Input
 from .drives import LengthDrive as LengthDrive
 from .drives import MotorDrive as MotorDrive
 from .drives import Pull as Pull

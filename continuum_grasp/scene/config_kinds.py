@@ -6,7 +6,7 @@ import os
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.base import ConfigurationKind, InputError, addons, command_line
+from continuum_grasp.base import ConfigurationKind, InputError, addons
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -65,9 +65,8 @@ def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], lo
     names = [accepted.__name__ for accepted in each_of(wanted)]
     asked = [kind for kind in kinds().values() if kind.class_name in names]
     got = kind_of_scene(loaded)
-    advice = f" ({command_line(got.command)})" if got.command else ""
     expected = " or ".join(kind.expected for kind in asked)
-    return InputError(f"expected {expected}, got {got.words}{advice}", file=os.fspath(file))
+    return InputError(f"expected {expected}, got {got.words}{got.advice}", file=os.fspath(file))
 
 
 def kind_of_scene(loaded: BaseModel) -> ConfigurationKind:

@@ -11,7 +11,7 @@ from continuum_grasp.scene.consumer import Consumer, refusals
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.placement import Supported
-from continuum_grasp.scene.supports import Place, Wall
+from continuum_grasp.scene.supports import Palm, Place, Wall
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -98,6 +98,13 @@ class Table(Value):
     """A world point of its surface at height zero, where it is perpendicular to the plane [m]."""
     normal_angle: Angle | None = None
     """World angle of its normal, out of the table, along which it moves [rad]; needed with ``point``."""
+
+    @property
+    def support(self) -> Palm | None:
+        """The table at height zero as a support, where it is in the plane."""
+        if self.point is None or self.normal_angle is None:
+            return None
+        return Palm(point=self.point, normal_angle=self.normal_angle)
 
     @property
     def wall(self) -> Wall | None:

@@ -80,7 +80,7 @@ class Signals:
     ) -> None:
         self._model = model
         self._nw = model.nw if nw is None else nw
-        commands = [0.0] * len(model.structure.inputs.drives) if scene.actuation is None else scene.actuation.values
+        commands = [0.0] * len(model.finger.inputs) if scene.actuation is None else scene.actuation.values
         self._values: list[float | Samples] = [*commands]
         self._loads = list(zip(model.loads if loads is None else loads, model.load_entries, strict=True))
         couples = [load for load, (vector, _) in self._loads if vector == "u"]

@@ -28,20 +28,11 @@ from continuum_grasp.core import Core
 from continuum_grasp.grasp import Contact, GraspResult, Resistance, optimize_grasp
 from continuum_grasp.model import FingerModel, Winch
 from continuum_grasp.scene import (
-    BasePose,
-    ControllerSettings,
     ControlScene,
-    Cost,
-    Fidelity,
     Finger,
     FingerSetup,
-    ForceWeight,
     GraspObject,
-    Initial,
     MotorDrive,
-    Reference,
-    Table,
-    Weight,
     default_family,
 )
 from continuum_grasp.simulation import equilibrium_under
@@ -150,7 +141,7 @@ def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance,
     asked = mission.controller.held
     held = forces if asked == "all" else {at: forces[at] for at in (hardest if asked == "middle" else "finger.tip",)}
     base, pose = posture.base.tolist(), grasp.object_pose.tolist()
-    placed: Finger = setup.finger.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    placed: Finger = setup.finger.replaced(base={"position": (base[0], base[1]), "angle": base[2]})
     finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
     if mission.drive_tension is not None:
         finger = finger.with_tendons(max_tension=mission.drive_tension)
@@ -251,46 +242,48 @@ def _control_scene(
     # 20.0: greatest bending range that a scene may declare [rad]
     reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, 20.0)
     turn = mission.turn
-    cost = Cost(
-        object_angle=None if turn is None else Weight(running=asked.object_angle),
-        gap=None if turn is None else ForceWeight(running=asked.gap, of=("finger.tip",)),
-        bending=Weight(running=asked.posture),
-        contact_force=ForceWeight(running=asked.force, of=tuple(held)),
-        speed=Weight(running=asked.speed) if asked.speed else None,
-        effort=asked.effort,
-        input_rate=asked.input_rate,
-    )
+    cost: dict[str, Any] = {
+        "bending": asked.posture,
+        "contact_force": {"running": asked.force, "of": tuple(held)},
+        "speed": asked.speed or None,
+        "effort": asked.effort,
+        "input_rate": asked.input_rate,
+    }
+    reference: dict[str, Any] = {"contact_force": tuple(held.values())}
+    if turn is not None:
+        cost |= {"object_angle": asked.object_angle, "gap": {"running": asked.gap, "of": ("finger.tip",)}}
+        reference |= {"object_angle": (body.angle,), "gap": (0.0,)}
     estimated, adapted = frozenset(mission.estimator.disturbances.stated()), set[str]()
     if mission.estimator.adapt is not None:
         adapted = set(mission.estimator.adapt.spreads)
-    return ControlScene(
-        name=mission.name,
-        finger=finger,
-        gravity=mission.grasp.gravity_in_plane,
-        contacts=stations,
+    # As a file of a closed loop has them.
+    keys: dict[str, Any] = {
+        "name": mission.name,
+        "finger": finger,
+        "gravity": mission.grasp.gravity_in_plane,
+        "contacts": stations,
         **_surroundings(mission, body),
-        fidelity=Fidelity(
-            family=default_family(free_tip=bool(finger.free_tip_reasons)), elements=lengths, bending_range=reach
-        ),
-        parameters=tuple(sorted(({"bending_stiffness", "tendon_friction"} & estimated) | adapted)),
-        controller=ControllerSettings(
-            period=asked.period,
-            horizon=asked.horizon,
-            cost=cost,
-            input=asked.input,
-            bounds=asked.bounds,
-            start_calls=_START_CALLS,
-            deadline=asked.deadline,
-        ),
-        reference=Reference(
-            contact_force=tuple(held.values()),
-            object_angle=None if turn is None else (body.angle,),
-            gap=None if turn is None else (0.0,),
-        ),
-        estimator=mission.estimator,
-        initial=Initial(pose="straight"),
-        plant=mission.plant,
-    )
+        "fidelity": {
+            "family": default_family(free_tip=bool(finger.free_tip_reasons)),
+            "elements": lengths,
+            "bending_range": reach,
+        },
+        "parameters": tuple(sorted(({"bending_stiffness", "tendon_friction"} & estimated) | adapted)),
+        "controller": {
+            "period": asked.period,
+            "horizon": asked.horizon,
+            "cost": cost,
+            "input": asked.input,
+            "bounds": asked.bounds,
+            "start_calls": _START_CALLS,
+            "deadline": asked.deadline,
+        },
+        "reference": reference,
+        "estimator": mission.estimator,
+        "initial": {"pose": "straight"},
+        "plant": mission.plant,
+    }
+    return ControlScene(**keys)
 
 
 def _surroundings(mission: MissionScene, body: GraspObject) -> dict[str, Any]:
@@ -314,7 +307,11 @@ def _surroundings(mission: MissionScene, body: GraspObject) -> dict[str, Any]:
         "contact_law": law,
         "supports": mission.grasp.supports,
         "out_of_plane_gravity": mission.gravity,
-        "table": Table(friction=mission.table_friction, friction_radius=mission.table_friction_radius, stays=True),
+        "table": {
+            "friction": mission.table_friction,
+            "friction_radius": mission.table_friction_radius,
+            "stays": True,
+        },
     }
 
 

@@ -17,7 +17,7 @@ from continuum_grasp.addons.planning.scene import PlanScene, RowAim
 from continuum_grasp.base import Array, InputError, Interrupted, SolverError
 from continuum_grasp.closed_loop import LEAST_FORCE
 from continuum_grasp.control import Prediction
-from continuum_grasp.scene import BasePose, GraspScene
+from continuum_grasp.scene import GraspScene
 
 _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
@@ -231,7 +231,7 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Posture | N
     aim = RowAim(value=forces, weight=_GRASPED * objective_scale(scene) / greatest**2, tolerance=_PRESSED * greatest)
     closed = scene.replaced(
         grasp=None,
-        finger=scene.finger.replaced(base=BasePose(position=tuple(base[:2]), angle=base[2])),
+        finger=scene.finger.replaced(base={"position": tuple(base[:2]), "angle": base[2]}),
         object=scene.object and scene.object.moved_to(tuple(pose)),
         contacts=tuple(at for at, _ in middle),
         goal=scene.goal.model_copy(update={"contact_force": aim}),

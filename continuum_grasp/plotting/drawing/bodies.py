@@ -10,7 +10,6 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.plotting.drawing.style import CLAMP, FAINT, FORBIDDEN, MATERIAL, Color, Z
-from continuum_grasp.scene import VGroove
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -244,7 +243,7 @@ def draw_supports(ax: Axes, supports: Mapping[str, Support]) -> list[Array]:
 
 def _blocks(support: Support, name: str, far: float, depth: float) -> list[tuple[Array, Array]]:
     """Outline of the material and its face, of each straight part; a groove is one, so that its corner is filled."""
-    if isinstance(support, VGroove):
+    if support.type == "v_groove":
         apex, axis, half = np.array(support.apex), support.axis_angle, 0.5 * support.opening_angle
         face = np.array([apex + far * _direction(axis + half), apex, apex + far * _direction(axis - half)])
         left, right = (_direction(axis + turn) for turn in (half + 0.5 * math.pi, -half - 0.5 * math.pi))
