@@ -11,7 +11,6 @@ from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
 from continuum_grasp.base import Array, InputError, name_of
 from continuum_grasp.closed_loop import LEAST_FORCE
-from continuum_grasp.scene import 
 
 MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""

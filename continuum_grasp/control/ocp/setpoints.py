@@ -103,8 +103,7 @@ class Setpoints:
             blocks.append((width, value))
         keys, shape = tuple(term.reference for term in outputs.terms), outputs.cost.shape
         check = partial(
-            check_reach,
-            scene.finger,
+            scene.check_reach,
             at=() if shape is None else shape.at,
             body=scene.surroundings.object if scene.surroundings else None,
             ranges=outputs.model.system.finger_model.ranges,
