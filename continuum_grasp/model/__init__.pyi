@@ -7,8 +7,8 @@ from .equations import Equations as Equations
 from .family import Family as Family
 from .family import family_class as family_class
 from .finger_model import FingerModel as FingerModel
-from .functions import MATRICES as MATRICES
 from .functions import Functions as Functions
+from .functions import MATRICES as MATRICES
 from .functions import Remade as Remade
 from .functions import named as named
 from .laws.section import POSITIVE as POSITIVE
@@ -28,7 +28,6 @@ from .planar import solve_ldl as solve_ldl
 from .quadrature import RANGES as RANGES
 from .runtime_curves import CurveSpec as CurveSpec
 from .runtime_curves import CurvesSpec as CurvesSpec
-from .structure import Structure as Structure
 from .stumpff_functions import stumpff as stumpff
 from .surfaces import nearest as nearest
 from .surfaces import outline_of as outline_of
