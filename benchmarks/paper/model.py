@@ -14,7 +14,8 @@ from benchmarks.paper.coefficients import Reading
 from benchmarks.paper.kinematics import Terms, TwoArcs
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
 from continuum_grasp.base import InputError
-from continuum_grasp.model import Equations, FingerModel, Scalar, Structure, Vec
+from continuum_grasp.model import Equations, FingerModel, Scalar, Vec
+from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.planar import Rotation
 from continuum_grasp.scene import Finger, ForceLoad, Scene
