@@ -17,6 +17,7 @@ from benchmarks.grasp_images import drawn, mirrored, moved, scaled, scene_of
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
+from continuum_grasp.base import SolverError
 from continuum_grasp.grasp import RELAXATIONS, GraspStatus, Reason, optimize_grasp, solve
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered, out_of_reach, part_of
 from continuum_grasp.grasp.reasons.elastic import Repair
@@ -306,7 +307,20 @@ def test_a_repair_goes_beyond_what_is_needed_and_says_what_goes_with_it():
     friction = next(limit for limit in rubber.limits if limit.name == "friction")
     little = part_of(rubber, friction, Repair({friction: 1e-6}, {}, None))
     assert little.text == "friction is too low: coefficient 0.25, 0.250001 needed"
-    assert little.repair == "contacts.friction = 0.253, supports.palm.friction = 0.803"
+    assert little.repair == "contacts.friction = 0.253 together with supports.palm.friction = 0.803"
+
+
+def test_of_two_fingers_only_the_weak_one_is_named_and_to_raise_its_limit_is_enough():
+    """Its numbers are the reason's, not those of the strong one, whose limit is nowhere near."""
+    scene = load(CONFIGS / "pinch.yaml").changed({"fingers.left.tendons.max_tension": 20.0, "stability": "ignore"})
+    with pytest.raises(SolverError) as error:
+        optimize_grasp(scene)
+    reason = next(reason for reason in error.value.result.reasons if reason.name == "tension")
+    assert reason.key == "fingers.left.tendons.max_tension"
+    assert reason.limit == 20.0
+    assert reason.needed > 25.0
+    key, _, number = reason.repair.removesuffix(" N").partition(" = ")
+    assert optimize_grasp(scene.changed({key: float(number)})).verified
 
 
 @pytest.mark.parametrize(
@@ -370,7 +384,7 @@ def test_what_was_tried_in_vain_is_counted():
     assert "no posture touches the object" in verdict._unsolved(None).message
     start = SimpleNamespace(label="scan", contacts={})
     ended = {"iterations": 3, "seconds": 0.1, "objective": 1.0, "badness": 0.5, "start": start}
-    tried = SimpleNamespace(attempt=SimpleNamespace(outcome="Stalled", **ended))
+    tried = SimpleNamespace(attempt=SimpleNamespace(outcome="Stalled", converged=False, **ended))
     verdict.search.tried += [tried] * 48
     message = verdict._unsolved(None).message
     assert "48 starting postures were tried, and none reached contact and balance of forces" in message

@@ -61,10 +61,15 @@ class RelaxedLimit:
         way = math.copysign(1.0, needed - bound)
         if needed == bound:
             return amount
-        number = (1.0 + way * BEYOND) * needed
-        digit = 10.0 ** (math.floor(math.log10(number)) - 2)
-        beyond = amount * (way * math.ceil(way * number / digit) * digit - bound) / (needed - bound)
+        beyond = amount * (beyond_needed(needed, way) - bound) / (needed - bound)
         return beyond if beyond < self.sensible(scene) else amount
+
+
+def beyond_needed(needed: float, way: float) -> float:
+    """A number of three digits beyond the one that is just enough, above it for a ``way`` of 1, below for -1."""
+    number = (1.0 + way * BEYOND) * needed
+    digit = 10.0 ** (math.floor(math.log10(number)) - 2)
+    return way * math.ceil(way * number / digit) * digit
 
 
 V = TypeVar("V", bound=Value)

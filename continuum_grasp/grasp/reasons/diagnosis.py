@@ -17,10 +17,10 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from continuum_grasp.base import prefixed
+from continuum_grasp.base import InputError, prefixed
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify_reached
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit, changed_numbers
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit, beyond_needed, changed_numbers
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
@@ -89,22 +89,48 @@ def part_of(elastic: Elastic, limit: RelaxedLimit, repair: Repair) -> Reason:
     others = {other: part for other, part in repair.parts.items() if other is not limit}
     scene, amount = elastic.relaxed(others, spare=1.0), repair.parts[limit] * limit.start(elastic.scene)
     bound, needed = limit.value(scene, 0.0), limit.value(scene, amount)
+    eased = limit.relaxed(scene, amount if limit.limit is None else limit.enough(scene, amount))
+    every = dict(changed_numbers(scene, eased))
+    changed = _needed(scene, every, repair) if len(every) > 1 and not elastic.scene.is_robust else every
+    # The key whose number is the limit; fingers and supports may have limits of their own, which go with it.
+    stated = limit.value(scene, amount) if limit.limit is None else limit.limit(eased)
+    key = next((key for key, number in changed.items() if number == stated), next(iter(changed), limit.key))
+    if key in changed and changed[key] != stated and not key.endswith("torque_max"):
+        bound = dict(changed_numbers(eased, scene))[key]
+        needed = dict(changed_numbers(scene, limit.relaxed(scene, amount)))[key]
+        changed[key] = beyond_needed(needed, math.copysign(1.0, needed - bound))
     # As many digits as tell the two apart.
     digits = next(digits for digits in range(4, 17) if digits == 16 or f"{bound:.{digits}g}" != f"{needed:.{digits}g}")
     factor, shown = prefixed(limit.unit, max(bound, needed))
     text = limit.needed.format(limit=factor * bound, needed=factor * needed, digits=digits, unit=shown)
-    eased = limit.relaxed(scene, amount if limit.limit is None else limit.enough(scene, amount))
-    changed = dict(changed_numbers(scene, eased))
-    # The key whose number is the limit; fingers and supports may have limits of their own, which go with it.
-    stated = limit.value(scene, amount) if limit.limit is None else limit.limit(eased)
-    key = next((key for key, number in changed.items() if number == stated), next(iter(changed), limit.key))
     unit = "" if limit.unit == "1" else f" {limit.unit}"
-    advice = ", ".join(
+    advice = " together with ".join(
         f"{each} = {changed[each]:.{3 if each == key else 4}g}{' N m' if each.endswith('torque_max') else unit}"
         for each in sorted(changed, key=lambda each: each != key)
     )
     advice = advice or limit.repair.format(key=key, needed=stated, unit=limit.unit).strip()
     return Reason(limit.name, key, limit.unit, bound, needed, text, advice)
+
+
+def _needed(scene: GraspScene, changed: dict[str, float], repair: Repair) -> dict[str, float]:
+    """Those of the changed numbers, by key, without which the posture of a repair is no grasp of the scene."""
+    if any(limit.excuses is not None for limit in repair.parts):
+        return changed
+    needed = dict(changed)
+    for left_out in changed:
+        fewer = {key: number for key, number in needed.items() if key != left_out}
+        if fewer and _holds(scene, fewer, repair):
+            needed = fewer
+    return needed
+
+
+def _holds(scene: GraspScene, changes: dict[str, float], repair: Repair) -> bool:
+    """Whether the posture of a repair is a grasp of the scene with changes, which may not fit together."""
+    try:
+        changed = scene.changed(changes)
+    except InputError:
+        return False
+    return certify_reached(changed, repair.arrays).passed
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
