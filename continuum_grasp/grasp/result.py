@@ -225,6 +225,11 @@ class GraspResult(Result):
             warnings.append(f"{error}: raise fidelity.elements{other}")
         if self.solved and not self.certificate.stability.stable:
             warnings.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+        if self._idle:
+            warnings.append(
+                f"{' and '.join(self._idle)} on, but without a force: other contacts hold the object, and one that only "
+                "touches is lost with the least error; take auto where it need not press"
+            )
         if self._slack:
             warnings.append(
                 f"the tendons hardly pull ({amount_text(self.tension, 'N', '.2g')} in all): the bases press the "
@@ -241,6 +246,15 @@ class GraspResult(Result):
             if self.statistics.get(key):
                 warnings.append(f"the search was {how}: another start may hold the object with less tension")
         return tuple(warnings)
+
+    @property
+    def _idle(self) -> list[str]:
+        """Contacts that the scene switches on, and that carry nothing."""
+        states = [setup.switches for setup in self.scene.setups]
+        states.append({body.name: body.touch for body in self.scene.places})
+        on = {name for switches in states for name, state in switches.items() if state == "on"}
+        least = NEAR * self.greatest_normal_force
+        return [contact.name for contact in self.contacts if contact.name in on and contact.normal_force < least]
 
     @property
     def _slack(self) -> bool:

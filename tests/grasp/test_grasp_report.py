@@ -17,7 +17,7 @@ from matplotlib.text import Text
 
 import continuum_grasp.grasp
 import continuum_grasp.plotting
-from continuum_grasp.grasp import GraspResult, GraspStatus, Reason, certify
+from continuum_grasp.grasp import GraspResult, GraspStatus, Reason, certify, optimize_grasp
 from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
 from continuum_grasp.grasp.values import Change, OutlineError, force_text, force_units
@@ -487,3 +487,15 @@ def test_command_begins_with_the_verdict(tmp_path, monkeypatch):
     done = run("grasp", ROOT / "configs" / "grasp" / "mug.yaml", "--out", tmp_path, "--no-pictures")
     assert done.output.startswith("optimal: held\n")
     assert "warning: the search was cut short" in done.output
+
+
+def test_a_contact_that_is_on_and_carries_nothing_is_reported():
+    result = optimize_grasp("configs/grasp/mug_arcs.yaml")
+    forces = result.arrays["contact_forces"].copy()
+    assert not any("without a force" in warning for warning in result.warnings)
+    middle = [contact.name for contact in result.contacts].index("finger.middle")
+    forces[middle] = 1e-9
+    idle = replace(result, arrays={**result.arrays, "contact_forces": forces})
+    assert any(warning.startswith("finger.middle on, but without a force") for warning in idle.warnings)
+    auto = result.scene.changed({"contacts.middle": "auto"})
+    assert not any("without a force" in warning for warning in replace(idle, scene=auto).warnings)
