@@ -15,9 +15,9 @@ from benchmarks.paper.kinematics import Terms, TwoArcs
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
 from continuum_grasp.base import InputError
 from continuum_grasp.model import Equations, FingerModel, Scalar, Vec
-from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.planar import Rotation
+from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene import Finger, ForceLoad, Scene
 from continuum_grasp.simulation.accuracy.choice import Errors, errors_of
 from continuum_grasp.simulation.accuracy.truth import Truth

@@ -7,8 +7,8 @@ from .equations import Equations as Equations
 from .family import Family as Family
 from .family import family_class as family_class
 from .finger_model import FingerModel as FingerModel
-from .functions import Functions as Functions
 from .functions import MATRICES as MATRICES
+from .functions import Functions as Functions
 from .functions import Remade as Remade
 from .functions import named as named
 from .laws.section import POSITIVE as POSITIVE
