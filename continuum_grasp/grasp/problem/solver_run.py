@@ -100,7 +100,10 @@ class GraspSolverRun:
     def of(
         cls, scene: GraspScene, contacts: dict[str, ContactStart], curled: frozenset[str] = frozenset()
     ) -> GraspSolverRun:
-        """The solver for a problem, with the arguments of `ProblemSpec.of`; built once in a process for all scenes of its structure."""
+        """The solver for a problem, with the arguments of `ProblemSpec.of`.
+
+        It is built once in a process for all scenes of its structure.
+        """
         return solver_for(ProblemSpec.of(scene, contacts, curled))
 
     def prepare(self, scene: GraspScene) -> Solver:
