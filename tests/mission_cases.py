@@ -30,7 +30,9 @@ QUICK = (COARSE, f"phases={SHORT}", "grasp.solver.effort=quick")
 @lru_cache
 def runner(name, *changes):
     """The short mission of a configuration."""
-    mission = load(ROOT / f"configs/mission/{name}.yaml", [*QUICK, *changes])
+    # A chain of guides, which is the plant of mug_servo, has no elements.
+    quick = QUICK[1:] if name == "mug_servo" else QUICK
+    mission = load(ROOT / f"configs/mission/{name}.yaml", [*quick, *changes])
     return MissionRunner(assign(mission, optimize_grasp(mission.grasp)))
 
 

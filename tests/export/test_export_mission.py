@@ -37,7 +37,7 @@ CONVERGES = "phases.squeeze=0.5"
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mug")
-    export_c(carried("mug"), folder)
+    export_c(carried("mug", CONVERGES), folder)
     return folder
 
 
@@ -115,7 +115,7 @@ def test_a_mission_lets_go_when_asked(package, tmp_path):
         for k in range(260):
             if k == last:
                 getattr(mission, ends)()
-            u = mission.step(finger.Measurement(*carried("mug").runs[0].y[k]))
+            u = mission.step(finger.Measurement(*carried("mug", CONVERGES).runs[0].y[k]))
             passed.append(mission.phase())
             assert before is None or abs(u.tension_1 - before) <= 4.0 + 1e-9  # N, in 10 ms
             before = u.tension_1

@@ -79,7 +79,7 @@ def test_a_finger_that_is_blind_for_a_while_after_the_lift_goes_on(monkeypatch):
 
 @pytest.mark.parametrize("rearms", [False, True])
 def test_a_finger_that_tripped_while_it_held_follows_its_force_when_it_is_rearmed(rearms, monkeypatch):
-    """Without it holds as firmly as the phase asks at least, which bears the mug, and lets go in time."""
+    """Without it holds as in the grasp, and lets go in time."""
     hold, step = carried("mug").timetable.span("hold"), Controller.step
     fails(monkeypatch, hold.start, hold.start + 1.1)
 
@@ -91,11 +91,11 @@ def test_a_finger_that_tripped_while_it_held_follows_its_force_when_it_is_rearme
 
     monkeypatch.setattr(Controller, "step", stepped)
     mission = runner("mug").run()
-    run, least, lower = mission.runs[0], mission.assignments[0].holding[0][0], mission.timetable.span("lower")
+    run, grasp, lower = mission.runs[0], mission.assignments[0].held[0], mission.timetable.span("lower")
     assert mission.verdict.status == "tripped"
     assert mission.verdict.held
     assert mission.verdict.released
-    assert (tension(run, hold.start + 1.3, lower.start).max() > least + 2.0) == rearms
+    assert (tension(run, hold.start + 1.3, lower.start).max() > grasp + 2.0) == rearms
 
 
 @pytest.mark.parametrize("finger", ["lower", "upper"])

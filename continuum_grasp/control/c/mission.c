@@ -20,6 +20,7 @@ static void mission_planned(const mission_settings *o, real t, real *row)
 /* The instant of the plan that is foreseen at an instant. */
 static real mission_foreseen(const mission_state *state, const mission_settings *o, real t)
 {
+  if (state->opens_at_once) return o->begin[o->release] + o->length[o->release];
   real at = o->begin[state->phase] + (t - state->start);
   if (state->phase <= o->confirm && at > o->begin[o->confirm]) at = o->begin[o->confirm];
   if (o->holds_on && state->phase < o->lower && at > o->begin[o->lower]) at = o->begin[o->lower];
@@ -39,21 +40,48 @@ void mission_setpoints(const mission_state *state, const mission_settings *o, re
   for (int j = 0; j < MISSION_NR; ++j) row[j] += left * state->left[j];
 }
 
+/* Limits of the command; `fading` is the share of those before that is left. */
+static void mission_limit(mission_state *state, const mission_settings *o, int kind, real fading)
+{
+  state->limits = kind;
+  state->changed = 1;
+  for (int j = 0; j < MISSION_NU; ++j) {
+    state->u_min[j] = o->low[kind][j] + state->moved[j];
+    state->u_max[j] = o->high[kind][j] + state->moved[j];
+    cg_limit(&state->u_min[j], o->u_min[j], o->u_max[j]);
+    cg_limit(&state->u_max[j], o->u_min[j], o->u_max[j]);
+    state->u_min[j] += fading * (state->u_min_before[j] - state->u_min[j]);
+    state->u_max[j] += fading * (state->u_max_before[j] - state->u_max[j]);
+  }
+}
+
 void mission_enter(mission_state *state, const mission_settings *o, int phase, real t, const real *u)
 {
+  if (state->fades) mission_limit(state, o, MISSION_NOMINAL, 0);
+  state->fades = phase == o->release && state->phase == o->lower;
   state->phase = phase;
   state->start = t;
   if (o->follows[phase] < 0) return;
   const int kind = o->limits[phase];
   state->follows = o->follows[phase];
-  state->changed = 1;
-  for (int j = 0; j < MISSION_NU; ++j) {
-    /* Positions hold where they are by now: friction and soft contacts move those of the grasp. */
-    const real moved = kind == MISSION_HOLDS && o->follows_command ? u[j] - o->held[j] : 0;
-    state->u_min[j] = o->low[kind][j] + moved;
-    state->u_max[j] = o->high[kind][j] + moved;
-    cg_limit(&state->u_min[j], o->u_min[j], o->u_max[j]);
-    cg_limit(&state->u_max[j], o->u_min[j], o->u_max[j]);
+  memcpy(state->u_min_before, state->u_min, sizeof state->u_min);
+  memcpy(state->u_max_before, state->u_max, sizeof state->u_max);
+  /* Positions hold where they are by now: friction and soft contacts move those of the grasp. */
+  for (int j = 0; j < MISSION_NU; ++j) state->moved[j] = kind == MISSION_HOLDS && o->follows_command ? u[j] - o->held[j] : 0;
+  mission_limit(state, o, kind, 0);
+}
+
+/* Blind fingers, whose commands go to the limits, hold as in the grasp, and then open as slowly as those that see. */
+static void mission_guard(mission_state *state, const mission_settings *o, real t)
+{
+  const int blind = state->sight == CG_BLIND;
+  if (state->limits == MISSION_HOLDS || (state->limits == MISSION_SQUEEZES && state->phase > o->confirm)) {
+    const int kind = blind ? MISSION_SQUEEZES : MISSION_HOLDS;
+    if (kind != state->limits) mission_limit(state, o, kind, 0);
+  } else if (state->fades) {
+    const real left = blind ? 1 - mission_smooth((t - state->start) / o->length[o->release]) : 0;
+    mission_limit(state, o, MISSION_NOMINAL, left);
+    state->fades = left > 0;
   }
 }
 
@@ -161,7 +189,11 @@ int mission_advance(mission_state *state, const mission_settings *o, real t, con
                     int reported)
 {
   state->changed = 0;
-  if (mission_gives_up(state, o, reported)) mission_let_go(state, o, t, u);
+  if (mission_gives_up(state, o, reported)) {
+    mission_let_go(state, o, t, u);
+    state->opens_at_once = 1;
+    state->left_at = -1;
+  }
   if (forces && mission_feels(state, o)) mission_feel(state, o, forces);
   if (forces && o->watches && mission_holds(state, o)) mission_watch(state, o, t, forces, u);
   for (;;) {
@@ -177,7 +209,10 @@ int mission_advance(mission_state *state, const mission_settings *o, real t, con
         return 1;
       }
     }
-    if (!over || (o->holds_on && next == o->lower)) return 1;
+    if (!over || (o->holds_on && next == o->lower)) {
+      mission_guard(state, o, t);
+      return 1;
+    }
     if (next == MISSION_PHASES) return 0;
     mission_enter(state, o, next, t, u);
   }
@@ -193,4 +228,5 @@ void mission_release(mission_state *state, const mission_settings *o, real t, co
   for (int j = 0; j < MISSION_NR; ++j) state->left[j] = row[j] - state->left[j];
   state->left_at = t;
   mission_enter(state, o, next, t, u);
+  if (at_once) state->fades = 0;
 }

@@ -4,7 +4,8 @@
  *   1. mission_advance begins the next phase where the present one is over. Before the lift the normal forces that are
  *      estimated are compared with those that are needed: while a contact bears too little, the fingers squeeze on, for
  *      `patience` at most, and then let go. While sensors contradict the model (`sight`, which the caller says), they
- *      squeeze on too, and lift in doubt after that. Blind fingers let go at once.
+ *      squeeze on too, and lift in doubt after that. Blind fingers let go at once, and the others with them. While the
+ *      object is held, a blind finger goes to the command of the grasp, and opens in the time of the release.
  *      While the object is held and the mission `watches`, an object that sinks in the hand (mission_see) or a contact
  *      that bears hardly anything makes them squeeze harder by `firm`; where that goes on, it is set down.
  *   2. mission_setpoints gives the setpoints over the horizon, and the state the weights and limits of the phase.
@@ -72,9 +73,15 @@ typedef struct {
   int sight;                    /* worth of the estimate, as in checks.h */
   int follows;                  /* row of weights */
   real start;                   /* of the phase [s] */
+  int limits;                   /* kind of the limits of the command */
   real u_min[MISSION_NU], u_max[MISSION_NU];
+  real u_min_before[MISSION_NU], u_max_before[MISSION_NU];      /* before the phase that set them */
+  real moved[MISSION_NU];       /* of commanded positions at the lift, against those of the grasp */
+  int fades;                    /* whether a blind finger opens with the time of `release`, from what it held with */
   real left[MISSION_SIZE(MISSION_NR)];  /* of setpoints before a release or an abort; fades from `left_at` on */
   real left_at;
+  int opens_at_once;            /* whether setpoints are those of the end of `release`, lest this finger push the object into
+                                   another one that is blind */
   int grip, noticed;            /* how it is held, and what made it firm; 0: nothing */
   int seen, open;               /* whether a height is known, and for how many calls a contact has borne hardly anything */
   real height, base, lost;      /* smoothed height in the hand, that from which losses count, the last loss [m] */
