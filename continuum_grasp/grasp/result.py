@@ -227,7 +227,7 @@ class GraspResult(Result):
             warnings.append("the grasp is unstable: small motions that the contacts allow lower the energy")
         if self._idle:
             warnings.append(
-                f"{' and '.join(self._idle)} on, but without a force: the others hold the object, and what only touches "
+                f"{' and '.join(self._idle)} on, but without a force: others hold the object, and what only touches "
                 "is lost with the least error; take auto where it need not press"
             )
         if self._slack:

@@ -24,8 +24,8 @@ HORIZON = 20
 OPENING = 50
 """Calls of `release`."""
 OPENED = OPENING + 5
-"""Calls in which blind fingers come to the least tensions: their drives are slower than setpoints that fall in the time of
-the phase."""
+"""Calls in which blind fingers come to the least tensions: their drives are slower than setpoints that fall within the
+phase."""
 
 
 def measured(away=False):
