@@ -21,12 +21,13 @@ from continuum_grasp.grasp.changes import (
     with_finer_outline,
     with_outline,
 )
+from continuum_grasp.grasp.effort import OPEN
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, GraspAttempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
-from continuum_grasp.grasp.search import OPEN, GraspSearch
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, stabilize, without_stations
 from continuum_grasp.grasp.tried import Tried

@@ -21,10 +21,11 @@ from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.changes import FIRST
+from continuum_grasp.grasp.effort import FIRST_CAP
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solver_for
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered
-from continuum_grasp.grasp.search import FIRST_CAP, GraspSearch
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, with_contacts
 from continuum_grasp.grasp.tried import Tried

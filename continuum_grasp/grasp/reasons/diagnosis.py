@@ -20,11 +20,12 @@ from dataclasses import replace
 from continuum_grasp.base import InputError, prefixed
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.certificate import certify_reached
+from continuum_grasp.grasp.effort import CLOSEST, FIRST_CAP, HELD
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit, beyond_needed, changed_numbers
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
-from continuum_grasp.grasp.search import CLOSEST, FIRST_CAP, HELD, GraspSearch
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.values import NEAR, GraspStatus, Reason

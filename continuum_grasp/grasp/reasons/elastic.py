@@ -13,10 +13,11 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import certify_reached
+from continuum_grasp.grasp.effort import FIRST_CAP, PATIENCE, STANDSTILL
 from continuum_grasp.grasp.problem.relaxations import RelaxedLimit
 from continuum_grasp.grasp.problem.solver_run import GraspAttempt
 from continuum_grasp.grasp.problem.values import contact_features
-from continuum_grasp.grasp.search import FIRST_CAP, PATIENCE, STANDSTILL, GraspSearch
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.scene import GraspScene, Robust

@@ -7,9 +7,10 @@ from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
+from continuum_grasp.grasp.effort import HELD, UNLIKELY
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RelaxedLimit
-from continuum_grasp.grasp.search import BENT, HELD, UNLIKELY, GraspSearch
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
 from continuum_grasp.grasp.starts.values import GraspStart, interleaved
 from continuum_grasp.grasp.tried import branch_of
@@ -20,6 +21,10 @@ LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
 WIDER = (1.0, 2.9)
 """Usual amounts by which limits of the shape are relaxed in search of postures for all limits at once."""
+
+BENT = 0.06
+"""Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair
+it: a scene that a greater tension repairs had 0.031."""
 
 
 class Starts:

@@ -11,13 +11,14 @@ import numpy as np
 
 from continuum_grasp.base import Array, amount_text
 from continuum_grasp.grasp.certificate.certificate import certify
+from continuum_grasp.grasp.effort import HELD
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import BOUNDS, OBJECT, alone, drawn, extremes, with_drawn_states, with_states
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import GraspTrials, Robustness
 from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_postures
-from continuum_grasp.grasp.search import HELD, GraspSearch
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import DRIVEN_AWAY, NEAR, STEADIER, GraspStatus, Reason, tension_of
