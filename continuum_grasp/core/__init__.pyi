@@ -1,10 +1,8 @@
 from .batches import Batch as Batch
 from .batches import Scan as Scan
 from .cache import Cache as Cache
-from .caller import check_moment as check_moment
 from .caller import finite as finite
 from .caller import pointer as pointer
-from .caller import section_check as section_check
 from .calls import call as call
 from .calls import calls_source as calls_source
 from .calls import straight_function as straight_function
@@ -12,9 +10,7 @@ from .calls import straight_functions as straight_functions
 from .compiler import TIMEOUT as TIMEOUT
 from .compiler import CompileError as CompileError
 from .compiler import Compiler as Compiler
-from .compiler import check_tools as check_tools
 from .compiler import said_by as said_by
-from .compiler import version_of as version_of
 from .core import Core as Core
 from .core import compile as compile
 from .integrators import differentiated_step as differentiated_step
@@ -28,7 +24,6 @@ from .precision import literal as literal
 from .precision import precision_of as precision_of
 from .rollouts import HalfStepSignal as HalfStepSignal
 from .rollouts import Rollouts as Rollouts
-from .rollouts import signal as signal
 from .source import externals_source as externals_source
 from .source import filled as filled
 from .source import generated as generated

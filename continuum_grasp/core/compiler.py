@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from continuum_grasp.base import ContinuumGraspError, InputError
+from continuum_grasp.base import ContinuumGraspError
 from continuum_grasp.core.cache import Cache
 
 # gnu11 for vector types, -w: generated C warns.
@@ -304,20 +304,3 @@ def _single_assignment(body: str) -> str:
             return body
         lines.append(used)
     return "\n".join([*lines, "}", ""])
-
-
-def check_tools(names: Sequence[str], needed: str, packages: str) -> None:
-    """Refuse where programs are missing; ``needed`` says what they are for, with braces in their place.
-
-    ``packages`` of Debian have them.
-    """
-    missing = [name for name in names if shutil.which(name) is None]
-    if missing:
-        raise InputError(f"{needed.format(' and '.join(missing))}; on Debian and Ubuntu: sudo apt install {packages}")
-
-
-@cache
-def version_of(program: str) -> str:
-    """First line of what a program says of its version, or its name."""
-    done = said_by([program, "--version"])
-    return done.stdout.splitlines()[0] if done.stdout else program

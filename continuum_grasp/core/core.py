@@ -26,7 +26,7 @@ from continuum_grasp.core.batches import Batch
 from continuum_grasp.core.caller import Caller, check_moment, finite, section_check, shaped
 from continuum_grasp.core.compiler import CompileError, Compiler
 from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.rollouts import Rollouts, row, signal
+from continuum_grasp.core.rollouts import HalfStepSignal, Rollouts, row
 from continuum_grasp.core.source import generated, rollout_source, rollouts_source
 from continuum_grasp.model import FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
@@ -143,10 +143,18 @@ class Core(Remade, Summarized):
         if name not in self._callers:
             function = getattr(self.model, name)
             nominal = np.array(self.model.p_nominal)
-            check = section_check(self.model, function) if "s" in function.name_in() else None
             source = partial(generated, function.name(), function)
-            self._callers[name] = Caller(function, partial(self.library, source), nominal, check)
+            self._callers[name] = Caller(function, partial(self.library, source), nominal, self.check_of(name))
         return self._callers[name]
+
+    def check_of(self, name: str) -> Callable[[Sequence[Any]], None] | None:
+        """Check that positions ``s`` of a function are on the finger, of the rows of its inputs; None without any."""
+        function = getattr(self.model, name)
+        return section_check(self.model, function) if "s" in function.name_in() else None
+
+    def check_moment(self, u: Array) -> None:
+        """Refuse inputs in time (rollouts, rows, nu) whose tip moment varies where the model has a constant one."""
+        check_moment(self.model.finger_model if isinstance(self.model, System) else self.model, u)
 
     def batch(self, name: str, *arguments: ArrayLike | None) -> Array | tuple[Array, ...]:
         """A function of many states in one call.
@@ -255,9 +263,9 @@ class Core(Remade, Summarized):
         start = np.atleast_2d(finite("x0", start))
         steps, substeps, step = whole("steps", steps), whole("substeps", substeps), positive("step", step)
         rows = 2 * steps * substeps + 1
-        inputs = signal("u", u, model.nu, rows, None if single else len(start))
-        check_moment(model.finger_model if isinstance(model, System) else model, inputs.rows)
-        forces = signal("w", w, model.nw, rows, None if single else len(start))
+        inputs = HalfStepSignal.of("u", u, model.nu, rows, None if single else len(start))
+        self.check_moment(inputs.rows)
+        forces = HalfStepSignal.of("w", w, model.nw, rows, None if single else len(start))
         parameters = row("p", model.p_nominal if p is None else p, model.np)
         run = self.prepare_rollout(method, single)
         states, valid = run(start, steps, substeps, step / substeps, inputs, forces, parameters)

@@ -28,6 +28,27 @@ class HalfStepSignal:
     in_time: int
     per_rollout: int
 
+    @staticmethod
+    def of(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> HalfStepSignal:
+        """Rows over half steps, for one rollout (``count`` None) or for many."""
+        if value is None:
+            return HalfStepSignal(np.zeros((1, 1, size)), 0, 0)
+        array = finite(name, real_array(name, value))
+        if array.ndim <= 1:
+            return HalfStepSignal(row(name, array, size)[None, None], 0, 0)
+        if array.shape == (rows, size) and count == rows:
+            raise InputError(
+                f"{name}: {rows} rows can be one per half step or one per rollout; give ({count}, {rows}, {size})"
+            )
+        if array.shape == (rows, size):
+            return HalfStepSignal(array[None], size, 0)
+        if count is not None and array.shape == (count, size):
+            return HalfStepSignal(array[:, None], 0, size)
+        if count is not None and array.shape == (count, rows, size):
+            return HalfStepSignal(array, size, rows * size)
+        shapes = "" if count is None else f", ({count}, {size}) or ({count}, {rows}, {size})"
+        raise InputError(f"{name}: expected ({size},) or ({rows}, {size}){shapes}, got {array.shape}")
+
 
 class Rollouts:
     """Many steps from one state, or from many, in one call."""
@@ -164,24 +185,3 @@ def row(name: str, value: ArrayLike, size: int) -> Array:
     if array.size != size:
         raise InputError(f"{name}: expected {size} entries, got {array.size}")
     return finite(name, array)
-
-
-def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int | None) -> HalfStepSignal:
-    """Rows over half steps, for one rollout (``count`` None) or for many."""
-    if value is None:
-        return HalfStepSignal(np.zeros((1, 1, size)), 0, 0)
-    array = finite(name, real_array(name, value))
-    if array.ndim <= 1:
-        return HalfStepSignal(row(name, array, size)[None, None], 0, 0)
-    if array.shape == (rows, size) and count == rows:
-        raise InputError(
-            f"{name}: {rows} rows can be one per half step or one per rollout; give ({count}, {rows}, {size})"
-        )
-    if array.shape == (rows, size):
-        return HalfStepSignal(array[None], size, 0)
-    if count is not None and array.shape == (count, size):
-        return HalfStepSignal(array[:, None], 0, size)
-    if count is not None and array.shape == (count, rows, size):
-        return HalfStepSignal(array, size, rows * size)
-    shapes = "" if count is None else f", ({count}, {size}) or ({count}, {rows}, {size})"
-    raise InputError(f"{name}: expected ({size},) or ({rows}, {size}){shapes}, got {array.shape}")

@@ -1,3 +1,4 @@
+from .build import check_tools as check_tools
 from .build import strict_flags as strict_flags
 from .build import wasm_module as wasm_module
 from .control.loop import DIAGNOSIS as DIAGNOSIS

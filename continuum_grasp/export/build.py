@@ -8,10 +8,11 @@ import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.core import TIMEOUT, Cache, Compiler, said_by, version_of
+from continuum_grasp.core import TIMEOUT, Cache, Compiler, said_by
 from continuum_grasp.export.fields import fill
 
 FLAGS = {
@@ -81,3 +82,20 @@ def clang(folder: Path, *arguments: str) -> str:
     if done.returncode != 0:
         raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
     return done.stdout
+
+
+def check_tools(names: Sequence[str], needed: str, packages: str) -> None:
+    """Refuse where programs are missing; ``needed`` says what they are for, with braces in their place.
+
+    ``packages`` of Debian have them.
+    """
+    missing = [name for name in names if shutil.which(name) is None]
+    if missing:
+        raise InputError(f"{needed.format(' and '.join(missing))}; on Debian and Ubuntu: sudo apt install {packages}")
+
+
+@cache
+def version_of(program: str) -> str:
+    """First line of what a program says of its version, or its name."""
+    done = said_by([program, "--version"])
+    return done.stdout.splitlines()[0] if done.stdout else program

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.core import check_tools, precision_of, said_by, version_of
+from continuum_grasp.core import precision_of, said_by
 from continuum_grasp.export.accuracy import Report
-from continuum_grasp.export.build import write_files
+from continuum_grasp.export.build import check_tools, version_of, write_files
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.parts.model import moment_note

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array, Interrupted, NumericalError, interrupts_held
-from continuum_grasp.core import Core, signal
+from continuum_grasp.core import Core, HalfStepSignal
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.contacts import greatest_motion
@@ -201,7 +201,10 @@ class Stepper:
             return [states for states, _ in runs]
         u, w = self._inputs(start * self._time.step, count, plan)
         rows = 2 * count * plan.substeps + 1
-        inputs = signal("u", u, self.core.model.nu, rows, None), signal("w", w, self.core.model.nw, rows, None)
+        inputs = (
+            HalfStepSignal.of("u", u, self.core.model.nu, rows, None),
+            HalfStepSignal.of("w", w, self.core.model.nw, rows, None),
+        )
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
         run = self.core.prepare_rollout(plan.method)
         p = np.array(self.core.model.p_nominal, dtype=float)

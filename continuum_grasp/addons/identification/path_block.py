@@ -21,7 +21,7 @@ from continuum_grasp.addons.identification.observation import MeasuredStart, che
 from continuum_grasp.addons.identification.rows import Chained, Dual, RestShapes, runtime_names, set_by, symbols
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, split_unit
-from continuum_grasp.core import Core, Rollouts, signal, step_function
+from continuum_grasp.core import Core, HalfStepSignal, Rollouts, step_function
 from continuum_grasp.model import FingerModel, clipped, nominal_values
 from continuum_grasp.scene import INTEGRATORS, Scene
 from continuum_grasp.simulation import (
@@ -169,7 +169,10 @@ class PathBlock(MeasuredBlock):
         at = halves[:1] if constant else halves
         u, w = self._commands(at, delay), self._signals.w(at)
         u, w = (values[0] if constant else values for values in (u, w))
-        inputs = signal("u", u, u.shape[-1], len(halves), None), signal("w", w, w.shape[-1], len(halves), None)
+        inputs = (
+            HalfStepSignal.of("u", u, u.shape[-1], len(halves), None),
+            HalfStepSignal.of("w", w, w.shape[-1], len(halves), None),
+        )
         states, finished = self._run(whole, steps, grid.substeps, grid.spacing / grid.substeps, *inputs, acting)
         if finished[0] < steps:
             time = self._begins + float(finished[0]) * grid.spacing

@@ -23,8 +23,7 @@ from continuum_grasp.addons.web.record import RecordedStates, loop_record, round
 from continuum_grasp.base import Array, InputError, check_arguments, interruptible, name_of
 from continuum_grasp.closed_loop import ControlRun, PlantModel, Sensors
 from continuum_grasp.control import Stages
-from continuum_grasp.core import check_tools
-from continuum_grasp.export import ModelFields, WasmController, check_file, fill, wasm_module
+from continuum_grasp.export import ModelFields, WasmController, check_file, check_tools, fill, wasm_module
 from continuum_grasp.model import System
 from continuum_grasp.results import write_text
 from continuum_grasp.scene import ControlScene, Finger, Scene, Tendon, scene_of

@@ -24,7 +24,7 @@ from continuum_grasp.base import (
     shown,
     whole,
 )
-from continuum_grasp.core import Core, check_moment, finite, section_check
+from continuum_grasp.core import Core, finite
 from continuum_grasp.model import MATRICES, FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
 
@@ -116,8 +116,7 @@ class Operators(Remade, Summarized, ABC):
     def _point(self, name: str) -> RowFunction:
         if name not in self._points:
             function = getattr(self.model, name)
-            check = section_check(self.model, function) if "s" in function.name_in() else None
-            self._points[name] = RowFunction(function, self._core, check)
+            self._points[name] = RowFunction(function, self._core, self._core.check_of(name))
         return self._points[name]
 
     def _rows(self, array: Any, batch: tuple[int, ...], shape: tuple[int, ...]) -> Any:
@@ -228,15 +227,14 @@ class Operators(Remade, Summarized, ABC):
     def _check(self, method: str) -> Callable[[Sequence[Array]], None]:
         """Check of a rollout's arguments: the same function each time, since an operator is known by it."""
         if method not in self._checks:
-            finger = self.model.finger_model if isinstance(self.model, System) else self.model
-            self._checks[method] = partial(_check_rollout, finger, method, self.nonfinite == "raise")
+            self._checks[method] = partial(_check_rollout, self._core, method, self.nonfinite == "raise")
         return self._checks[method]
 
 
-def _check_rollout(finger: FingerModel, method: str, raises: bool, arrays: Sequence[Array]) -> None:
+def _check_rollout(core: Core, method: str, raises: bool, arrays: Sequence[Array]) -> None:
     """Refuse inputs that vary where they must not, and what is not finite."""
     x0, u, w, p, h, states = arrays
-    check_moment(finger, u)
+    core.check_moment(u)
     if not raises:
         return
     for name, array in (("x0", x0), ("u", u), ("w", w), ("p", p)):
