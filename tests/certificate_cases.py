@@ -27,10 +27,11 @@ from continuum_grasp.scene import (
     PlanarGravity,
     Point,
     PointMass,
+    Rod,
+    Tendons,
     Union,
     VGroove,
 )
-from continuum_grasp.scene.finger import Rod, Tendons
 
 X, W = np.polynomial.legendre.leggauss(40)
 X60, W60 = np.polynomial.legendre.leggauss(60)

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Poses, Reading
+from continuum_grasp.addons.identification import IdentifyScene, Poses, Reading
 from continuum_grasp.addons.identification.path_block import block_of
-from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.planning import PlanScene

@@ -17,8 +17,9 @@ from continuum_grasp.scene import (
     Palm,
     PlanarGravity,
     PointMass,
+    Rod,
+    Tendons,
 )
-from continuum_grasp.scene.finger import Rod, Tendons
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "grasp"
 PLANAR = PlanarGravity(mode="planar", vector=(0.0, -9.81))

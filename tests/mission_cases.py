@@ -8,12 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from continuum_grasp.addons.mission import PlantVariation
+from continuum_grasp.addons.mission import Phases, PlantVariation
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.plan import PhasePlan
 from continuum_grasp.addons.mission.run import MissionRunner
-from continuum_grasp.addons.mission.scene import Phases
 from continuum_grasp.control import Anomaly, Command, CommandStatus, Health, Sight, Trip
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.scene import load

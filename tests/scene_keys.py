@@ -17,7 +17,7 @@ from pydantic.fields import FieldInfo
 
 import continuum_grasp as cg
 from continuum_grasp.addons.design import Design
-from continuum_grasp.addons.identification.scene import IdentifyScene
+from continuum_grasp.addons.identification import IdentifyScene
 from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.planning import PlanScene
 from continuum_grasp.addons.sweeps import Sweep

@@ -14,17 +14,17 @@ import casadi as ca
 import numpy as np
 from pydantic import BaseModel
 
-from continuum_grasp.addons.chains.write import export_mjcf
+from continuum_grasp.addons.chains import export_mjcf
 from continuum_grasp.addons.design import Design
 from continuum_grasp.addons.design.space import design_space_of
 from continuum_grasp.addons.fmu import plant as plants
 from continuum_grasp.addons.fmu.variable import Variable
-from continuum_grasp.addons.identification import Poses, Reading, TipPath, read_data
+from continuum_grasp.addons.identification import IdentifyScene, Poses, Reading, TipPath, read_data
 from continuum_grasp.addons.identification.blocks import PosesBlock
 from continuum_grasp.addons.identification.fitting import under_laws
 from continuum_grasp.addons.identification.path_block import PathBlock
 from continuum_grasp.addons.identification.read import choices_of, plain_scene
-from continuum_grasp.addons.identification.scene import Excitation, IdentifyScene, StaticPoses
+from continuum_grasp.addons.identification.scene import Excitation, StaticPoses
 from continuum_grasp.addons.identification.segments import CommandDesign as Excited
 from continuum_grasp.addons.identification.segments import patterns_of
 from continuum_grasp.addons.identification.unknowns import read_unknowns

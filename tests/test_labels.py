@@ -9,8 +9,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.base import amount_text, prefixed
-from continuum_grasp.scene import Value
-from continuum_grasp.scene.units import to_si
+from continuum_grasp.scene import Value, to_si
 
 ROOT = Path(__file__).parents[1]
 SHIPPED = sorted(path for path in (ROOT / "configs").glob("*/*.yaml") if path.parent.name not in ("fingers", "sweep"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.mission_mujoco import scene_of_plant, with_pads
-from continuum_grasp.addons.chains.write import export_mjcf
+from continuum_grasp.addons.chains import export_mjcf
 from continuum_grasp.addons.mission import PlantVariation
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.grasp import optimize_grasp

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.identification.replayed import replay
+from continuum_grasp.addons.identification import replay
 from continuum_grasp.base import InputError, Interrupted
 from continuum_grasp.closed_loop import RealTime, SerialBoard, SimulatedBench, drivers, hardware, run_hardware
 from continuum_grasp.closed_loop.drivers import line_of

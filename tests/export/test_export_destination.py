@@ -7,10 +7,10 @@ from hashlib import sha256
 
 import pytest
 
-from continuum_grasp.addons.chains.write import export_mjcf
+from continuum_grasp.addons.chains import export_mjcf
+from continuum_grasp.addons.fmu import export_fmu
 from continuum_grasp.addons.fmu import write as units
-from continuum_grasp.addons.fmu.write import export_fmu
-from continuum_grasp.addons.web.page import export_web
+from continuum_grasp.addons.web import export_web
 from continuum_grasp.base import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.manifest import is_marked, write_package

@@ -16,9 +16,9 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.fmu import export_fmu
 from continuum_grasp.addons.fmu.description import base_unit
 from continuum_grasp.addons.fmu.plant import loop_plant_unit
-from continuum_grasp.addons.fmu.write import export_fmu
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import PlantModel, Sensors

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.fmu.write import export_fmu
+from continuum_grasp.addons.fmu import export_fmu
 from continuum_grasp.addons.mission import PlantVariation
 from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.plan import PhasePlan

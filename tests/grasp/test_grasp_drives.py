@@ -19,8 +19,7 @@ from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.model import soft
-from continuum_grasp.scene import LengthDrive, MotorDrive, load
-from continuum_grasp.scene.finger import Rod, Tendons
+from continuum_grasp.scene import LengthDrive, MotorDrive, Rod, Tendons, load
 from tests import certificate_cases as cases
 from tests.grasp_scenes import CONFIGS
 

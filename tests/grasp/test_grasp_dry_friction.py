@@ -16,8 +16,7 @@ from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.model import FingerModel
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene import Damping, Finger, ForceLoad, MomentLoad, PointMass, load
-from continuum_grasp.scene.finger import Rod, Tendons
+from continuum_grasp.scene import Damping, Finger, ForceLoad, MomentLoad, PointMass, Rod, Tendons, load
 from continuum_grasp.simulation import equilibrium_under
 from continuum_grasp.simulation.statics import EquilibriumSearch
 from tests import certificate_cases as cases

@@ -13,8 +13,19 @@ from scipy.optimize import brentq
 from continuum_grasp.grasp import Check, certify
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.certificate.model_error import ModelError
-from continuum_grasp.scene import Box, Circle, Ellipse, Freedom, LengthDrive, Line, MotorDrive, Palm, Point
-from continuum_grasp.scene.finger import Rod, Tendons
+from continuum_grasp.scene import (
+    Box,
+    Circle,
+    Ellipse,
+    Freedom,
+    LengthDrive,
+    Line,
+    MotorDrive,
+    Palm,
+    Point,
+    Rod,
+    Tendons,
+)
 from tests import certificate_cases as cases
 
 L, HALF, EI, ARM = cases.LENGTH, cases.HALF, cases.STIFFNESS, cases.OFFSET

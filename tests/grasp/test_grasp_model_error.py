@@ -11,8 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import newton
 
 from continuum_grasp.grasp import certify, optimize_grasp
-from continuum_grasp.scene import GraspSolver, PointMass
-from continuum_grasp.scene.finger import Rod
+from continuum_grasp.scene import GraspSolver, PointMass, Rod
 from tests import certificate_cases as cases
 from tests.commands import run
 from tests.marks import but

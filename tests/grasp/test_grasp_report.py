@@ -25,8 +25,7 @@ from continuum_grasp.plotting import plot_grasp
 from continuum_grasp.plotting.grasp.margins import plot_friction, plot_resistance, resistance_extremes, resistance_words
 from continuum_grasp.plotting.grasp.view import GraspView
 from continuum_grasp.results import read_run, yaml_text
-from continuum_grasp.scene import GraspScene, load
-from continuum_grasp.scene.units import to_si
+from continuum_grasp.scene import GraspScene, load, to_si
 from tests.commands import run
 from tests.made_up_grasps import REASON, bent, failed, held, made_up, scene_of
 from tests.marks import few

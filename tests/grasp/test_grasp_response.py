@@ -13,8 +13,7 @@ from scipy.optimize import brentq
 from continuum_grasp.grasp import GraspResponse, Quality, Resistance
 from continuum_grasp.grasp.quality.bent_finger import rolled
 from continuum_grasp.grasp.quality.resistance import difference_range
-from continuum_grasp.scene import Box, Circle, Ellipse, OffsetPolygon, Palm, PlanarGravity, Point
-from continuum_grasp.scene.finger import Rod, Tendons
+from continuum_grasp.scene import Box, Circle, Ellipse, OffsetPolygon, Palm, PlanarGravity, Point, Rod, Tendons
 from tests import certificate_cases as cases
 
 LENGTH, STIFFNESS, RADIUS = cases.LENGTH, cases.STIFFNESS, 0.04

@@ -11,8 +11,7 @@ from scipy.optimize import brentq
 
 from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.certificate.stability import contact_stability
-from continuum_grasp.scene import Circle, Palm, Point, PointMass, Polygon
-from continuum_grasp.scene.finger import Rod
+from continuum_grasp.scene import Circle, Palm, Point, PointMass, Polygon, Rod
 from tests import certificate_cases as cases
 
 L, EI = cases.LENGTH, cases.STIFFNESS

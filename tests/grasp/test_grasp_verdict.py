@@ -22,7 +22,7 @@ from continuum_grasp.grasp.search import GraspSearch as GraspSearch
 from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.stations import _slope
 from continuum_grasp.nlp import Budget
-from continuum_grasp.scene.finger import Rod
+from continuum_grasp.scene import Rod
 from tests import certificate_cases as cases
 from tests.grasp.test_grasp_starts import world_curve
 

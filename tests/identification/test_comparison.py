@@ -11,10 +11,9 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Poses, Reading, TipPath, read_data
+from continuum_grasp.addons.identification import IdentifyScene, Poses, Reading, TipPath, read_data
 from continuum_grasp.addons.identification.periods import columns_of
 from continuum_grasp.addons.identification.pictures import plot_shapes
-from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.scene import read_table

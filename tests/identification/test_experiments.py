@@ -9,9 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Poses, Reading, design_experiments
+from continuum_grasp.addons.identification import IdentifyScene, Poses, Reading, design_experiments
 from continuum_grasp.addons.identification.inference import allotted, information
-from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.results import yaml_text

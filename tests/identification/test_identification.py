@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Poses, Reading
+from continuum_grasp.addons.identification import Estimate, Poses, Reading
 from continuum_grasp.addons.identification.blocks import PosesBlock
-from continuum_grasp.addons.identification.scene import Estimate
 from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError, SolverError
 from continuum_grasp.model import FingerModel

@@ -11,10 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import read_data
+from continuum_grasp.addons.identification import IdentifyScene, read_data
 from continuum_grasp.addons.identification.pictures import plot_residuals, plot_series
 from continuum_grasp.addons.identification.read import VARIABLE
-from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.results import read_run

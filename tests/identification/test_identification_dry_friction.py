@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Reading, TipPath
+from continuum_grasp.addons.identification import Estimate, Reading, TipPath
 from continuum_grasp.addons.identification.path_block import PathBlock
-from continuum_grasp.addons.identification.scene import Estimate
 from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
 from tests.identification_cases import slope_error

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification.scene import Estimate
+from continuum_grasp.addons.identification import Estimate
 from continuum_grasp.base import InputError
 from continuum_grasp.model import FingerModel
 from tests.identification_cases import bare_scene, frequency, rung, weighed

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Reading, TipPath
+from continuum_grasp.addons.identification import Estimate, Reading, TipPath
 from continuum_grasp.addons.identification.path_block import PathBlock, of_one_code
-from continuum_grasp.addons.identification.scene import Estimate
 from continuum_grasp.addons.identification.unknowns import read_unknowns
 from continuum_grasp.base import InputError, NumericalError
 from continuum_grasp.core.source import rollout_source

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Fit, Reading, TipPath
-from continuum_grasp.addons.identification.scene import Estimate
+from continuum_grasp.addons.identification import Estimate, Fit, Reading, TipPath
 from tests.identification_cases import at_tip
 from tests.motor_cases import MOTOR, NOISE, STEP, plant
 from tests.tendon_cases import CABLE, OFFSET, PASSIVE, STIFFNESS

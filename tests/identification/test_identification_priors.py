@@ -8,12 +8,11 @@ from scipy.signal import lfilter
 from scipy.special import stdtrit
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Poses, Reading, TipPath, read_data
+from continuum_grasp.addons.identification import Estimate, IdentifyScene, Poses, Reading, TipPath, read_data
 from continuum_grasp.addons.identification.blocks import MeasuredBlock
 from continuum_grasp.addons.identification.inference import infer, middle
 from continuum_grasp.addons.identification.path_block import PathBlock
 from continuum_grasp.addons.identification.problem import FitProblem
-from continuum_grasp.addons.identification.scene import Estimate, IdentifyScene
 from continuum_grasp.addons.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.base import InputError
 from tests.identification_cases import ROD, at_tip, level_set

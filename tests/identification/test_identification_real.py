@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Fit, data_folder
+from continuum_grasp.addons.identification import Estimate, Fit, IdentifyScene, data_folder
 from continuum_grasp.addons.identification.read import VARIABLE
-from continuum_grasp.addons.identification.scene import Estimate, IdentifyScene
 from continuum_grasp.scene import read_table
 from docs.real_robots import width
 from tests.marks import few

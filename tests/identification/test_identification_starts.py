@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Poses, Reading, TipPath
+from continuum_grasp.addons.identification import Estimate, Poses, Reading, TipPath
 from continuum_grasp.addons.identification.blocks import PosesBlock
 from continuum_grasp.addons.identification.path_block import PathBlock
 from continuum_grasp.addons.identification.problem import FitProblem, Solution
-from continuum_grasp.addons.identification.scene import Estimate
 from continuum_grasp.addons.identification.searches import may_be_local, restarted
 from continuum_grasp.addons.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.base import InputError

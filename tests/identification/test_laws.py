@@ -9,10 +9,9 @@ import pytest
 from scipy import stats
 
 import continuum_grasp as cg
-from continuum_grasp.addons.identification import Poses, Reading, TipPath
+from continuum_grasp.addons.identification import IdentifyScene, Poses, Reading, TipPath
 from continuum_grasp.addons.identification.fitting import posed
 from continuum_grasp.addons.identification.problem import FitProblem
-from continuum_grasp.addons.identification.scene import IdentifyScene
 from continuum_grasp.addons.identification.searches import _differ, choose_law
 from continuum_grasp.addons.identification.unknowns import Unknown
 from continuum_grasp.base import InputError

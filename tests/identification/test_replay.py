@@ -12,8 +12,8 @@ from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
+from continuum_grasp.addons.identification import replay
 from continuum_grasp.addons.identification.periods import Periods, _lagged
-from continuum_grasp.addons.identification.replayed import replay
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import run_closed_loop

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from continuum_grasp.addons.mission import NotLifted, Outcome, PlantVariation, TrialsResult
+from continuum_grasp.addons.mission import NotLifted, Outcome, PlantVariation, Trials, TrialsResult
 from continuum_grasp.addons.mission import run as runs
 from continuum_grasp.addons.mission.causes import Drop
 from continuum_grasp.addons.mission.from_grasp import _control_scene, assign
@@ -21,7 +21,6 @@ from continuum_grasp.addons.mission.plant import MissionPlant, Timetable, missio
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.result import verdict_data
 from continuum_grasp.addons.mission.run import MissionRunner
-from continuum_grasp.addons.mission.scene import Trials
 from continuum_grasp.addons.mission.verdict import judge
 from continuum_grasp.addons.web.plant import plant_of_loop
 from continuum_grasp.addons.web.record import loop_record

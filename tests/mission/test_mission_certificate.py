@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 import continuum_grasp as cg
-from continuum_grasp.addons.mission import PlantVariation
+from continuum_grasp.addons.mission import PlantVariation, Trials
 from continuum_grasp.addons.mission.budget import certified_contact
 from continuum_grasp.addons.mission.causes import find_drop
 from continuum_grasp.addons.mission.from_grasp import assign
@@ -20,7 +20,6 @@ from continuum_grasp.addons.mission.plant import Timetable
 from continuum_grasp.addons.mission.precheck import exceeded, exceeded_by_trials
 from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.run import variations
-from continuum_grasp.addons.mission.scene import Trials
 from continuum_grasp.base import BeyondCertificate, SolverError
 from continuum_grasp.cli import app
 from continuum_grasp.grasp import optimize_grasp

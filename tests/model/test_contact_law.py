@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from continuum_grasp.base import InputError
-from continuum_grasp.model.contact_law import TouchLaw
+from continuum_grasp.model import TouchLaw
 from continuum_grasp.scene import ContactLaw, Rod
 
 EDGE = 1e-4

@@ -18,8 +18,7 @@ from grasp_scenes import UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 from plan_cases import two_arcs
 
-from continuum_grasp.addons.planning import plan
-from continuum_grasp.addons.planning.scene import PlanSolver
+from continuum_grasp.addons.planning import PlanSolver, plan
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import (
     NLP,

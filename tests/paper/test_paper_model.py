@@ -14,8 +14,7 @@ from benchmarks.paper import VARIANTS, PaperModel, TwoArcs, appendix, paper_erro
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
 from continuum_grasp.base import InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import BasePose, Finger, ForceLoad, MomentLoad, PointMass
-from continuum_grasp.scene.finger import Damping, Rod, Tendons
+from continuum_grasp.scene import BasePose, Damping, Finger, ForceLoad, MomentLoad, PointMass, Rod, Tendons
 from continuum_grasp.simulation.accuracy.truth import find_truth
 from tests.arc_quadrature import relative
 from tests.errata_page import number, table

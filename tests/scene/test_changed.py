@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.mission.scene import MissionController
+from continuum_grasp.addons.mission import MissionController
 from continuum_grasp.addons.sweeps import plan_of
 from continuum_grasp.base import InputError
 

@@ -15,7 +15,7 @@ import pytest
 import typer
 
 import continuum_grasp as cg
-from continuum_grasp.addons.fmu.write import export_fmu
+from continuum_grasp.addons.fmu import export_fmu
 from continuum_grasp.base import InputError, NumericalError, SolverError
 from continuum_grasp.cli import app
 from continuum_grasp.closed_loop import PlantModel

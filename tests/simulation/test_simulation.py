@@ -16,8 +16,7 @@ from scipy.integrate import solve_ivp
 from continuum_grasp.base import InputError, Interrupted, NumericalError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import MomentLoad, Scene, load
-from continuum_grasp.scene.finger import Tendons
+from continuum_grasp.scene import MomentLoad, Scene, Tendons, load
 from continuum_grasp.simulation import equilibrium, initial_state, integrate, stepping
 from tests.marks import but, few
 from tests.rods import (  # noqa: F401
