@@ -300,7 +300,8 @@ def judged(
     """
     asked = SimpleNamespace(
         contact_law=SimpleNamespace(friction=0.5),
-        grasp=SimpleNamespace(places=(SimpleNamespace(name="palm", friction=1.0),), gravity_in_plane=(0.0, 0.0)),
+        grasp=SimpleNamespace(places=(SimpleNamespace(name="palm", friction=1.0),)),
+        object_height=lambda pose: pose[:, 3],
         more_contacts=(),
         turn=None,
     )

@@ -122,7 +122,7 @@ def test_a_refusal_says_why_a_finger_is_blind(seen, why):
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
 @pytest.mark.parametrize("since", [1.8, 2.4, 3.0])
 def test_what_is_lifted_is_held_by_blind_fingers_and_set_down_in_time(since, names):
-    """As if they saw: the limits of the command hold it, until it is lowered and let go."""
+    """As if they saw: the limits of the command hold it, as in the grasp, until it is lowered and let go."""
     blind = {"sight": Sight.BLIND, "anomaly": Anomaly.BLIND}
     runs = [
         carried_out(
@@ -133,7 +133,8 @@ def test_what_is_lifted_is_held_by_blind_fingers_and_set_down_in_time(since, nam
         for after in (CERTIFIED, 0.0)
     ]
     assert runs[0].passed == runs[1].passed
-    assert runs[1].limits["lift"][:2] == (51.0, 0.0)
+    # Who sees at the lift may hold with 85 % of the grasp's tension.
+    assert runs[1].limits["lift"][:2] == (60.0 if since == 1.8 else 51.0, 0.0)
     assert (runs[1].check.refused, runs[1].check.slipped) == (None, None)
 
 

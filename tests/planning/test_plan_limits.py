@@ -185,9 +185,8 @@ def test_stiffness_chooses_method_and_steps_of_the_fine_simulation(monkeypatch, 
 
     monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
     monkeypatch.setattr(fine, "_units", lambda *_: np.ones(1))
-    system = SimpleNamespace(structure=SimpleNamespace(has_law=lambda kind: False))
+    system = SimpleNamespace(structure=SimpleNamespace(stiff_method=lambda: "rodas", partial_step=1e-4))
     model = SimpleNamespace(fastest_rate=lambda *_: rate, nu=1, np=0, system=system)
-    # A natural time of 76 ms, as of a hand's finger: steps of 0.5 ms.
     finger = SimpleNamespace(rod=SimpleNamespace(natural_time=0.076))
     limits = (0.0,), (1.0,)
     scene = SimpleNamespace(input_limits=limits, load_varies=False, input=SimpleNamespace(form="held"), finger=finger)
