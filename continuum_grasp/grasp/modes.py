@@ -44,9 +44,7 @@ def with_elements(
         previous = setup.finger.fidelity or scene.fidelity
         bends = min(setup.bending_range * setup.elements / count, ONE_TURN) if as_curved else None
         fidelity = previous.replaced(tolerance=None, elements=count, family=family or setup.family, bending_range=bends)
-        after = tuple(per_segment * (k + 1) for k in range(len(setup.middles)))
-        contacts = setup.finger.contacts.replaced(middle_after=after)
-        return setup.finger.replaced(fidelity=fidelity, contacts=contacts)
+        return setup.finger.replaced(fidelity=fidelity)
 
     fingers = {setup.name: changed(setup) for setup in scene.setups}
     return scene.with_fingers(fingers).replaced(fidelity=Fidelity())

@@ -37,9 +37,9 @@ def without_stations(scene: GraspScene) -> GraspScene:
     """The scene with one middle contact, whose position is found, in place of stations."""
     fingers = {}
     for name, finger in scene.named_fingers.items():
-        contacts = finger.contacts.model_copy(update={"stations": None, "middle_after": None})
+        contacts = finger.contacts.model_copy(update={"stations": None})
         fingers[name] = finger.model_copy(update={"contacts": contacts})
-    whole = scene.contacts.model_copy(update={"stations": None, "middle_after": None})
+    whole = scene.contacts.model_copy(update={"stations": None})
     return with_elements(scene.model_copy(update={"contacts": whole}).with_fingers(fingers), FIRST)
 
 

@@ -371,15 +371,13 @@ class GraspScene(Configuration, Supported):
     def _setup(self, name: str, finger: GraspFinger) -> FingerSetup:
         contacts: dict[str, Any] = {**dict(self.contacts), **finger.contacts.stated()}
         fidelity = finger.fidelity or self.fidelity
-        middle, after = contacts["middle"], contacts["middle_after"]
+        middle = contacts["middle"]
         middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
         places: Any = contacts["stations"] or 0
         middles = ("auto",) * places or middles
         elements = fidelity.elements
         # Two per segment between base, contacts and tip.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
-        if after is None:
-            after = tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles)))
         length = finger.rod.length
         # A contact at base or tip would leave an element of no length.
         low, high = contacts["middle_range"] or (0.05 * length, 0.95 * length)
@@ -394,7 +392,7 @@ class GraspScene(Configuration, Supported):
             finger=finger,
             middles=middles,
             tip=contacts["tip"],
-            before=(after,) if isinstance(after, int) else after,
+            before=tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles))),
             elements=count,
             family=fidelity.family or default_family(free_tip=bool(finger.free_tip_reasons)),
             bending_range=fidelity.bending_range or bends,
@@ -438,7 +436,6 @@ class GraspScene(Configuration, Supported):
             raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
         if all(m == "off" for m in setup.middles) and setup.tip == "off":
             raise ValueError(f"{where}: at least one of middle and tip must be on or auto")
-        self._check_count(f"{where}: middle_after", setup.before, len(setup.middles), "middle contact")
         if setup.stations and setup.elements <= len(setup.stations):
             raise ValueError(
                 f"{where}: contacts.stations: {len(setup.stations)} needs fidelity.elements of "
@@ -447,9 +444,8 @@ class GraspScene(Configuration, Supported):
         marks = (0, *setup.before, setup.elements)
         if any(b <= a for a, b in pairwise(marks)):
             raise ValueError(
-                f"{where}: middle contacts after {', '.join(map(str, setup.before))} of {setup.elements} elements "
-                "leave no element between two of them, or before base or tip; take more fidelity.elements or other "
-                "contacts.middle_after"
+                f"{where}: fidelity.elements: {setup.elements} leave no element between two middle contacts, or before "
+                f"base or tip: take {len(setup.middles) + 1} at least"
             )
         family = FAMILIES[setup.family]
         finger.check_family("fidelity.family", setup.family)

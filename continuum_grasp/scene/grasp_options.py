@@ -27,7 +27,6 @@ from continuum_grasp.scene.value import (
 )
 
 Middles = Switch | Annotated[ListOf[Switch], Field(min_length=1, max_length=4)]
-Counts = Annotated[int, Field(ge=1)] | Annotated[ListOf[int], Field(min_length=1, max_length=16)]
 Stations = Annotated[int, Field(ge=2, le=16)]
 Range = Annotated[tuple[Length, Length], Field(strict=False)]
 _Force = Annotated[Real, Unit("N")]
@@ -43,8 +42,6 @@ class FingerContacts(Value):
     """Greatest normal force at any one contact of this finger [N]."""
     middle: Middles | None = None
     """Middle contacts of this finger, in place of those of ``contacts``."""
-    middle_after: Counts | None = None
-    """Number of elements between base and middle contact, or a list of these; None: spread evenly."""
     middle_range: Annotated[Range, Increasing] | None = None
     """Positions along the finger between which middle contacts are sought [m]; None: 5 % to 95 % of the
     length."""

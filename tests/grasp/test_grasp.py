@@ -180,7 +180,6 @@ def test_saved_result_can_be_verified_again(mug, tmp_path):
         {"fidelity": {"elements": 1}},
         {"fidelity": {"frequencies": 2}},
         {"fidelity": {"elements": (0.09, 0.09)}},
-        {"contacts": {"friction": 0.5, "normal_force_max": 10.0, "middle_after": 2}},
         {"solver": {"penetration_tolerance": 0.0}},
         {"supports": {"finger": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}}},
         {"fingers": {}},
