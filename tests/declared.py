@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.results import Result
-from continuum_grasp.results.declared import attribute
 
 
 def assert_declared(result: Result, arrays: Mapping[str, Any] | None = None) -> None:
@@ -29,8 +28,14 @@ def assert_declared(result: Result, arrays: Mapping[str, Any] | None = None) -> 
     for one in result.dimensions:
         if not one.labels or isinstance(one.labels, int) or one.name not in sizes:
             continue
-        labels = one.labels if isinstance(one.labels, tuple) else attribute(result, one.labels)
+        labels = one.labels if isinstance(one.labels, tuple) else _at(result, one.labels)
         first = one.name in ("pose", "model_state")  # of which there may be the first alone
         assert len(labels) == sizes[one.name] or (first and len(labels) > sizes[one.name]), one.name
     assert len(repr(result)) < 1000
     assert "no summary" not in repr(result)
+
+
+def _at(of: Any, path: str) -> Any:
+    for part in path.split("."):
+        of = of[part] if isinstance(of, Mapping) else getattr(of, part)
+    return of

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 
 import continuum_grasp as cg
 from continuum_grasp.addons.planning import PlanScene
-from continuum_grasp.addons.planning.motion import PlannedMotion
+from continuum_grasp.control import Prediction
 from tests.truth.differences import differences
 
 ROD = {"length": 0.3, "diameter": 0.002, "density": 6450.0, "youngs_modulus": 60e9}
@@ -42,7 +42,7 @@ def two_arcs(**changes) -> PlanScene:
 
 def linearized(scene: PlanScene) -> tuple[np.ndarray, np.ndarray]:
     """A and B of the straight finger at rest, by central differences."""
-    model = PlannedMotion(scene).prediction
+    model = Prediction(scene)
     p, n = np.array(model.p_nominal), model.nx
 
     def rate(x, u):

@@ -9,8 +9,7 @@ import pytest
 
 from benchmarks.mission_mujoco import scene_of_plant, with_pads
 from continuum_grasp.addons.chains import export_mjcf
-from continuum_grasp.addons.mission import PlantVariation
-from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission import PlantVariation, assign_mission
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.scene import load
 from tests.mission_cases import MUG
@@ -20,7 +19,7 @@ from tests.mission_cases import MUG
 def plant():
     """Assignment, scene of a heavier and shifted mug, and the text of its chain."""
     mission = load(MUG)
-    (of,) = assign(mission, optimize_grasp(mission.grasp))
+    (of,) = assign_mission(mission, grasp=optimize_grasp(mission.grasp)).assignments
     scene = scene_of_plant(of, PlantVariation(mass=1.1, friction=0.9, shift=(1e-3, 0.0)))
     return of, scene, with_pads(export_mjcf(scene, hinges=12).text, scene)
 
@@ -49,7 +48,7 @@ def test_pads_are_where_the_mission_has_contacts(plant):
 def test_a_block_lies_with_its_corners_where_its_outline_has_them():
     """Its flat faces and rounds, seen from four sides, against the support function of the rounded box."""
     mission = load(MUG.with_name("turn_block.yaml"))
-    (of,) = assign(mission, optimize_grasp(mission.grasp))
+    (of,) = assign_mission(mission, grasp=optimize_grasp(mission.grasp)).assignments
     scene = scene_of_plant(of, PlantVariation(friction=1.1))
     assert scene.table.friction == pytest.approx(1.1 * mission.table_friction)
     root = ET.fromstring(with_pads(export_mjcf(scene, hinges=12).text, scene))

@@ -14,7 +14,6 @@ import continuum_grasp as cg
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import Plant
 from continuum_grasp.control import Prediction, stages_of
-from continuum_grasp.control.ocp.stages import step_function
 from continuum_grasp.model import System
 from continuum_grasp.scene import Circle, ContactLaw, Surroundings, Table, load
 from tests.truth.differences import differences
@@ -100,10 +99,10 @@ def pressing(stages, prediction, rng):
 
 
 def test_derivatives_of_a_step_that_pushes_are_differences():
-    scene = load(BAR)
+    scene = load(BAR).changed({"controller.horizon.method": "sdirk2_contact"})
     prediction = Prediction(scene)
     stages = stages_of(scene, prediction)
-    step = step_function(stages.dynamics, stages.nx, "sdirk2_contact")
+    step = stages.step
     x = pressing(stages, prediction, np.random.default_rng(0))
     u, h = np.array([5.0, 5.0]), 1e-3
     force = np.array(prediction.contact_force(x[: stages.nd], u, stages.p_nominal)).item()

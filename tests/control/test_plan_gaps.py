@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.addons.mission.from_grasp import assign
+from continuum_grasp.addons.mission import assign_mission
 from continuum_grasp.control import Anomaly, stages_of
 from tests.rods import after
 from tests.rti_problems import cart_pole, cart_pole_rates
@@ -36,7 +36,7 @@ PLAN = np.loadtxt(Path(__file__).parent / "repeated_plan.csv", delimiter=",", sk
 
 @cache
 def scene():
-    (of,) = assign(cg.load("configs/mission/mug.yaml"))
+    (of,) = assign_mission("configs/mission/mug.yaml").assignments
     return of.control.replaced(estimator=None, object=of.control.object.replaced(position=MUG))
 
 

@@ -11,7 +11,6 @@ import pytest
 from continuum_grasp import Fidelity, load
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Prediction, stages_of
-from continuum_grasp.control.ocp.stages import step_function
 from continuum_grasp.scene import ControlScene
 from tests.rods import after, order
 from tests.truth.differences import differences
@@ -53,8 +52,8 @@ def a_state(stages, rng):
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("method", ["rk4", "sdirk2", "sdirk2_contact"])
 def test_shapes_and_derivatives_of_a_step(name, method):
-    stages = stages_of(CASES[name])
-    step = step_function(stages.dynamics, stages.nx, method)
+    stages = stages_of(CASES[name].changed({"controller.horizon.method": method}))
+    step = stages.step
     assert [step.size_out(k) for k in range(3)] == [(stages.nx, 1), (stages.nx, stages.nx), (stages.nx, stages.nu)]
     x, u = a_state(stages, np.random.default_rng(1))
     h = 1e-4 if method == "rk4" else 1e-3
@@ -69,8 +68,8 @@ def test_shapes_and_derivatives_of_a_step(name, method):
 
 @pytest.mark.parametrize(("method", "expected"), [("rk4", 4), ("sdirk2", 2), ("sdirk2_contact", 2)])
 def test_order_of_a_step(method, expected):
-    stages = stages_of(CASES["arcs"])
-    step = step_function(stages.dynamics, stages.nx, method)
+    stages = stages_of(CASES["arcs"].changed({"controller.horizon.method": method}))
+    step = stages.step
     x0, u, span = np.array([0.4, 0.3, 0.5, 0.2]), np.array([0.1]), 0.02
     exact = after(span, lambda x: stages.dynamics(x, u, stages.p_nominal), x0)
     errors = []
@@ -83,13 +82,12 @@ def test_order_of_a_step(method, expected):
 
 
 def test_the_implicit_step_is_stable_where_the_explicit_one_is_not():
-    stages = stages_of(scene(HAND, family="clothoid", elements=3))
     x = np.array(Prediction(scene(HAND, family="clothoid", elements=3)).at_rest([3.0] * 4, [5.0, 1.0]))
     ends = {}
     for method in ("rk4", "sdirk2"):
-        step, state = step_function(stages.dynamics, stages.nx, method), x
+        stages, state = stages_of(scene(HAND, family="clothoid", elements=3, horizon={"method": method})), x
         for _ in range(50):
-            state = np.array(step(state, stages.u_min, stages.p_nominal, 0.01)[0]).ravel()
+            state = np.array(stages.step(state, stages.u_min, stages.p_nominal, 0.01)[0]).ravel()
         ends[method] = state
     assert not np.all(np.isfinite(ends["rk4"]))
     assert np.abs(ends["sdirk2"][:4]).max() < 3.0

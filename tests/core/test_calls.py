@@ -13,13 +13,11 @@ from continuum_grasp.base import InputError
 from continuum_grasp.core import (
     Compiler,
     call,
-    calls_source,
-    lane_function,
+    in_lanes,
     plain_source,
     straight_function,
     straight_functions,
 )
-from continuum_grasp.core.source import lane_prelude
 
 needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
@@ -48,8 +46,7 @@ def euler(x, h):
 def test_calls_give_what_the_formula_gives(lanes, tmp_path):
     function = doubled_pendulum()
     if lanes:
-        parts = [lane_prelude("double"), *(lane_function(f) for f in straight_functions([function]))]
-        parts.append(calls_source(function, "cg_lanes", lambda v: f"(cg_lanes){{0}} + {v!r}", "_lanes"))
+        parts = [in_lanes([function], "double")]
         body = """
   cg_lanes x[2], h[1], xn[2], A[4]; const cg_lanes *in[] = {x, h}; cg_lanes *out[] = {xn, A};
   for (int l = 0; l < CG_LANES; ++l) { x[0][l] = given[0]; x[1][l] = given[1]; h[0][l] = given[2]; }

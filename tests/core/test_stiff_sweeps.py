@@ -10,7 +10,6 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.core import step_function
 from continuum_grasp.scene import BasePose, Damping, Finger, Rod, Stops
-from continuum_grasp.scene.finger import Softening
 from tests.finger_cases import relative_error
 from tests.rods import order
 
@@ -62,7 +61,7 @@ LAWS = {
     "none": {},
     "drag": {"damping": Damping(material=1e-4, per_arc=1e-5, quadratic=1e-5)},
     "stops": {"stops": Stops(curvature=4.0, stiffness_ratio=100.0)},
-    "softening": {"softening": Softening(curvature=4.0, stiffness_ratio=0.3)},
+    "softening": {"softening": {"curvature": 4.0, "stiffness_ratio": 0.3}},
 }
 
 

@@ -12,8 +12,6 @@ from typer.testing import CliRunner
 
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import IdentifyScene, read_data
-from continuum_grasp.addons.identification.pictures import plot_residuals, plot_series
-from continuum_grasp.addons.identification.read import VARIABLE
 from continuum_grasp.base import InputError
 from continuum_grasp.cli import app
 from continuum_grasp.results import read_run
@@ -274,11 +272,11 @@ def test_command_saves_draws_and_prints(written, tmp_path):
 def test_pictures_show_every_number(written):
     file, data = written
     fit = cg.identify(cg.load(file, ["data[0].holdout_rows=[2]"]), data)
-    ax = plot_residuals(fit)
+    ax = fit.plot(picture="residuals")
     fitted, held = (points.get_offsets() for points in ax.collections)
     assert np.asarray(held)[:, 0].tolist() == [2.0]
     assert np.asarray(fitted)[:, 1] == pytest.approx(fit.residuals[fit.fitted] / fit.sigma[fit.fitted])
-    above, _ = plot_series(fit)
+    above, _ = fit.plot(picture="series").axes
     shown = np.concatenate([np.asarray(points.get_offsets()) for points in above.collections])
     assert sorted(shown[:, 1]) == pytest.approx(sorted(1e3 * fit.measured))
     assert above.get_ylabel() == "y at tip [mm]"
@@ -286,7 +284,7 @@ def test_pictures_show_every_number(written):
 
 def test_data_folder_is_found_by_its_variable(written, tmp_path, monkeypatch):
     file, data = written
-    monkeypatch.setenv(VARIABLE, str(data.parent))
+    monkeypatch.setenv("CONTINUUM_GRASP_DATA", str(data.parent))
     monkeypatch.chdir("/")
     assert run(file, "--data", data.name, "--out", tmp_path / "run", "--no-pictures", "-q").exit_code == 0
 

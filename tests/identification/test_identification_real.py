@@ -11,7 +11,6 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import Estimate, Fit, IdentifyScene, data_folder
-from continuum_grasp.addons.identification.read import VARIABLE
 from continuum_grasp.scene import read_table
 from docs.real_robots import width
 from tests.marks import few
@@ -19,7 +18,7 @@ from tests.marks import few
 CONFIGS = Path(__file__).parents[2] / "configs/identify"
 FOLDER = data_folder()
 pytestmark = pytest.mark.skipif(
-    FOLDER is None, reason=f"no measured data: set {VARIABLE} to their folder, or put it at ../shared/data"
+    FOLDER is None, reason="no measured data: set CONTINUUM_GRASP_DATA to their folder, or put it at ../shared/data"
 )
 
 
@@ -27,7 +26,7 @@ def measured(name: str) -> Path:
     """A file or folder of the data; the test is skipped where it is missing."""
     path = FOLDER / name
     if not path.exists():
-        pytest.skip(f"{name} is not in the folder that {VARIABLE} names, {FOLDER}")
+        pytest.skip(f"{name} is not in the folder that CONTINUUM_GRASP_DATA names, {FOLDER}")
     return path
 
 

@@ -15,7 +15,7 @@ from plan_cases import two_arcs
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop import Plant
-from continuum_grasp.core import Core, compiler
+from continuum_grasp.core import Compiler, Core
 from continuum_grasp.scene import load
 from tests import control_cases
 from tests.marks import few
@@ -109,7 +109,7 @@ def start():
     def build(*_):
         raise AssertionError("compiled anew")
 
-    compiler.Compiler.build = build
+    Compiler.build = build
 
 
 def unpickled(data):

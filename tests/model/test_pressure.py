@@ -13,7 +13,6 @@ from continuum_grasp import FingerModel
 from continuum_grasp.addons.identification import TipPath
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Prediction
-from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import FAMILIES, Scene
 from continuum_grasp.simulation import Signals
@@ -253,7 +252,7 @@ def test_drives_and_sensors_beside_a_chamber_are_distinct(name):
     assert names == [*(alone.x_names[one.state] for one in alone.driven), "pressure_1 [Pa]"]
     assert [one.rate == () for one in model.driven] == [False] * len(alone.driven) + [True]
     assert model.servo_torques.shape == alone.servo_torques.shape
-    assert estimation_of(made, model).measurement_names.count("pressure_1 [Pa]") == 1
+    assert cg.Controller(made).measurement_names.count("pressure_1 [Pa]") == 1
 
 
 def test_what_is_wrong_is_said_with_its_key():

@@ -9,7 +9,6 @@ from scipy.linalg import expm
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import TipPath
 from continuum_grasp.scene import Stops
-from continuum_grasp.scene.finger import Softening
 from tests.finger_cases import energy_rate
 from tests.identification_cases import at_tip
 from tests.marks import few
@@ -17,7 +16,7 @@ from tests.marks import few
 LENGTH, STIFFNESS = 0.2, 8e-3
 BRANCHES = [{"share": 0.5, "time": 0.4}, {"share": 0.2, "time": 0.05}]
 LAWS = {
-    "softening": {"softening": Softening(curvature=10.0, stiffness_ratio=0.3)},
+    "softening": {"softening": {"curvature": 10.0, "stiffness_ratio": 0.3}},
     "stops": {"stops": Stops(curvature=10.0, stiffness_ratio=20.0)},
     "drag": {"damping": cg.Damping(quadratic=2e-5)},
     "dry friction": {"damping": {"dry_friction": [{"stiffness": 1e-3, "moment": 2e-3}]}},

@@ -8,7 +8,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.addons.identification import Poses, Reading
 from continuum_grasp.base import InputError
-from continuum_grasp.rod.dimensionless import read_problem
+from continuum_grasp.rod import solve_elastica
 from continuum_grasp.simulation import equilibrium_under
 from tests.truth.differences import differences
 
@@ -61,4 +61,4 @@ def test_a_linear_law_is_refuted_and_the_softening_found():
 
 def test_the_exact_rod_refuses_it():
     with pytest.raises(InputError, match="does not know a material that softens"):
-        read_problem(scene())
+        solve_elastica(scene())

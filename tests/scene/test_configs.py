@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import DEFINITIONS, json_schema, kinds, load, read_yaml, schema_files
-from continuum_grasp.scene.config_kinds import kind_of
+from continuum_grasp.scene import DEFINITIONS, json_schema, kind_of_scene, kinds, load, read_yaml, schema_files
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted((ROOT / "configs").glob("*/*.yaml"))
@@ -23,8 +22,7 @@ FOLDER_OF = {**{kind: kind for kind in kinds()}, "finger": "fingers"}
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_configuration_is_valid_and_names_its_schema(path):
-    load(path)
-    kind = kind_of(read_yaml(path).value).name
+    kind = kind_of_scene(load(path)).name
     assert path.parent.name == FOLDER_OF[kind]
     head, target = path.read_text(encoding="utf-8").splitlines()[0].split("=", 1)
     assert head == "# yaml-language-server: $schema"
@@ -50,7 +48,7 @@ schema_of = lru_cache(json_schema)
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
 def test_schema_allows_every_key_of_the_configuration(path):
     data = read_yaml(path).value
-    schema = schema_of(kind_of(data).name)
+    schema = schema_of(kind_of_scene(load(path)).name)
     check(data, schema, schema["$defs"])
 
 
