@@ -1,4 +1,7 @@
-"""The table of numbers to estimate in docs/real_rods.md, as the model has them; ``python -m tests.estimates_page``."""
+"""The table of numbers to estimate in docs/real_rods.md; from inside: written from the tables of unknowns and laws.
+
+The table of numbers to estimate in docs/real_rods.md, as the model has them; ``python -m tests.estimates_page``.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Features of scenes and the verbs that take them or do not: small scenes with one feature each, and what declarations
+"""Features of scenes and the verbs that take them; from inside: problems are posed, and not solved.
+
+Features of scenes and the verbs that take them or do not: small scenes with one feature each, and what declarations
 refuse of them.
 """
 

@@ -1,4 +1,7 @@
-"""Truths for the tests of identification that no code of the package has produced."""
+"""Truths for the tests of identification; from inside: measurements made here enter problems without a file.
+
+Truths for the tests of identification that no code of the package has produced.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Setpoints of missions, what their phases change of a controller, and fingers by hand that carry them out."""
+"""Setpoints of missions, and fingers by hand that carry them out; from inside: phases go step by step, without a plant.
+
+Setpoints of missions, what their phases change of a controller, and fingers by hand that carry them out.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""A curvature family of the tests' own: on each element a quadratic curvature, which may jump between elements.
+"""A curvature family of the tests' own; from inside: links, rod properties and quadrature that families are made of.
+
+A curvature family of the tests' own: on each element a quadratic curvature, which may jump between elements.
 
 All that the package needs of a family is in this file and in its line of the table, ``ENTRY``.
 """

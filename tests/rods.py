@@ -1,4 +1,7 @@
-"""The NiTi rod of the paper and a unit rod, for the tests of simulation, statics, modes and code generation."""
+"""The NiTi rod of the paper and a unit rod; from inside: the warning of a missing compiler counts as given.
+
+The NiTi rod of the paper and a unit rod, for the tests of simulation, statics, modes and code generation.
+"""
 
 from __future__ import annotations
 

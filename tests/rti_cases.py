@@ -1,4 +1,7 @@
-"""Random stages for the tests of the real-time iteration, and their QPs for other solvers."""
+"""Random stages for the tests of the real-time iteration; from inside: cost functions of outputs that no scene has.
+
+Random stages for the tests of the real-time iteration, and their QPs for other solvers.
+"""
 
 from __future__ import annotations
 

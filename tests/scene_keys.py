@@ -1,4 +1,7 @@
-"""Every key of every kind of scene, in scenes that together have all of them, with other values that it can have."""
+"""Every key of every kind of scene, with other values; from inside: documents are changed one key at a time.
+
+Every key of every kind of scene, in scenes that together have all of them, with other values that it can have.
+"""
 
 from __future__ import annotations
 

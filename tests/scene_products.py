@@ -1,4 +1,7 @@
-"""What each consumer makes of a scene, by the shortest way: all its numbers and functions, none of them compiled."""
+"""What each consumer makes of a scene; from inside: the problems, before anything is compiled or solved.
+
+What each consumer makes of a scene, by the shortest way: all its numbers and functions, none of them compiled.
+"""
 
 from __future__ import annotations
 

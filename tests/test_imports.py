@@ -14,6 +14,7 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "continuum_grasp"
 FILES = sorted(PACKAGE.rglob("*.py"))
+TESTS = Path(__file__).parent
 TASKS = ("continuum_grasp.addons.learning.environments.tasks",)
 """What registers environments with gymnasium, where that is installed."""
 COMMON = {"base", "lazy_loader", ""}
@@ -284,6 +285,40 @@ def test_input_is_not_checked_by_assert():
         if isinstance(node, ast.Assert)
     ]
     assert not wrong
+
+
+def reaches_inside(file: Path) -> list[str]:
+    """Modules inside of packages that a file imports from, not through a door."""
+    found = []
+    for node in ast.walk(tree(file)):
+        if isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            inner = [f"{base}.{alias.name}" for alias in node.names]
+            modules = [name if is_module(name) else base for name in inner]
+        elif isinstance(node, ast.Import):
+            modules = [alias.name for alias in node.names]
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            modules = [str(value.value) for value in node.args[:1] if isinstance(value, ast.Constant)]
+        else:
+            continue
+        found += [name for name in modules if is_module(name) and name != f"continuum_grasp.{inside(name)}".rstrip(".")]
+    return found
+
+
+def is_module(name: str) -> bool:
+    path = PACKAGE.parent.joinpath(*name.split("."))
+    return inside(name) is not None and (path.with_suffix(".py").exists() or (path / "__init__.py").exists())
+
+
+def test_tests_that_reach_inside_say_why():
+    """In the first line of the file, after ``from inside:``; the others go through doors, as users do."""
+    silent = [
+        f"{file.relative_to(TESTS)}: {', '.join(modules)}"
+        for file in sorted(TESTS.rglob("*.py"))
+        if (modules := reaches_inside(file))
+        and "from inside: " not in (ast.get_docstring(tree(file)) or "").partition("\n")[0]
+    ]
+    assert not silent
 
 
 def test_no_public_name_is_that_of_a_module():

@@ -1,4 +1,7 @@
-"""What ``new`` prints is typed as it stands, by a shell, where it was printed; and so is what messages name."""
+"""What ``new`` prints is typed as it stands, by a shell; from inside: a missing module and another start are put in.
+
+What ``new`` prints is typed as it stands, by a shell, where it was printed; and so is what messages name.
+"""
 
 from __future__ import annotations
 

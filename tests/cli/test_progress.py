@@ -1,4 +1,7 @@
-"""What is shown while work goes on: lines where there is no terminal, nothing when it is not wanted."""
+"""What is shown while work goes on; from inside: the clock and the patience of the display are replaced.
+
+What is shown while work goes on: lines where there is no terminal, nothing when it is not wanted.
+"""
 
 from __future__ import annotations
 

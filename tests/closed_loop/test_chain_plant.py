@@ -1,4 +1,7 @@
-"""Plants that are chains of guides: against chains of the tests, closed forms, balances and plants of elements."""
+"""Plants that are chains of guides, against closed forms; from inside: single steps of a chain, without a loop.
+
+Plants that are chains of guides: against chains of the tests, closed forms, balances and plants of elements.
+"""
 
 from __future__ import annotations
 

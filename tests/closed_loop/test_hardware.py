@@ -1,4 +1,7 @@
-"""The loop around a driver: on a clock of its own, with drivers that fail, and over a pseudo-terminal."""
+"""The loop around a driver that may fail; from inside: its clock is replaced, and a board's lines are written.
+
+The loop around a driver: on a clock of its own, with drivers that fail, and over a pseudo-terminal.
+"""
 
 from __future__ import annotations
 

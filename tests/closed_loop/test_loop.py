@@ -1,4 +1,7 @@
-"""Closed loops: the plant against the simulator and closed forms, metrics by hand, and whole runs."""
+"""Closed loops: the plant, metrics, whole runs; from inside: bounds are put into runs, and single pictures drawn.
+
+Closed loops: the plant against the simulator and closed forms, metrics by hand, and whole runs.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Parameters estimated while running, against plants that have others, closed forms and statistics."""
+"""Parameters estimated while running; from inside: noise and dynamics are put in where excitation is judged.
+
+Parameters estimated while running, against plants that have others, closed forms and statistics.
+"""
 
 from __future__ import annotations
 

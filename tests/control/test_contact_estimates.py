@@ -1,4 +1,7 @@
-"""Contact forces as an estimator knows them: their slope, and the covariance that a controller hands out."""
+"""Contact forces as an estimator knows them; from inside: the equations and the noise that its filter runs on.
+
+Contact forces as an estimator knows them: their slope, and the covariance that a controller hands out.
+"""
 
 from __future__ import annotations
 

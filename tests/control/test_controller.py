@@ -1,4 +1,7 @@
-"""The controller in closed loop with plants of scipy, and with everything going wrong."""
+"""The controller in closed loop with plants of scipy; from inside: its C, and numbers as they are read.
+
+The controller in closed loop with plants of scipy, and with everything going wrong.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Cost terms: each entry where the table says it is, and the orientation of the tip against closed forms."""
+"""Cost terms, each where the table says it is; from inside: the range within which the estimator takes a reading.
+
+Cost terms: each entry where the table says it is, and the orientation of the tip against closed forms.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Real-time iterations: what they converge to, what they refuse, and what their C is made of."""
+"""Real-time iterations: what they converge to and refuse; from inside: their C, compiled loosely, of stages made here.
+
+Real-time iterations: what they converge to, what they refuse, and what their C is made of.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Scenarios: QPs of several plants with inputs in common, their nonlinear problems, controllers that plan for them."""
+"""Scenarios of several plants; from inside: their changes of parameters are drawn at random.
+
+Scenarios: QPs of several plants with inputs in common, their nonlinear problems, controllers that plan for them.
+"""
 
 from __future__ import annotations
 

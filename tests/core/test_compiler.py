@@ -1,4 +1,7 @@
-"""Translation units: long functions apart from the rest, and the same numbers from all of them."""
+"""Translation units: the same numbers from all of them; from inside: how source is divided, by limits that are lowered.
+
+Translation units: long functions apart from the rest, and the same numbers from all of them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The compiled core against CasADi's virtual machine and plain numpy; its cache, its fallback and its errors."""
+"""The compiled core against CasADi's virtual machine; from inside: files of the cache, and which warnings were given.
+
+The compiled core against CasADi's virtual machine and plain numpy; its cache, its fallback and its errors.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Operations in vector lanes against numpy, at the edges of their ranges too, and elimination against LAPACK."""
+"""Operations in vector lanes against numpy and LAPACK; from inside: the C of single operations, and one elimination.
+
+Operations in vector lanes against numpy, at the edges of their ranges too, and elimination against LAPACK.
+"""
 
 from __future__ import annotations
 

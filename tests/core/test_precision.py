@@ -1,4 +1,7 @@
-"""C in single precision, of controllers and packages: literals, and what it cannot hold."""
+"""C in single precision, and what it cannot hold; from inside: lines of C made here are rewritten, without a package.
+
+C in single precision, of controllers and packages: literals, and what it cannot hold.
+"""
 
 from __future__ import annotations
 

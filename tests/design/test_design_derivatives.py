@@ -1,4 +1,7 @@
-"""Derivatives through optimal grasps: against differences of grasps that are solved anew, and closed forms."""
+"""Derivatives through optimal grasps, against differences; from inside: the tangent of a problem made here.
+
+Derivatives through optimal grasps: against differences of grasps that are solved anew, and closed forms.
+"""
 
 from __future__ import annotations
 

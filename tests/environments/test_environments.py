@@ -1,4 +1,7 @@
-"""Environments against the package's own simulation, closed loop and controller, and the checks of gymnasium."""
+"""Environments against simulation and controller; from inside: single steps of the plant, and how many are chosen.
+
+Environments against the package's own simulation, closed loop and controller, and the checks of gymnasium.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bounds of what an environment observes."""
+"""Bounds of what an environment observes; from inside: bounds of each state, and how they are rounded."""
 
 from __future__ import annotations
 

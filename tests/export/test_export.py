@@ -1,4 +1,7 @@
-"""What a package holds and refuses, and that its numbers are those of the model."""
+"""What a package holds, its numbers those of the model; from inside: the table of parts, and the test vectors.
+
+What a package holds and refuses, and that its numbers are those of the model.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Estimator and controller of a package: the numbers of the Python ones, and everything that may be given to them."""
+"""Estimator and controller of a package; from inside: identifiers made of names, and noise of the test vectors.
+
+Estimator and controller of a package: the numbers of the Python ones, and everything that may be given to them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Where exports write: looked at before any work; what no export wrote stays, what one was interrupted at does not."""
+"""Where exports write, and what of it stays; from inside: files made here are written as a package, marks are read.
+
+Where exports write: looked at before any work; what no export wrote stays, what one was interrupted at does not.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Functional mock-up units: valid by the standard's schemas, equal to C package and closed loop, and hard to misuse."""
+"""Functional mock-up units, equal to the C package; from inside: exponents of a unit, and a plant not yet written.
+
+Functional mock-up units: valid by the standard's schemas, equal to C package and closed loop, and hard to misuse.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Implicit steps of exported packages: their order, and long steps of stiff cables."""
+"""Implicit steps of exported packages; from inside: the search for the greatest rate fails where none is needed.
+
+Implicit steps of exported packages: their order, and long steps of stiff cables.
+"""
 
 from __future__ import annotations
 

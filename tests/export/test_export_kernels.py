@@ -1,4 +1,7 @@
-"""Strict kernels: the functions of their own, and the same arithmetic in C and in numpy, to the last bit."""
+"""Strict kernels, in C and in numpy to the last bit; from inside: the flags, and the numpy that C is compared with.
+
+Strict kernels: the functions of their own, and the same arithmetic in C and in numpy, to the last bit.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Missions as C: a run of Python replayed, other machines, letting go, and several fingers that tell each other."""
+"""Missions as C, against runs of Python; from inside: heights as the phases take them, step by step.
+
+Missions as C: a run of Python replayed, other machines, letting go, and several fingers that tell each other.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Parts of what is seen of a finger: shape, velocities and contact against the models."""
+"""Parts of what is seen of a finger, against the models; from inside: calls of each part, before they are C.
+
+Parts of what is seen of a finger: shape, velocities and contact against the models.
+"""
 
 from __future__ import annotations
 

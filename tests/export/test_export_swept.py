@@ -1,4 +1,4 @@
-"""Packages of many elements, whose dynamics are a loop over the links."""
+"""Packages of many elements, whose dynamics are a loop over the links; from inside: the C of the loop alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The same bits elsewhere: ARM, big-endian machines, microcontrollers, WebAssembly; and what a step costs there."""
+"""The same bits on other machines, and what a step costs there; from inside: a measurement that never ends is put in.
+
+The same bits elsewhere: ARM, big-endian machines, microcontrollers, WebAssembly; and what a step costs there.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Exported steps of a finger with its object, contacts and table: as ``simulate`` moves them, as far as contacts go."""
+"""Exported steps of a finger that touches, as ``simulate`` moves it; from inside: test vectors and single calls.
+
+Exported steps of a finger with its object, contacts and table: as ``simulate`` moves them, as far as contacts go.
+"""
 
 from __future__ import annotations
 

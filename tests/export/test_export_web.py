@@ -1,4 +1,7 @@
-"""Pages: their plant against the models of the package and, to the bit, against another compiler; their texts."""
+"""Pages: their plant against the models; from inside: the plant and the records of a page, run outside of a browser.
+
+Pages: their plant against the models of the package and, to the bit, against another compiler; their texts.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Grasps by fingers that change along their length, against uniform fingers, geometry and the exact rod."""
+"""Grasps by fingers that change along their length; from inside: curves and friction as they enter the problem.
+
+Grasps by fingers that change along their length, against uniform fingers, geometry and the exact rod.
+"""
 
 from dataclasses import replace
 

@@ -1,4 +1,7 @@
-"""The scan of one finger's postures, against curves traced finely and linear programming at single postures."""
+"""The scan of one finger's postures; from inside: bends, chords and imbalances of single postures.
+
+The scan of one finger's postures, against curves traced finely and linear programming at single postures.
+"""
 
 from __future__ import annotations
 

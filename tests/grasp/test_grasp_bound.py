@@ -1,4 +1,7 @@
-"""The lower bound on the greatest normal force, against lines of algebra and linear programming over sampled places."""
+"""The lower bound on the greatest normal force; from inside: contacts it counts on, and whether balance is ruled out.
+
+The lower bound on the greatest normal force, against lines of algebra and linear programming over sampled places.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The certificate, on grasps made by hand: it passes what holds and names what was tampered with."""
+"""The certificate, on grasps made by hand; from inside: the depth of an overlap below zero, which no result shows.
+
+The certificate, on grasps made by hand: it passes what holds and names what was tampered with.
+"""
 
 from __future__ import annotations
 

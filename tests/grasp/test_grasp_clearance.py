@@ -1,4 +1,7 @@
-"""Depths of fingers in objects and walls, of these in each other, against figures worked out by hand."""
+"""Depths of fingers in objects and walls, by hand; from inside: the depth of one curve in one body.
+
+Depths of fingers in objects and walls, of these in each other, against figures worked out by hand.
+"""
 
 from __future__ import annotations
 

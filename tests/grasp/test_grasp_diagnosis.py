@@ -1,4 +1,7 @@
-"""Why there is no grasp: repairs that are none are not offered, the balance against tilting is."""
+"""Why there is no grasp, and what would repair it; from inside: single repairs, and a search that finds nothing.
+
+Why there is no grasp: repairs that are none are not offered, the balance against tilting is.
+"""
 
 from __future__ import annotations
 

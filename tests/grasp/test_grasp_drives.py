@@ -1,4 +1,7 @@
-"""Drives of grasps: closed forms of pulled and released tendons, exact columns with locked winches, algebra."""
+"""Drives of grasps, by closed forms and exact columns; from inside: what is wound up at shapes that are given here.
+
+Drives of grasps: closed forms of pulled and released tendons, exact columns with locked winches, algebra.
+"""
 
 from __future__ import annotations
 

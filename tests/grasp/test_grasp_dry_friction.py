@@ -1,4 +1,7 @@
-"""Grasps of fingers with dry friction in bending: closed forms, histories by simulation, code of another hand."""
+"""Grasps with dry friction in bending, by closed forms; from inside: responses to friction states that are given here.
+
+Grasps of fingers with dry friction in bending: closed forms, histories by simulation, code of another hand.
+"""
 
 from __future__ import annotations
 

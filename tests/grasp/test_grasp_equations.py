@@ -1,4 +1,7 @@
-"""Compiled equations of a grasp problem: the same numbers as those of its expressions, and when they are used."""
+"""Compiled equations of a grasp problem; from inside: the expressions they are compared with, and when they load.
+
+Compiled equations of a grasp problem: the same numbers as those of its expressions, and when they are used.
+"""
 
 from __future__ import annotations
 

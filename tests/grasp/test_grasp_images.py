@@ -1,4 +1,6 @@
-"""A scene and its image, mirrored, turned, shifted and scaled, have the same grasps; polygons whichever vertex comes
+"""A scene and its image have the same grasps; from inside: all starts of a mode are compared, not only the grasps.
+
+A scene and its image, mirrored, turned, shifted and scaled, have the same grasps; polygons whichever vertex comes
 first.
 """
 

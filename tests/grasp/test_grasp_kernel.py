@@ -1,4 +1,7 @@
-"""The inner loops of the scan, compiled and not: closed forms, conditions of optimality, and one by the other."""
+"""The inner loops of the scan, compiled and not; from inside: each loop is called alone, with and without its C.
+
+The inner loops of the scan, compiled and not: closed forms, conditions of optimality, and one by the other.
+"""
 
 from __future__ import annotations
 

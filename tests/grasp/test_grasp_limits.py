@@ -1,4 +1,7 @@
-"""Every limit of the certificate, by hand: each check holds at 0.999 of its limit and fails at 1.001."""
+"""Every limit of the certificate, by hand; from inside: model errors made here, and whether balance is ruled out.
+
+Every limit of the certificate, by hand: each check holds at 0.999 of its limit and fails at 1.001.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Stations that part and close as friction changes: each state has contacts of its own, and is verified with them."""
+"""Stations that part and close as friction changes; from inside: the response at each friction state, one by one.
+
+Stations that part and close as friction changes: each state has contacts of its own, and is verified with them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The pieces of the grasp problem: distances, surfaces, sensitivities, disturbances, elements by tolerance, modes."""
+"""The pieces of the grasp problem; from inside: its rows, points and elements, which only the solver sees.
+
+The pieces of the grasp problem: distances, surfaces, sensitivities, disturbances, elements by tolerance, modes.
+"""
 
 from __future__ import annotations
 

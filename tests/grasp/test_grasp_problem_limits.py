@@ -1,4 +1,6 @@
-"""The numbers by which a grasp problem is posed and solved: each decides otherwise on either side of it, or keeps a
+"""The numbers by which a grasp problem is posed and solved; from inside: rows and points on either side of each.
+
+The numbers by which a grasp problem is posed and solved: each decides otherwise on either side of it, or keeps a
 promise that fails without it.
 """
 

@@ -1,4 +1,7 @@
-"""Wrench spaces, the indices and the linear problems below them."""
+"""Wrench spaces and indices; from inside: the linear and conic problems below them, with data made here.
+
+Wrench spaces, the indices and the linear problems below them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The numbers of grasp quality: each decides otherwise on either side of it, or keeps a promise."""
+"""The numbers of grasp quality, on either side of each; from inside: outcomes of the conic solver are put in.
+
+The numbers of grasp quality: each decides otherwise on either side of it, or keeps a promise.
+"""
 
 from __future__ import annotations
 

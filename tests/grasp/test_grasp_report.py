@@ -1,4 +1,7 @@
-"""How a grasp is shown and saved: text, YAML, web page, picture, files, exit codes."""
+"""How a grasp is shown and saved; from inside: texts and pictures of results whose figures are made here.
+
+How a grasp is shown and saved: text, YAML, web page, picture, files, exit codes.
+"""
 
 from __future__ import annotations
 

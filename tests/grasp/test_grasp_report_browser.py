@@ -1,4 +1,7 @@
-"""The report in a browser: Chromium lays out pages of every status, wide and narrow, light and dark, and measures."""
+"""The report in a browser, of every status; from inside: verdicts of stability and pictures made here are put in.
+
+The report in a browser: Chromium lays out pages of every status, wide and narrow, light and dark, and measures.
+"""
 
 from __future__ import annotations
 

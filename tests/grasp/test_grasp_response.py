@@ -1,4 +1,7 @@
-"""How a grasp gives way: closed forms of beam columns, and nonlinear equilibria solved by scipy."""
+"""How a grasp gives way, by beam columns and scipy; from inside: how surfaces roll, and ranges of given tensions.
+
+How a grasp gives way: closed forms of beam columns, and nonlinear equilibria solved by scipy.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Grasps that hold for errors of their object: against lines of algebra, and against every corner solved on its own."""
+"""Grasps that hold for errors of their object; from inside: corners and drawn errors, and the response to each.
+
+Grasps that hold for errors of their object: against lines of algebra, and against every corner solved on its own.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Robust grasps against plants of another hand: arcs, virtual work by differences, linear programming."""
+"""Robust grasps against plants of another hand; from inside: the outcome of a stopped solver is put in.
+
+Robust grasps against plants of another hand: arcs, virtual work by differences, linear programming.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The scan finds every posture that touches a disc: brute force over dense grids, by closed forms and by sums."""
+"""The scan finds every posture that touches a disc; from inside: all its postures, of which a result shows one.
+
+The scan finds every posture that touches a disc: brute force over dense grids, by closed forms and by sums.
+"""
 
 from __future__ import annotations
 

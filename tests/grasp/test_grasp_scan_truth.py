@@ -1,4 +1,6 @@
-"""Starts against the benchmark's oracles: sequential quadratic programming from tables of its own, which share nothing
+"""Starts against the benchmark's oracles; from inside: all starts of a mode, of which a result shows one grasp.
+
+Starts against the benchmark's oracles: sequential quadratic programming from tables of its own, which share nothing
 with the scan, and rods that are integrated here.
 """
 

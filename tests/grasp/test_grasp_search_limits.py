@@ -1,4 +1,7 @@
-"""The limits by which the search chooses among starts and grasps: each decides otherwise on either side of it."""
+"""The limits by which the search chooses; from inside: starts and grasps on either side of each are put in.
+
+The limits by which the search chooses among starts and grasps: each decides otherwise on either side of it.
+"""
 
 from __future__ import annotations
 

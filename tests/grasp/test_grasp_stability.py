@@ -1,4 +1,7 @@
-"""The second-order test of grasps against exact columns whose ends sway and roll with the object."""
+"""The second-order test of grasps, by exact columns; from inside: it divides fingers more finely than a certificate.
+
+The second-order test of grasps against exact columns whose ends sway and roll with the object.
+"""
 
 from __future__ import annotations
 

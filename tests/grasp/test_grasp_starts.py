@@ -1,4 +1,7 @@
-"""Starting postures, judged by geometry of this file's own: curves traced finely, outlines sampled finely."""
+"""Starting postures, by geometry of this file's own; from inside: starts are judged before any problem is solved.
+
+Starting postures, judged by geometry of this file's own: curves traced finely, outlines sampled finely.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The limits by which starts are made: each decides otherwise on either side of it."""
+"""The limits by which starts are made; from inside: depths and imbalances on either side of each are put in.
+
+The limits by which starts are made: each decides otherwise on either side of it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The search for friction states: against all vertices, each with all of the certificate's checks."""
+"""The search for friction states, against all vertices; from inside: the response at every vertex.
+
+The search for friction states: against all vertices, each with all of the certificate's checks.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Limits of what follows a search: reasons, stable grasps, stations and robust ones; each decides
+"""Limits of what follows a search; from inside: results on either side of each are put into its steps.
+
+Limits of what follows a search: reasons, stable grasps, stations and robust ones; each decides
 otherwise on either side of it, or counts so many tries.
 """
 

@@ -1,4 +1,7 @@
-"""Distances, normals and curvatures of surfaces against dense samples of the outlines, made here."""
+"""Distances, normals and curvatures of surfaces; from inside: those of the certificate, point by point.
+
+Distances, normals and curvatures of surfaces against dense samples of the outlines, made here.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A stored result that was weakened fails its certificate: what its scene asks for cannot be taken out of it."""
+"""A stored result that was weakened fails its certificate; from inside: friction cells, and grasps as reached.
+
+A stored result that was weakened fails its certificate: what its scene asks for cannot be taken out of it.
+"""
 
 from __future__ import annotations
 

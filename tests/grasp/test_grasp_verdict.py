@@ -1,4 +1,7 @@
-"""What a verdict says of grasps that are unstable, cross, are held by no tendon, or that a fine model refutes."""
+"""What a verdict says of grasps that do not hold; from inside: a search before its verdict, and starts.
+
+What a verdict says of grasps that are unstable, cross, are held by no tendon, or that a fine model refutes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Grasps of outlines that are not convex: against unions by hand, and depths by shapely."""
+"""Grasps of outlines that are not convex; from inside: which pieces are taken into the problem at a contact.
+
+Grasps of outlines that are not convex: against unions by hand, and depths by shapely.
+"""
 
 from __future__ import annotations
 

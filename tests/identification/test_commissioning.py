@@ -1,4 +1,7 @@
-"""Benches that are mounted in a known way, on plants that are not the model: what is found, and what is not claimed."""
+"""Benches mounted in a known way, on other plants; from inside: camera and log, before anything is fitted.
+
+Benches that are mounted in a known way, on plants that are not the model: what is found, and what is not claimed.
+"""
 
 from __future__ import annotations
 

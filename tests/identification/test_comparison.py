@@ -1,4 +1,7 @@
-"""Comparisons with measurements written by hand: circles, an arc with a mass by scipy, foreign tables."""
+"""Comparisons with measurements written by hand; from inside: columns as they are read, and single panels of pictures.
+
+Comparisons with measurements written by hand: circles, an arc with a mass by scipy, foreign tables.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What a fit says against its own intervals, and the variance of a robust one."""
+"""What a fit says against its own intervals; from inside: each doubt alone, of residuals made here.
+
+What a fit says against its own intervals, and the variance of a robust one.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Drives and friction with memory: derivatives, known parameters from the chain of guides, commands that show them."""
+"""Drives and friction with memory; from inside: predictions and slopes of one set, and one pattern of commands.
+
+Drives and friction with memory: derivatives, known parameters from the chain of guides, commands that show them.
+"""
 
 from __future__ import annotations
 

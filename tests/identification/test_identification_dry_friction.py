@@ -1,4 +1,7 @@
-"""Dry friction in bending as unknowns: its states at a start come from the shapes before it."""
+"""Dry friction in bending as unknowns; from inside: predictions of one path at given values, without a fit.
+
+Dry friction in bending as unknowns: its states at a start come from the shapes before it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Wrong laws of stiffness and damping are reported, right ones are not: data of other equations than the package's."""
+"""Wrong laws of stiffness and damping are reported; from inside: solutions made here are judged.
+
+Wrong laws of stiffness and damping are reported, right ones are not: data of other equations than the package's.
+"""
 
 from __future__ import annotations
 

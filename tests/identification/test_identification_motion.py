@@ -1,4 +1,7 @@
-"""Estimates from paths of the tip: the paper's release with four tip masses, simulated with known parameters."""
+"""Estimates from paths of the tip; from inside: slopes of predictions, and the C that paths have in common.
+
+Estimates from paths of the tip: the paper's release with four tip masses, simulated with known parameters.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The parts of identification: search, uncertainty, derivatives, damped sines."""
+"""The parts of identification; from inside: search, intervals and predictions, each without the others.
+
+The parts of identification: search, uncertainty, derivatives, damped sines.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Data that cannot be those of the finger are refused, and the slip is named; thresholds; good data pass."""
+"""Data that cannot be the finger's are refused; from inside: misfits on either side of each threshold are put in.
+
+Data that cannot be those of the finger are refused, and the slip is named; thresholds; good data pass.
+"""
 
 from __future__ import annotations
 

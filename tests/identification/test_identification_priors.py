@@ -1,4 +1,7 @@
-"""What is known beforehand of parameters and starts, and intervals of residuals that are correlated in time."""
+"""What is known beforehand of parameters and starts; from inside: linear measurements that no data have.
+
+What is known beforehand of parameters and starts, and intervals of residuals that are correlated in time.
+"""
 
 from __future__ import annotations
 

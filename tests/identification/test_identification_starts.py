@@ -1,4 +1,7 @@
-"""Motions that start where the first samples show them, drives that lag, and what each set has of its own."""
+"""Motions that start where samples show them; from inside: a problem on a plateau, and predictions of one path.
+
+Motions that start where the first samples show them, drives that lag, and what each set has of its own.
+"""
 
 from __future__ import annotations
 

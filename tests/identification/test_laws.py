@@ -1,4 +1,7 @@
-"""Laws that are chosen by what they predict of rows that were held out."""
+"""Laws chosen by what they predict of rows held out; from inside: the choice among problems that are posed here.
+
+Laws that are chosen by what they predict of rows that were held out.
+"""
 
 from __future__ import annotations
 

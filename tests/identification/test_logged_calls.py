@@ -1,4 +1,7 @@
-"""Calls of a controller in logs whose rows are late, missing, or there twice, against those that were made so."""
+"""Calls of a controller in logs with late or missing rows; from inside: calls are found from instants alone.
+
+Calls of a controller in logs whose rows are late, missing, or there twice, against those that were made so.
+"""
 
 from __future__ import annotations
 

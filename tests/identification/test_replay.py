@@ -1,4 +1,7 @@
-"""Replayed logs: those of the package's own loops are reproduced; what was done to them is found."""
+"""Replayed logs: what was done to them is found; from inside: periods as they are read, and inputs as they lag.
+
+Replayed logs: those of the package's own loops are reproduced; what was done to them is found.
+"""
 
 from __future__ import annotations
 

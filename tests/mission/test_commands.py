@@ -1,4 +1,7 @@
-"""Commands of drives for the tensions of a grasp, against lengths of arcs and compliances by hand."""
+"""Commands of drives for tensions, by arcs and compliances; from inside: they are asked of bends that no grasp has.
+
+Commands of drives for the tensions of a grasp, against lengths of arcs and compliances by hand.
+"""
 
 from __future__ import annotations
 

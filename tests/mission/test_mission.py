@@ -1,4 +1,7 @@
-"""Missions: what is asked for when, the verdict, plants that differ, and short runs that hold, drop and repeat."""
+"""Missions: setpoints, verdicts, plants, short runs; from inside: records made by hand, and plants without a run.
+
+Missions: what is asked for when, the verdict, plants that differ, and short runs that hold, drop and repeat.
+"""
 
 from __future__ import annotations
 

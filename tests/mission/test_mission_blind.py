@@ -1,4 +1,7 @@
-"""Missions in Python on plants whose sensors fail: nothing is squeezed or lifted blind, nothing held is dropped."""
+"""Missions on plants whose sensors fail: nothing held is dropped; from inside: measurements of the plant are spoilt.
+
+Missions in Python on plants whose sensors fail: nothing is squeezed or lifted blind, nothing held is dropped.
+"""
 
 from __future__ import annotations
 

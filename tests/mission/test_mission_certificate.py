@@ -1,4 +1,7 @@
-"""Missions beside their certificate: what is said before the run, and why an object was dropped."""
+"""Missions beside their certificate; from inside: what exceeds it before a run, and records made by hand.
+
+Missions beside their certificate: what is said before the run, and why an object was dropped.
+"""
 
 from __future__ import annotations
 

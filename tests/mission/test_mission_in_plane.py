@@ -1,4 +1,7 @@
-"""Missions with gravity in the plane: table, height, and what the certificate says of the weight."""
+"""Missions with gravity in the plane; from inside: how far pulls lower the object, and records made by hand.
+
+Missions with gravity in the plane: table, height, and what the certificate says of the weight.
+"""
 
 from __future__ import annotations
 

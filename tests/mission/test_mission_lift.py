@@ -1,4 +1,7 @@
-"""Before the lift: what contacts bear is compared with the certificate, on pads before the run and by the estimate."""
+"""Before the lift: contacts and the certificate; from inside: the check gets commands made here, one by one.
+
+Before the lift: what contacts bear is compared with the certificate, on pads before the run and by the estimate.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What slips while it is held: noticed by its height or by contacts that part, squeezed, and set down."""
+"""What slips is noticed, squeezed and set down; from inside: timetables, and the reserve of a certificate made here.
+
+What slips while it is held: noticed by its height or by contacts that part, squeezed, and set down.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Missions that turn their object before they grasp it: setpoints, plant, verdict and its reasons, a short run."""
+"""Missions that turn their object before they grasp it; from inside: records made by hand, and the plant without a run.
+
+Missions that turn their object before they grasp it: setpoints, plant, verdict and its reasons, a short run.
+"""
 
 from __future__ import annotations
 

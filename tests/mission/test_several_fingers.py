@@ -1,4 +1,7 @@
-"""Missions of several fingers: one object between them, a controller for each, names that tell them apart."""
+"""Missions of several fingers; from inside: plants and assignments before a run, and records made by hand.
+
+Missions of several fingers: one object between them, a controller for each, names that tell them apart.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Distances from objects against brute force, and points on walls against the support function."""
+"""Distances from objects against brute force; from inside: the rough distances of the scan, and one member of a union.
+
+Distances from objects against brute force, and points on walls against the support function.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The model is the exact rod's equations projected onto its shapes: forces, stiffness, inertia and place of the tip."""
+"""The model is the exact rod projected onto its shapes; from inside: the mass matrix of the exact rod.
+
+The model is the exact rod's equations projected onto its shapes: forces, stiffness, inertia and place of the tip.
+"""
 
 from __future__ import annotations
 

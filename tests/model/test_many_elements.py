@@ -1,4 +1,7 @@
-"""Sweeps along the chain: the accelerations of the dense equations, whatever the finger has, at a linear cost."""
+"""Sweeps along the chain, against dense equations; from inside: the number of elements from which on there are sweeps.
+
+Sweeps along the chain: the accelerations of the dense equations, whatever the finger has, at a linear cost.
+"""
 
 from __future__ import annotations
 

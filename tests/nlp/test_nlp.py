@@ -1,4 +1,6 @@
-"""Every solver on problems with known solutions; budget, deadline and Ctrl-C stop each of them.
+"""Every solver on problems with known solutions; from inside: the rule that stops IPOPT gets violations made here.
+
+Every solver on problems with known solutions; budget, deadline and Ctrl-C stop each of them.
 
 Problems and solutions: W. Hock, K. Schittkowski, Test Examples for Nonlinear Programming Codes, Springer 1981,
 doi:10.1007/978-3-642-48320-2, by their numbers there.

@@ -1,4 +1,7 @@
-"""Derivatives of functions and rollouts of many rows, against finite differences and by the adjoint identity."""
+"""Derivatives of functions and rollouts of many rows; from inside: operators in numpy, without torch or jax.
+
+Derivatives of functions and rollouts of many rows, against finite differences and by the adjoint identity.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The paper's own models: against the model in 50 digits, against each other, and what their errors do to a motion."""
+"""The paper's own models, against each other; from inside: the truth of a report of accuracy is handed on.
+
+The paper's own models: against the model in 50 digits, against each other, and what their errors do to a motion.
+"""
 
 from __future__ import annotations
 

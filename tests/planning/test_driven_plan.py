@@ -1,4 +1,7 @@
-"""Plans of fingers whose tendons have friction, winches or motors, against the equations of motion by scipy."""
+"""Plans of fingers with friction, winches or motors; from inside: single shooting intervals and their step counts.
+
+Plans of fingers whose tendons have friction, winches or motors, against the equations of motion by scipy.
+"""
 
 from __future__ import annotations
 

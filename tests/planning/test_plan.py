@@ -1,4 +1,7 @@
-"""Plans: two transcriptions against each other, optimality, limits, failures, files."""
+"""Plans: two transcriptions, optimality, limits; from inside: the fine motion of a plan, and how its problem is split.
+
+Plans: two transcriptions against each other, optimality, limits, failures, files.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The limits of the check of plans: hand-made results just within and just beyond each, and the word of a verdict."""
+"""The limits of the check of plans; from inside: results made here, on either side of each, are judged.
+
+The limits of the check of plans: hand-made results just within and just beyond each, and the word of a verdict.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plans against solutions of optimal control that are known."""
+"""Plans against solutions of optimal control that are known; from inside: guesses, before the first iteration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Pictures: what is drawn is what was given, axes carry units, and nothing global changes."""
+"""Pictures: what is drawn is what was given; from inside: pictures of motions made here, single arrows and axes.
+
+Pictures: what is drawn is what was given, axes carry units, and nothing global changes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Pictures of scenes before anything is solved: that all is in them, in its place."""
+"""Pictures of scenes before anything is solved; from inside: numbers of the box and the outlines, undrawn.
+
+Pictures of scenes before anything is solved: that all is in them, in its place.
+"""
 
 from __future__ import annotations
 

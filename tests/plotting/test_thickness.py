@@ -1,4 +1,7 @@
-"""Outlines of fingers and runs of tendons against areas and places of plane geometry."""
+"""Outlines of fingers and runs of tendons, by plane geometry; from inside: the curves before they are drawn.
+
+Outlines of fingers and runs of tendons against areas and places of plane geometry.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A folder holds one run: what an earlier one wrote goes, what anybody else wrote stays; and full disks meanwhile."""
+"""A folder holds one run; what others wrote stays; from inside: the kind and the parts of a run in its record.
+
+A folder holds one run: what an earlier one wrote goes, what anybody else wrote stays; and full disks meanwhile.
+"""
 
 from __future__ import annotations
 

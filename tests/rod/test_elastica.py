@@ -1,4 +1,7 @@
-"""The elastica against elliptic integrals, shooting, SciPy's collocation and closed forms; the model against it."""
+"""The elastica against elliptic integrals and shooting; from inside: the problem and the mesh it is solved on.
+
+The elastica against elliptic integrals, shooting, SciPy's collocation and closed forms; the model against it.
+"""
 
 from __future__ import annotations
 

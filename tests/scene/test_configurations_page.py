@@ -1,4 +1,7 @@
-"""docs/configurations.md: its tables are those of the code, its scenes load, its errors are what one gets."""
+"""docs/configurations.md: tables, scenes and errors; from inside: the tables of units and of keys that it lists.
+
+docs/configurations.md: its tables are those of the code, its scenes load, its errors are what one gets.
+"""
 
 from __future__ import annotations
 

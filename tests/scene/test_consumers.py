@@ -1,4 +1,6 @@
-"""What consumers do not take of a scene: every declared key exists, and is refused or listed where it is given; every
+"""What consumers do not take of a scene; from inside: the table of all consumers and the conditions of their keys.
+
+What consumers do not take of a scene: every declared key exists, and is refused or listed where it is given; every
 key that is not declared changes what a consumer makes.
 """
 

@@ -1,4 +1,7 @@
-"""Any outline: polygons that are not convex, and curves read from files, against shapely and closed forms."""
+"""Any outline, against shapely and closed forms; from inside: distances of the certificate, and corners.
+
+Any outline: polygons that are not convex, and curves read from files, against shapely and closed forms.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Values with units: their exact numbers, where they may stand, and what every key says of its unit."""
+"""Values with units; from inside: the table of units, the pattern they match and the advice on what does not.
+
+Values with units: their exact numbers, where they may stand, and what every key says of its unit.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Reading configurations: YAML 1.2 scalars, limits, and errors that name file, line, column and key."""
+"""Reading configurations: YAML 1.2, limits, positions of errors; from inside: texts are parsed that are in no file.
+
+Reading configurations: YAML 1.2 scalars, limits, and errors that name file, line, column and key.
+"""
 
 from __future__ import annotations
 

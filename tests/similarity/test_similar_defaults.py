@@ -1,4 +1,7 @@
-"""Defaults of estimators follow the finger: those of the hand finger are the round numbers they were found with."""
+"""Defaults of estimators follow the finger; from inside: the noise of each unknown, which nothing hands out.
+
+Defaults of estimators follow the finger: those of the hand finger are the round numbers they were found with.
+"""
 
 from __future__ import annotations
 

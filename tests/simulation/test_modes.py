@@ -1,4 +1,7 @@
-"""Natural frequencies, damping ratios and mode shapes against closed forms and an independent Ritz method."""
+"""Frequencies, damping ratios and mode shapes by closed forms; from inside: stiffness matrices of nearly no stiffness.
+
+Natural frequencies, damping ratios and mode shapes against closed forms and an independent Ritz method.
+"""
 
 from __future__ import annotations
 

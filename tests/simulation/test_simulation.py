@@ -1,4 +1,7 @@
-"""Motions: order, conservation, symmetry, the errors of the design's tables, moving inputs, and hard cases."""
+"""Motions: order, conservation, symmetry and hard cases; from inside: they are computed ten steps at a time.
+
+Motions: order, conservation, symmetry, the errors of the design's tables, moving inputs, and hard cases.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tendons with friction: what their history makes of the same tensions, by closed forms and by a chain of guides."""
+"""Tendons with friction, by closed forms and a chain of guides; from inside: how tensions fall along two cells.
+
+Tendons with friction: what their history makes of the same tensions, by closed forms and by a chain of guides.
+"""
 
 from __future__ import annotations
 

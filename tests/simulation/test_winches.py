@@ -1,4 +1,7 @@
-"""Winches and motors: closed forms of what they wind up, energy, slack and taut, stiff cables, what is refused."""
+"""Winches and motors: closed forms, slack and taut; from inside: warnings of tensions that are made here.
+
+Winches and motors: closed forms of what they wind up, energy, slack and taut, stiff cables, what is refused.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Configurations of sweeps: which scenes they mean, and what is refused where."""
+"""Configurations of sweeps: which scenes they mean; from inside: the values of a grid, and the job that a worker gets.
+
+Configurations of sweeps: which scenes they mean, and what is refused where.
+"""
 
 from __future__ import annotations
 

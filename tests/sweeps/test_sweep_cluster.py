@@ -1,4 +1,7 @@
-"""Sweeps on a Dask cluster: a scheduler and two workers, each a process of its own, one of them killed half-way."""
+"""Sweeps on a Dask cluster, a worker of which is killed; from inside: lines of the file, each with its checksum.
+
+Sweeps on a Dask cluster: a scheduler and two workers, each a process of its own, one of them killed half-way.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Sweeps at work: every scene gets its row once, whatever happens to workers, tables and the sweep itself."""
+"""Sweeps at work: every scene gets its row once; from inside: damaged bytes of rows, and a folder that is held.
+
+Sweeps at work: every scene gets its row once, whatever happens to workers, tables and the sweep itself.
+"""
 
 from __future__ import annotations
 

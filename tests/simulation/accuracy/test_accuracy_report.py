@@ -1,4 +1,7 @@
-"""The report of speed against error: its figures agree with theory, its front with itself."""
+"""The report of speed against error; from inside: the motion it compares with, and the pace of one model.
+
+The report of speed against error: its figures agree with theory, its front with itself.
+"""
 
 from __future__ import annotations
 

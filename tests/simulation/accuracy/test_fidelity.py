@@ -1,4 +1,7 @@
-"""A tolerance becomes a model: within it, the cheapest, aligned with what bends the finger, remembered."""
+"""A tolerance becomes a model, the cheapest within it; from inside: speeds and errors are put in, and a record read.
+
+A tolerance becomes a model: within it, the cheapest, aligned with what bends the finger, remembered.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The error that the elements leave: estimates against the exact rod and far finer models, and tolerances in motion."""
+"""The error that the elements leave; from inside: a model made finer within a limit, postures moved onto it.
+
+The error that the elements leave: estimates against the exact rod and far finer models, and tolerances in motion.
+"""
 
 from __future__ import annotations
 
