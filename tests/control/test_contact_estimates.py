@@ -1,7 +1,4 @@
-"""Contact forces as an estimator knows them; from inside: the equations and the noise that its filter runs on.
-
-Contact forces as an estimator knows them: their slope, and the covariance that a controller hands out.
-"""
+"""Contact forces as an estimator knows them: their slope, and the covariance that a controller hands out."""
 
 from __future__ import annotations
 
@@ -12,9 +9,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.control import Controller, Estimator, Prediction
-from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.estimation.noise import noise_of
+from continuum_grasp.control import Controller, ControlParts, Estimator, Prediction
 from continuum_grasp.scene import ControlScene
 from tests.control_cases import hand_scene
 from tests.truth.differences import differences
@@ -49,7 +44,7 @@ def test_forces_have_the_slope_of_states_and_disturbances():
     disc = {"shape": "circle", "diameter": 2.0 * (radius + 0.002), "mass": 0.1, "position": tuple(center)}
     given = scene(object=disc)
     model = Prediction(given)
-    estimation = estimation_of(given, model)
+    estimation = ControlParts.of_scene(given, model).observed
     z = np.concatenate([model.at_rest([0.5, 0.6], u), [0.3, -0.2, -0.001, 0.0005, 0.05]])
     z[model.system.n : 2 * model.system.n] = 0.1, -0.2
     assert estimation.z_names[model.nx :] == (
@@ -75,8 +70,8 @@ def test_unknowns_start_with_their_spread():
     spread = {"object_position": 0.0015, "bending_stiffness": 0.12}
     given = scene(spread=spread)
     model = Prediction(given)
-    estimation = estimation_of(given, model)
-    process, initial, _ = noise_of(given, model, estimation)
+    parts = ControlParts.of_scene(given, model)
+    estimation, process, initial = parts.observed, parts.filter["noise"], parts.filter["initial"]
     of = {name.split(" ")[0]: (process[k], initial[k]) for k, name in enumerate(estimation.z_names)}
     assert of["object_x_error"] == pytest.approx((0.002**2, 0.0015**2))
     assert of["bending_stiffness_error"] == pytest.approx((0.01**2, 0.12**2))

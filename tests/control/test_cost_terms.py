@@ -1,7 +1,4 @@
-"""Cost terms, each where the table says it is; from inside: the range within which the estimator takes a reading.
-
-Cost terms: each entry where the table says it is, and the orientation of the tip against closed forms.
-"""
+"""Cost terms: each entry where the table says it is, and the orientation of the tip against closed forms."""
 
 from __future__ import annotations
 
@@ -12,8 +9,7 @@ import pytest
 
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import run_closed_loop
-from continuum_grasp.control import Prediction, stages_of
-from continuum_grasp.control.estimation.noise import ranges_of
+from continuum_grasp.control import ControlParts, Prediction, stages_of
 from tests.control_cases import ROD, hand_scene, rod_scene, swing_scene
 from tests.truth.differences import differences
 
@@ -69,7 +65,7 @@ def test_the_tip_turns_to_its_setpoint_and_stays():
 def test_degrees_are_out_of_its_range_and_turns_are_not():
     scene = swing_scene(**TURNED)
     model = Prediction(scene)
-    least, most = ranges_of(scene, model, stages_of(scene, model), None).r[0]
+    least, most = ControlParts.of_scene(scene, model).ranges.r[0]
     assert least < -6.0 * math.pi
     assert 6.0 * math.pi < most < 90.0
 

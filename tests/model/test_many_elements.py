@@ -1,7 +1,4 @@
-"""Sweeps along the chain, against dense equations; from inside: the number of elements from which on there are sweeps.
-
-Sweeps along the chain: the accelerations of the dense equations, whatever the finger has, at a linear cost.
-"""
+"""Sweeps along the chain: the accelerations of the dense equations, whatever the finger has, at a linear cost."""
 
 from __future__ import annotations
 
@@ -15,7 +12,6 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.core import generated
 from continuum_grasp.model import MOST_ELEMENTS, FingerModel
-from continuum_grasp.model.pattern import FEWEST_ELEMENTS
 from continuum_grasp.scene import (
     BasePose,
     Damping,
@@ -31,10 +27,10 @@ from continuum_grasp.scene import (
     Tendons,
     TipBody,
 )
-from continuum_grasp.scene.finger import Softening
 from tests.marks import every
 
-LENGTH, COUNT = 0.6, FEWEST_ELEMENTS
+LENGTH, COUNT = 0.6, 16
+"""A length [m], and the fewest elements for which there are sweeps."""
 ROD = Rod(length=LENGTH, linear_density=0.8, bending_stiffness=0.5, rotary_inertia=3e-4)
 TAPER = Rod.model_validate(
     {
@@ -102,7 +98,7 @@ FREE = {
         {**FULL, "tendons": (Tendon(offset=0.004, max_tension=9.0), Tendon(offset=-0.003, to=0.4, max_tension=9.0))},
         {},
     ),
-    "softening": ({**FULL, "softening": Softening(curvature=2.0, stiffness_ratio=0.3)}, {}),
+    "softening": ({**FULL, "softening": {"curvature": 2.0, "stiffness_ratio": 0.3}}, {}),
     "relaxation": ({**FULL, "damping": RELAXES}, {}),
     "stops": ({**FULL, "rest_curvature": 1.0, "stops": Stops(curvature=2.0, stiffness_ratio=20.0)}, {}),
     "body": ({**FULL, "tip_body": TipBody(mass=0.1, rotary_inertia=1e-3, center_of_mass=(0.02, 0.05))}, {}),

@@ -1,16 +1,11 @@
-"""Defaults of estimators follow the finger; from inside: the noise of each unknown, which nothing hands out.
-
-Defaults of estimators follow the finger: those of the hand finger are the round numbers they were found with.
-"""
+"""Defaults of estimators follow the finger: those of the hand finger are the round numbers they were found with."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from continuum_grasp.control import Prediction
-from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.estimation.noise import noise_of
+from continuum_grasp.control import ControlParts, Prediction
 from continuum_grasp.scene import load
 from tests.rods import ROOT
 from tests.similarity.similar import larger, power
@@ -23,10 +18,9 @@ HAND = {"estimator.acceleration_std": 10.0, "estimator.object_acceleration_std":
 
 def noise(scene):
     """Noise per second and at the start of all unknowns, and their units."""
-    model = Prediction(scene)
-    estimation = estimation_of(scene, model, "sdirk2")
-    units = [name[name.index("[") + 1 : -1] for name in estimation.z_names]
-    return *noise_of(scene, model, estimation)[:2], np.array(units)
+    parts = ControlParts.of_scene(scene, Prediction(scene))
+    units = [name[name.index("[") + 1 : -1] for name in parts.estimated_names]
+    return parts.filter["noise"], parts.filter["initial"], np.array(units)
 
 
 @pytest.mark.parametrize(

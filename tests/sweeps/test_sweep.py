@@ -1,7 +1,4 @@
-"""Configurations of sweeps: which scenes they mean; from inside: the values of a grid, and the job that a worker gets.
-
-Configurations of sweeps: which scenes they mean, and what is refused where.
-"""
+"""Configurations of sweeps: which scenes they mean, and what is refused where."""
 
 from __future__ import annotations
 
@@ -12,8 +9,6 @@ import numpy as np
 import pytest
 
 from continuum_grasp.addons.sweeps import plan_of, scene_data
-from continuum_grasp.addons.sweeps.scene import Grid
-from continuum_grasp.addons.sweeps.worker import Job, solve
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import load
 from tests.sweep_cases import MUG, ROOT
@@ -65,7 +60,7 @@ def test_a_grid_tries_all_combinations_the_last_key_fastest():
     ],
 )
 def test_spaced_values(given, values):
-    listed = Grid(**given).listed
+    listed = tuple(point.labels[0] for point in plan(vary={"object.angle": given}))
     assert listed == values
     assert [type(value) for value in listed] == [type(value) for value in values]
 
@@ -149,9 +144,8 @@ def test_the_scene_of_a_point_is_what_the_file_with_overrides_is():
         },
     }
     found = plan(**more)
-    job = Job(found.variation.base, found.keys, found.paths, (), "none", solve)
     for index, extra in enumerate([{}, {"finger.strain_limit": 0.03}]):
-        data = scene_data(job.base, job.paths, found.point(index))
+        data = scene_data(found.variation.base, found.paths, found.point(index))
         scene = type(load(MUG)).model_validate(data)
         same = {
             "finger": str(FINGER),

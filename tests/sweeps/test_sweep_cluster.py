@@ -1,7 +1,4 @@
-"""Sweeps on a Dask cluster, a worker of which is killed; from inside: lines of the file, each with its checksum.
-
-Sweeps on a Dask cluster: a scheduler and two workers, each a process of its own, one of them killed half-way.
-"""
+"""Sweeps on a Dask cluster: a scheduler and two workers, each a process of its own, one of them killed half-way."""
 
 from __future__ import annotations
 
@@ -15,8 +12,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from continuum_grasp import sweep
-from continuum_grasp.addons.sweeps.folder import decode
+from continuum_grasp import sweep, sweep_table
 from continuum_grasp.base import InputError
 from tests.commands import environment
 from tests.marks import optional
@@ -68,7 +64,8 @@ def test_a_worker_is_killed_half_way(tmp_path, monkeypatch):
         table = sweep(config, folder=tmp_path / "out", scheduler=address, evaluate=slow, progress=kill_one)
     assert killed
     lines = (tmp_path / "out" / "table.jsonl").read_bytes().splitlines(keepends=True)
-    assert sorted(decode(line)["index"] for line in lines) == list(range(300))
+    assert sorted(json.loads(line)["index"] for line in lines) == list(range(300))
+    assert sweep_table(tmp_path / "out")["index"].tolist() == list(range(300))  # each line has its checksum
     assert table.counts == {"optimal": 300}
     np.testing.assert_allclose(table["tension_max"], np.arange(1.0, 301.0) / 0.5, rtol=1e-15)
     who = [line.split() for line in (tmp_path / "log").read_text().splitlines()]
