@@ -1,4 +1,4 @@
-"""Plans of fingers with friction, winches or motors; from inside: single shooting intervals and their step counts.
+"""Plans of fingers with friction, winches or motors; from inside: intervals of shooting, each with its steps.
 
 Plans of fingers whose tendons have friction, winches or motors, against the equations of motion by scipy.
 """

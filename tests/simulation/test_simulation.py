@@ -1,4 +1,4 @@
-"""Motions: order, conservation, symmetry and hard cases; from inside: they are computed ten steps at a time.
+"""Motions: order, conservation, symmetry and hard cases; from inside: short ones are interrupted after ten steps.
 
 Motions: order, conservation, symmetry, the errors of the design's tables, moving inputs, and hard cases.
 """
