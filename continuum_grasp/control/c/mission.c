@@ -67,7 +67,8 @@ void mission_enter(mission_state *state, const mission_settings *o, int phase, r
   memcpy(state->u_min_before, state->u_min, sizeof state->u_min);
   memcpy(state->u_max_before, state->u_max, sizeof state->u_max);
   /* Positions hold where they are by now: friction and soft contacts move those of the grasp. */
-  for (int j = 0; j < MISSION_NU; ++j) state->moved[j] = kind == MISSION_HOLDS && o->follows_command ? u[j] - o->held[j] : 0;
+  for (int j = 0; j < MISSION_NU; ++j)
+    state->moved[j] = kind == MISSION_HOLDS && o->follows_command ? u[j] - o->held[j] : 0;
   mission_limit(state, o, kind, 0);
 }
 
@@ -178,6 +179,9 @@ static void mission_let_go(mission_state *state, const mission_settings *o, real
 {
   state->decision = MISSION_LETS_GO;
   mission_release(state, o, t, u, 1);
+  /* A blind finger opens as fast as its tensions may change: others that take longer push the object into it. */
+  state->opens_at_once = 1;
+  state->left_at = -1;
 }
 
 int mission_asks(const mission_state *state, const mission_settings *o)
@@ -189,11 +193,7 @@ int mission_advance(mission_state *state, const mission_settings *o, real t, con
                     int reported)
 {
   state->changed = 0;
-  if (mission_gives_up(state, o, reported)) {
-    mission_let_go(state, o, t, u);
-    state->opens_at_once = 1;
-    state->left_at = -1;
-  }
+  if (mission_gives_up(state, o, reported)) mission_let_go(state, o, t, u);
   if (forces && mission_feels(state, o)) mission_feel(state, o, forces);
   if (forces && o->watches && mission_holds(state, o)) mission_watch(state, o, t, forces, u);
   for (;;) {

@@ -80,8 +80,7 @@ typedef struct {
   int fades;                    /* whether a blind finger opens with the time of `release`, from what it held with */
   real left[MISSION_SIZE(MISSION_NR)];  /* of setpoints before a release or an abort; fades from `left_at` on */
   real left_at;
-  int opens_at_once;            /* whether setpoints are those of the end of `release`, lest this finger push the object into
-                                   another one that is blind */
+  int opens_at_once;            /* whether setpoints are those of the end of `release`: let go before the lift */
   int grip, noticed;            /* how it is held, and what made it firm; 0: nothing */
   int seen, open;               /* whether a height is known, and for how many calls a contact has borne hardly anything */
   real height, base, lost;      /* smoothed height in the hand, that from which losses count, the last loss [m] */
