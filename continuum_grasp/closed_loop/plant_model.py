@@ -524,7 +524,7 @@ class PlantModel(Remade):
     def method_for(self, period: float) -> PlantIntegration:
         """Choose the cheapest stable steps, by the fastest rate of some shapes at rest, contacts and damping."""
         system, w = self.system, self.forces(0.0)[0]
-        radius, longest = 0.0, system.structure.partial_step
+        radius, longest = 0.0, system.finger_model.structure.partial_step
         if isinstance(system, ChainSystem):
             # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
             return PlantIntegration(GUIDES, math.ceil(period / (10.0 * longest) - 1e-9), radius)

@@ -177,7 +177,7 @@ def test_the_shipped_detour_keeps_off_the_post():
     motion = PlannedMotion(found.scene)
     states = simulated(found.scene, motion.prediction, Path(found.x, found.u, found.duration), found.x[0], 101)
     assert found.status == "optimal"
-    assert excess_over_intervals(motion, states, 101)[:, motion.hard].max() < 1.1e-3
+    assert excess_over_intervals(motion, states, 101)[:, motion.bounded.hard].max() < 1.1e-3
 
 
 def test_least_time_of_held_inputs_reports_by_how_much_they_lead_the_drive():
