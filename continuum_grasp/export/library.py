@@ -82,8 +82,9 @@ class Library:
 
 def _is_possible(part: str, subject: Subject) -> bool:
     """Whether there is a part: ``contact`` with an object, ``linearization`` without, where it is not too large."""
-    if (part == "contact") != (subject.touching is not None):
-        return False
+    touches = subject.touching is not None
+    if part == "contact" or touches:
+        return touches and part == "contact"
     try:
         PARTS[part](subject)
     except InputError:

@@ -354,7 +354,7 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
             u[: len(greatest)] = greatest
             drives = [model.drives_at(shape, u, p=p)]
     # What sticks is stiff, and states of what slides return to their range.
-    return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in (structure.stiffest_friction)]
+    return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in structure.stiffest_friction]
 
 
 def _shapes(reach: Array, rng: np.random.Generator) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -94,8 +95,9 @@ class MotionResult(Result):
         """The function of an add-on that makes the page of such a run."""
         for addon in addons().values():
             for target in addon.exports.values():
-                if maker := named_value(target)().page_maker(self.page):
-                    return maker
+                with suppress(ImportError):  # of one whose libraries are not installed
+                    if maker := named_value(target)().page_maker(self.page):
+                        return maker
         raise InputError(f"no add-on that is installed makes a page of a {self.page}")
 
     def animate(
