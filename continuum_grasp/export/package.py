@@ -72,8 +72,8 @@ def export_c(
     Parameters
     ----------
     given : FingerModel, Scene, ControlScene, AssignedMission, MissionRun, Controller, Estimator, RtiSolver or path
-        What to export, or the path of its configuration. The grasp of a mission is optimized first, that of a run is
-        taken as it is; of a solver (``rti``), which takes any finite number, the part mpc alone. Parameters that it
+        What to export, or the path of its configuration, but of a mission: that comes from `assign_mission`, or as a
+        run; of a solver (``rti``), which takes any finite number, the part mpc alone. Parameters that it
         names stay fields of a struct.
     folder : path-like
         Where to. An earlier package there is replaced; files that are none of its own, or were changed, are not.

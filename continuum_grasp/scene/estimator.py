@@ -1,5 +1,5 @@
-"""An estimator: its sensors, the unknowns that it estimates, and contact that it detects by drives alone; and how a
-bench is mounted, whose camera, load cells and drives count otherwise than the model.
+"""An estimator: its sensors and the unknowns that it estimates; and how a bench is mounted, whose camera, load
+cells and drives count otherwise than the model.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from continuum_grasp.addons.mission.plant import PlantVariation, Timetable, miss
 from continuum_grasp.addons.mission.precheck import admit, exceeded
 from continuum_grasp.addons.mission.result import MissionRun
 from continuum_grasp.addons.mission.scene import MissionScene
-from continuum_grasp.base import InputError, Summarized, check_arguments, quoted
+from continuum_grasp.base import InputError, Summarized, check_arguments, interruptible, quoted
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Stages
 from continuum_grasp.export import ExportedLoop, ExportedPhases
@@ -79,6 +79,7 @@ class AssignedMission(Summarized):
 
 
 @check_arguments
+@interruptible()
 def assign_mission(scene: MissionScene | str | PathLike[str], *, grasp: GraspResult | None = None) -> AssignedMission:
     """Optimize the grasp of a mission, and say what each of its controllers has to do.
 

@@ -85,7 +85,7 @@ def variation_of(sweep: Sweep, document: ConfigurationData) -> Variation:
 def fault_kinds(error: InputError) -> set[str]:
     """Kinds of the faults that validation found, in pydantic's words: ``value_error`` of checks of several keys.
 
-    None where the error is not one of validation.
+    Empty where the error is not one of validation.
     """
     found = error.__cause__
     if not isinstance(found, ValidationError):

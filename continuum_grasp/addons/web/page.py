@@ -84,7 +84,7 @@ def export_web(
 
     A scene of ``simulate`` becomes a finger whose inputs and run-time parameters have sliders; until one is moved,
     inputs follow the scene. A closed loop has its plant, its estimator and its controller, whose target is dragged. A
-    mission has its phases too, and may be ended before its time; its grasp is optimized first.
+    mission, as `assign_mission` gives it, has its phases too, and may be ended before its time.
     Fingers and objects are pushed with the mouse or a finger.
 
     Parameters
