@@ -249,10 +249,8 @@ class GraspResult(Result):
 
     @property
     def _idle(self) -> list[str]:
-        """Contacts that the scene switches on, and that carry nothing."""
-        states = [setup.switches for setup in self.scene.setups]
-        states.append({body.name: body.touch for body in self.scene.places})
-        on = {name for switches in states for name, state in switches.items() if state == "on"}
+        """Contacts of fingers that the scene switches on, and that carry nothing."""
+        on = {name for setup in self.scene.setups for name, state in setup.switches.items() if state == "on"}
         least = NEAR * self.greatest_normal_force
         return [contact.name for contact in self.contacts if contact.name in on and contact.normal_force < least]
 

@@ -1,7 +1,4 @@
-"""Fingers that curl up, by shapely; from inside: the check gets curves made here, as no grasp that is found fails it.
-
-Fingers that curl up: none passes through itself, by shapely, which the certificate does not use.
-"""
+"""Fingers that curl up, by shapely; from inside: the check gets curves made here, as no grasp found fails it."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ The backbones are integrated anew from their curvature profiles. The fingers' eq
 work: the potential of bending, weight, tendons and contact forces must be stationary in the bending
 coordinates, its gradient taken by complex steps. Normals, contact points and gaps are recomputed, never taken
 from the result on trust. Whether fingers overlap in the plane is checked unless the scene has them at different
-heights.
+heights, and that none passes through itself in any case.
 """
 
 from __future__ import annotations

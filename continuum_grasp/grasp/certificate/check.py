@@ -250,8 +250,10 @@ def self_overlap(finger: RecomputedFinger) -> float:
     Parts are apart along the finger by more than half a circle of its own half thickness: what bends no sharper than
     its skin allows cannot touch itself closer by. Where the backbone crosses itself, as deep as the tip is beyond.
     """
-    # What turns by less than half a circle in all has no parts that come back to each other.
-    if float(np.abs(np.diff(finger.angles)).sum()) < np.pi:
+    # What turns by less than half a circle in all, no sharper than its skin, has no parts that come back to each other.
+    turns = np.abs(np.diff(finger.angles))
+    sharp = turns * np.maximum(finger.thickness[1:], finger.thickness[:-1]) > np.diff(finger.rod.edges)
+    if float(turns.sum()) < np.pi and not sharp.any():
         return -finger.length
     z, s, half = finger.points, finger.rod.edges, finger.thickness
     thick = np.maximum(half[:-1], half[1:])

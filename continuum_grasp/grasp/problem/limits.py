@@ -102,9 +102,12 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
     ]
     # 1e-24 keeps the root differentiable where the fingers cross.
     away = ca.sqrt(ca.sum1((near[0] - near[1]) ** 2).T + 1e-24)
-    spare = away - number(f"gap of {name}", count) + problem.slack["overlap"] + number("tolerance")
-    what = f"overlap of fingers, {name}" if other is not finger else f"passes through itself, {finger.spec.name}"
-    problem.rows.require(what, spare, "m", "overlap", upper=ca.inf)
+    spare = away - number(f"gap of {name}", count) + number("tolerance")
+    if other is finger:
+        problem.rows.require(f"passes through itself, {finger.spec.name}", spare, "m", finger.spec.name, upper=ca.inf)
+        return
+    spare += problem.slack["overlap"]
+    problem.rows.require(f"overlap of fingers, {name}", spare, "m", "overlap", upper=ca.inf)
 
 
 def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:

@@ -83,7 +83,8 @@ class NearbySearch:
         ]
         depths = [-np.inf, *(finger.deepest for finger in traced)]
         for finger, other in self._problem.spec.pairs:
-            depths.append(_between(traced[finger], traced[other], seen) - float(x[at["relaxed overlap"]][0]))
+            allowed_overlap = float(x[at["relaxed overlap"]][0]) if other != finger else 0.0
+            depths.append(_between(traced[finger], traced[other], seen) - allowed_overlap)
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, (circles, _) in enumerate(_beside(scene.object.pieces, self._problem.spec.obstacles, local, units)):

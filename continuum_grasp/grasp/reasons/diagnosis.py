@@ -98,7 +98,7 @@ def part_of(elastic: Elastic, limit: RelaxedLimit, repair: Repair) -> Reason:
     key = next((key for key, number in changed.items() if number == stated), next(iter(changed), limit.key))
     if key in changed and changed[key] != stated and not key.endswith("torque_max"):
         bound = dict(changed_numbers(eased, scene))[key]
-        needed = dict(changed_numbers(scene, limit.relaxed(scene, amount)))[key]
+        needed = dict(changed_numbers(scene, limit.relaxed(scene, amount))).get(key, bound)
         changed[key] = beyond_needed(needed, math.copysign(1.0, needed - bound))
     # As many digits as tell the two apart.
     digits = next(digits for digits in range(4, 17) if digits == 16 or f"{bound:.{digits}g}" != f"{needed:.{digits}g}")
@@ -114,7 +114,7 @@ def part_of(elastic: Elastic, limit: RelaxedLimit, repair: Repair) -> Reason:
 
 
 def _needed(scene: GraspScene, changed: dict[str, float], repair: Repair) -> dict[str, float]:
-    """Those of the changed numbers, by key, without which the posture of a repair is no grasp of the scene."""
+    """Changed numbers, by key, without which the posture of a repair is no grasp of the scene."""
     if any(limit.excuses is not None for limit in repair.parts):
         return changed
     needed = dict(changed)
