@@ -11,6 +11,7 @@ from .functions import MATRICES as MATRICES
 from .functions import Functions as Functions
 from .functions import Remade as Remade
 from .functions import named as named
+from .graded_backbone import GradedBackbone as GradedBackbone
 from .laws.section import POSITIVE as POSITIVE
 from .layout import MOST_ELEMENTS as MOST_ELEMENTS
 from .layout import SHORTEST as SHORTEST

@@ -12,11 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.functions import Functions, named
-from continuum_grasp.model.graded_backbone import GradedBackbone
 from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
-from continuum_grasp.model.runtime_curves import CurvesSpec
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.scene import Finger, Scene
 
@@ -354,14 +352,10 @@ class FingerModel(Functions):
         return self._sliding
 
     def with_accuracy(self, accuracy: float) -> FingerModel:
-        """The same model, evaluated with another accuracy."""
+        """Model of the same finger, evaluated with another accuracy."""
         finger, options = self.structure.asked
         changed: ModelOptions = {**options, "accuracy": accuracy}
         return FingerModel(finger, **changed)
-
-    def graded_backbone(self, curves: CurvesSpec) -> GradedBackbone:
-        """Places and equilibrium of a finger of the same structure, whose curves are run-time arguments."""
-        return GradedBackbone(self.structure, curves)
 
     def slid(self, q: Array, u: Array, p: Array) -> Array:
         """Values of `sliding` (states,) in a shape at rest."""

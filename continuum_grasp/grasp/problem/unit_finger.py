@@ -14,7 +14,7 @@ import casadi as ca
 
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
-from continuum_grasp.model import FingerModel, soft
+from continuum_grasp.model import FingerModel, GradedBackbone, soft
 from continuum_grasp.scene import Finger, MomentLoad
 
 _OFFSET = 0.5
@@ -34,7 +34,7 @@ class UnitFinger:
         self.curves = spec.curves.expressions(self.number("curves", spec.curves.size))
         self.model = unit_model(spec)
         graded = spec.curves.graded
-        self.backbone = self.model.graded_backbone(spec.curves) if graded else self.model.backbone()
+        self.backbone = GradedBackbone(self.model.structure, spec.curves) if graded else self.model.backbone()
         name, number = spec.name, self.number
         self.q = x(f"{name}.q", self.model.n)  # bending coordinates of the unit finger
         # Positions of the middle contacts, as parts of the length.
