@@ -322,12 +322,11 @@ def test_a_build_in_single_precision_that_is_wrong_is_refused(fault, monkeypatch
 
 @pytest.mark.deep
 @needs("cc")
-def test_calls_from_the_same_memory_agree_although_runs_part(packages):
-    """Of a controller for which rounding decides now and then whether a tendon sticks."""
+def test_calls_from_the_same_memory_agree(packages):
+    """Also of a controller for which rounding may decide whether a tendon sticks, from where on runs part."""
     functions = json.loads((packages("servo", "float") / "MANIFEST.json").read_text())["functions"]
     (command,) = functions["mpc"]["errors"].values()
     assert command["usual_call"] < 1e-5 * command["greatest_value"]
-    assert command["over_the_run"] > 0.01 * command["greatest_value"]
     for error in functions["estimator_step"]["errors"].values():
         assert error["over_the_run"] < 1e-3 * error["greatest_value"]
 
