@@ -273,6 +273,13 @@ def measured_choices(scene: Scene) -> Iterator[object]:
     yield from (initial_state(known, one), known.name, known.time and timing_of_comparison(known))
 
 
+class _AskedPlant(PlantModel):
+    """What a plant is asked for, in place of the plant."""
+
+    def __new__(cls, *plant: Any, **named: Any) -> Any:
+        return (*plant[1:], named)
+
+
 def carried_out(mission: MissionScene) -> Iterator[object]:
     """What a mission asks of controller and plant, once its grasp has been found: of one middle contact."""
     given = mission.grasp.setups[0].finger.replaced(tendons=mission.tendons or mission.grasp.setups[0].finger.tendons)
@@ -280,7 +287,7 @@ def carried_out(mission: MissionScene) -> Iterator[object]:
     body = mission.grasp.object.replaced(free=None)
     control = _control_scene(mission, held, body, (0.1,), {"finger.1": 1.0})
     one: Any = SimpleNamespace(mission=mission, control=control, pulls=[0])
-    with patch.object(mission_plant, "PlantModel", lambda *plant, **named: (*plant[1:], named)):
+    with patch.object(mission_plant, "PlantModel", _AskedPlant):
         yield from (control, mission_plant.mission_plant_model(one), mission_plant.Timetable(one).spans)
     asked = mission.controller
     yield from (asked.retained, asked.held, asked.deadline, mission.pull_share, mission.beyond_certificate)

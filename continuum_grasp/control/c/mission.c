@@ -57,7 +57,7 @@ static void mission_limit(mission_state *state, const mission_settings *o, int k
 
 void mission_enter(mission_state *state, const mission_settings *o, int phase, real t, const real *u)
 {
-  if (state->fades) mission_limit(state, o, MISSION_NOMINAL, 0);
+  if (state->fades && state->sight == CG_BLIND) mission_limit(state, o, MISSION_NOMINAL, 0);
   state->fades = phase == o->release && state->phase == o->lower;
   state->phase = phase;
   state->start = t;
