@@ -53,13 +53,13 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene import (
     Actuation,
+    ConfigurationData,
     ControlScene,
     Fidelity,
     Initial,
     Samples,
     Scene,
     Surroundings,
-    placed_scene_of,
 )
 from continuum_grasp.simulation import Signals, initial_state, modes, resolve_fidelity
 from continuum_grasp.simulation.accuracy.motion import timing_of_comparison
@@ -336,7 +336,7 @@ def of_sweep(sweep: Sweep) -> Iterator[object]:
 
 def of_design(design: Design) -> Iterator[object]:
     """What a design chooses, and the scenes, costs and options of its search."""
-    space = design_space_of(*placed_scene_of(design, Design))
+    space = design_space_of(ConfigurationData.given(design, Design))
     yield from (space.coordinates, space.following, space.tolerated, space.start)
     yield [space.scene(case, space.start) for case in space.cases]
     yield from (design.expressions, [*design.limits.values()], design.over, design.solver)

@@ -43,8 +43,8 @@ class ConfigurationKind:
     """Keys that none of its files has."""
     names_files: bool = True
     """Whether ``finger`` and ``grasp`` may be paths of files."""
-    finish: str = ""
-    """Function (scene, document, path) -> scene that reads what else the file names, as ``module:name``."""
+    reader: str = ""
+    """Function `ConfigurationData` -> scene, where a file names more than its class checks, as ``module:name``."""
     loop: str = ""
     """Function (scene or its result, name of a finger) -> what an export takes as a closed loop, as ``module:name``."""
     results: Collection[str] = ()

@@ -114,12 +114,12 @@ class _Verb(TyperCommand):
             config = ctx.params.get("config")
             if config is None or error.file is not None or error.key is None:
                 raise
-            from continuum_grasp.scene import load_placed
+            from continuum_grasp.scene import ConfigurationData
 
-            scene, document = load_placed(config, ctx.params.get("changes") or ())
-            if error.key.partition(".")[0].partition("[")[0] not in type(scene).model_fields:
+            data = ConfigurationData.load(config, ctx.params.get("changes") or ())
+            if error.key.partition(".")[0].partition("[")[0] not in type(data.scene).model_fields:
                 raise  # about an option, or an argument of a function
-            raise document.placed_error(error) from None
+            raise data.placed_error(error) from None
 
 
 app = typer.Typer(

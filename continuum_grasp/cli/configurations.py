@@ -133,12 +133,13 @@ def validate(
     """Check configurations. Whether a finger can be modeled so is part of it."""
     from continuum_grasp.control import Prediction
     from continuum_grasp.model import FingerModel
-    from continuum_grasp.scene import ControlScene, Finger, Scene, kind_of_scene, load_placed
+    from continuum_grasp.scene import ConfigurationData, ControlScene, Finger, Scene, kind_of_scene
 
     checked: list[dict[str, Any]] = []
     for file in files:
         try:
-            loaded, document = load_placed(file, output.changes or ())
+            data = ConfigurationData.load(file, output.changes or ())
+            loaded = data.scene
             try:  # as far as the structure of the model; no expressions are built
                 if isinstance(loaded, Scene):  # which model a tolerance needs is not asked here
                     fidelity = loaded.fidelity.replaced(tolerance=None)
@@ -150,7 +151,7 @@ def validate(
                 elif isinstance(loaded, ControlScene):
                     Prediction(loaded)
             except InputError as error:
-                raise document.placed_error(error) from None
+                raise data.placed_error(error) from None
         except InputError as error:
             checked.append({"file": str(file), "valid": False, "errors": str(error).splitlines()})
             if not output.as_json:
@@ -158,23 +159,23 @@ def validate(
         else:
             kind = kind_of_scene(loaded).name
             if picture is not None:
-                _draw(loaded, document, picture)
-            checked.append({"file": str(file), "valid": True, "kind": kind, "notes": document.notes})
+                _draw(data, picture)
+            checked.append({"file": str(file), "valid": True, "kind": kind, "notes": data.notes})
             output.say(f"{file}: valid ({kind})")
-            for note in document.notes:
+            for note in data.notes:
                 output.say(f"  {note}")
     output.result(files=checked)
     if not all(verdict["valid"] for verdict in checked):
         raise typer.Exit(2)
 
 
-def _draw(loaded: Any, document: ConfigurationData, picture: Path) -> None:
+def _draw(data: ConfigurationData, picture: Path) -> None:
     """Draw the scene of a configuration, of a sweep or design its base; of several files, the last one's stays."""
     from continuum_grasp.addons.sweeps import base_scene
     from continuum_grasp.plotting import plot_scene
     from continuum_grasp.results import save_picture
 
-    save_picture(plot_scene(base_scene(loaded, document)), picture)
+    save_picture(plot_scene(base_scene(data)), picture)
 
 
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")

@@ -94,8 +94,6 @@ from .profile import Curve as Curve
 from .profile import Panels as Panels
 from .profile import Profile as Profile
 from .reading import load as load
-from .reading import load_placed as load_placed
-from .reading import placed_scene_of as placed_scene_of
 from .reading import scene_of as scene_of
 from .rod import Damping as Damping
 from .rod import DryFriction as DryFriction

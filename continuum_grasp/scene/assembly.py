@@ -6,14 +6,14 @@ import copy
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from continuum_grasp.base import ConfigurationKind, InputError
-from continuum_grasp.scene.config_kinds import kind_of
+from continuum_grasp.base import ConfigurationKind, InputError, named_value
+from continuum_grasp.scene.config_kinds import each_of, kind_of, other_kind
 from continuum_grasp.scene.document import Change, Document, KeyPath, Place, child, dotted, plain, undotted
 from continuum_grasp.scene.yaml_loader import parse_yaml, read_yaml
 
@@ -34,6 +34,7 @@ class ConfigurationData(Document):
 
     file: Path = Path()
     """The main file: names of files that come from no line of a file are relative to its folder."""
+    _scene: Any = field(default=None, init=False, repr=False, compare=False)
 
     @classmethod
     def read(cls, path: str | Path, changes: Iterable[Change], varied: Iterable[str] = ()) -> ConfigurationData:
@@ -51,7 +52,33 @@ class ConfigurationData(Document):
         return data
 
     @classmethod
-    def stated(cls, value: Any, name: str, file: Path | None = None) -> ConfigurationData:
+    def load(cls, path: str | Path, overrides: Overrides = ()) -> ConfigurationData:
+        """The data of a file with changes from outside, as ``continuum_grasp.scene.load`` takes them."""
+        return cls.read(path, read_overrides(overrides))
+
+    @classmethod
+    def given(cls, value: Any, kind: type[Any], overrides: Overrides = ()) -> ConfigurationData:
+        """The data of a scene that is given as such, as a mapping, or by the path of its file."""
+        if not isinstance(value, kind | Mapping):
+            return cls.of_file(value, kind, overrides, ", or a mapping")
+        data = cls.of(value, kind.__name__, value.file if isinstance(value, kind) else None)
+        for path, new in read_overrides(overrides):
+            apply_override(data, path, new)
+        return data
+
+    @classmethod
+    def of_file(cls, path: Any, kind: Any, overrides: Overrides, others: str = "") -> ConfigurationData:
+        """The data of a file whose scene is of a class, or of one of some; ``others`` is what else is accepted."""
+        if not isinstance(path, (str, os.PathLike)):
+            names = " or ".join(accepted.__name__ for accepted in each_of(kind))
+            raise InputError(f"expected a {names} or the path of its file{others}, got {path!r:.80}")
+        data = cls.load(Path(path), overrides)
+        if not isinstance(data.scene, kind):
+            raise other_kind(path, kind, data.scene)
+        return data
+
+    @classmethod
+    def of(cls, value: Any, name: str, file: Path | None = None) -> ConfigurationData:
         """The data of a scene or mapping that is given in Python, which errors call by a name."""
         return cls(plain(value), {(): Place(name)}, file=file or Path(name))
 
@@ -59,6 +86,17 @@ class ConfigurationData(Document):
     def kind(self) -> ConfigurationKind:
         """Kind of the configuration, by its keys."""
         return kind_of(self.value)
+
+    @property
+    def scene(self) -> Any:
+        """The scene, of the class of its kind; what else it names is checked, too."""
+        # No cached_property of functools, whose line would be the one that warnings name.
+        if self._scene is None:
+            kind = self.kind
+            if kind.name == "finger":
+                take_version(self)
+            self._scene = named_value(kind.reader)(self) if kind.reader else self.validated(kind.scene_class)
+        return self._scene
 
     def validated(self, model: type[Model]) -> Model:
         """The contents, checked: `InputError` has file, line, column and key of everything that is wrong."""

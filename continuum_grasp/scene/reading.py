@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, overload
 
-from continuum_grasp.base import InputError, named_value
-from continuum_grasp.scene.assembly import ConfigurationData, Overrides, apply_override, read_overrides, take_version
-from continuum_grasp.scene.config_kinds import each_of, other_kind
+from continuum_grasp.scene.assembly import ConfigurationData, Overrides
 from continuum_grasp.scene.simulate import Scene
 
 Loaded: TypeAlias = Any
@@ -50,19 +47,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
     >>> type(scene).__name__, scene.time.duration, scene.finger.rod.length  # s, m
     ('Scene', 0.5, 0.6)
     """
-    return load_placed(path, overrides)[0]
-
-
-def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, ConfigurationData]:
-    """Load a scene, as `load` does, with the document that says where everything was written."""
-    document = ConfigurationData.read(path, read_overrides(overrides))
-    kind = document.kind
-    if kind.name == "finger":
-        take_version(document)
-    loaded: Any = document.validated(kind.scene_class)
-    if kind.finish:
-        loaded = named_value(kind.finish)(loaded, document, document.file)
-    return loaded, document
+    return ConfigurationData.load(path, overrides).scene
 
 
 @overload
@@ -76,24 +61,4 @@ def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
 
     ``kind`` is a class, or classes of which one will do.
     """
-    return given if isinstance(given, kind) else _read(given, kind, overrides)[0]
-
-
-def placed_scene_of(given: Any, kind: type[Any], overrides: Overrides = ()) -> tuple[Any, ConfigurationData]:
-    """Return a scene that is given as such, as a mapping or by its file, and the data that say where all is written."""
-    if not isinstance(given, kind | Mapping):
-        return _read(given, kind, overrides, ", or a mapping")
-    data = ConfigurationData.stated(given, kind.__name__, given.file if isinstance(given, kind) else None)
-    for path, new in read_overrides(overrides):
-        apply_override(data, path, new)
-    return data.validated(kind), data
-
-
-def _read(given: Any, kind: Any, overrides: Overrides, others: str = "") -> tuple[Any, ConfigurationData]:
-    if not isinstance(given, (str, os.PathLike)):
-        names = " or ".join(accepted.__name__ for accepted in each_of(kind))
-        raise InputError(f"expected a {names} or the path of its file{others}, got {given!r:.80}")
-    loaded, document = load_placed(Path(given), overrides)
-    if not isinstance(loaded, kind):
-        raise other_kind(given, kind, loaded)
-    return loaded, document
+    return given if isinstance(given, kind) else ConfigurationData.of_file(given, kind, overrides).scene

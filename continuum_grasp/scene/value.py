@@ -152,7 +152,7 @@ class Value(BaseModel):
         from continuum_grasp.scene.assembly import ConfigurationData, read_overrides
 
         name = type(self).__name__
-        overrides, data = read_overrides(changes, name), ConfigurationData.stated(self, name)
+        overrides, data = read_overrides(changes, name), ConfigurationData.of(self, name)
         for path, _ in overrides:
             data.write_out(path, self)
         return data.changed(overrides).validated(type(self))

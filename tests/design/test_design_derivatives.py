@@ -26,8 +26,7 @@ ARCS = "configs/grasp/mug_arcs.yaml"
 
 
 def problem_of(**keys):
-    design = Design(**keys)
-    return DesignProblem(design_space_of(design, ConfigurationData.stated(design, "Design")))
+    return DesignProblem(design_space_of(ConfigurationData.of(Design(**keys), "Design")))
 
 
 def start_of(problem):

@@ -271,7 +271,7 @@ def test_scale_and_tolerance_of_an_outline_vary(tmp_path):
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(data))
     keys = {"object.scale": {"values": ["1 mm", "2 mm"]}, "object.tolerance": {"values": ["0.01 mm", "1 mm"]}}
     sweep = Sweep(scene=str(tmp_path / "scene.yaml"), vary=keys)
-    varied = variation_of(sweep, ConfigurationData.stated({}, "sweep", tmp_path / "sweep.yaml"))
+    varied = variation_of(ConfigurationData.of(sweep, "sweep", tmp_path / "sweep.yaml"))
     paths = [axis.path for axis in varied.axes]
     for values in itertools.product(*(axis.values for axis in varied.axes)):
         scene = GraspScene.model_validate(scene_data(varied.base, paths, SweepPoint(0, values, values)))
@@ -282,7 +282,7 @@ def test_scale_and_tolerance_of_an_outline_vary(tmp_path):
         assert 0.9 * least < len(scene.object.parts[0].vertices) < 2.5 * least
     chosen = {"object.scale": {"min": 1e-3, "max": 2e-3}}
     design = Design(scene=str(tmp_path / "scene.yaml"), variables=chosen, minimize="tension")
-    space = design_space_of(design, ConfigurationData.stated({}, "design", tmp_path / "design.yaml"))
+    space = design_space_of(ConfigurationData.of(design, "design", tmp_path / "design.yaml"))
     assert space.start == [1e-3]
     assert space.scene(SINGLE, [1.5e-3]).object.size == pytest.approx(0.03, abs=2e-4)
 

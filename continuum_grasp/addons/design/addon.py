@@ -11,7 +11,7 @@ ADDON = Addon(
             "scene, variables, minimize",
             "design",
             marks=("variables", "minimize"),
-            finish="continuum_grasp.addons.design:read_design",
+            reader="continuum_grasp.addons.design:read_design",
         ),
     ),
     verbs={"design": "continuum_grasp.addons.design.verbs:design"},

@@ -26,7 +26,7 @@ from continuum_grasp.addons.design.scene import Design
 from continuum_grasp.addons.design.space import DesignSpace, design_space_of
 from continuum_grasp.base import Array, SolverError, check_arguments, interruptible
 from continuum_grasp.grasp import SAME, GraspResult
-from continuum_grasp.scene import Overrides, placed_scene_of
+from continuum_grasp.scene import ConfigurationData, Overrides
 
 HOLDS = 1e-6
 """Violation up to which a limit holds, as a part of it."""
@@ -91,7 +91,7 @@ def optimize_design(
     >>> round(found.values["finger.tendons.offset"], 5), found.status.value  # m
     (0.00465, 'optimal')
     """
-    space = design_space_of(*placed_scene_of(design, Design, overrides))
+    space = design_space_of(ConfigurationData.given(design, Design, overrides))
     search = _DesignSearch(space, progress or (lambda share, text: None))
     result = search.result()
     if raise_on_failure and not result.solved:

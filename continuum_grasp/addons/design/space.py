@@ -6,7 +6,6 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from continuum_grasp.addons.design.scene import Design, DesignVariable, Tolerance
@@ -70,9 +69,10 @@ def _check_payload(design: Design, scene: GraspScene) -> None:
         feature.check(scene)
 
 
-def design_space_of(design: Design, document: ConfigurationData) -> DesignSpace:
+def design_space_of(data: ConfigurationData) -> DesignSpace:
     """Resolve a design and check that its keys and values have their place in the scene."""
-    keys = SceneKeys(design, document)
+    keys = SceneKeys(Design, data)
+    design = keys.config
     scene = keys.base.validated(GraspScene)
     _check_payload(design, scene)
     tolerated = []
@@ -89,27 +89,29 @@ def design_space_of(design: Design, document: ConfigurationData) -> DesignSpace:
     )
 
 
-def _coordinate(keys: SceneKeys, key: str, variable: DesignVariable, scene: GraspScene) -> VariedKey[DesignVariable]:
+def _coordinate(
+    keys: SceneKeys[Design], key: str, variable: DesignVariable, scene: GraspScene
+) -> VariedKey[DesignVariable]:
     where, start = ("variables", key), variable.start
     varied = keys.varied(where, key, variable, [variable.min, variable.max], listed=False)
     if start is None:
         start = _number(keys, where, scene, varied.path)
         if not variable.min <= start <= variable.max:
             message = f"the scene has {start:g}, not within {variable.min:g} and {variable.max:g}: give start"
-            raise keys.document.nearest(where).error(message, where)
+            raise keys.data.nearest(where).error(message, where)
     return replace(varied, nominal=start)
 
 
-def _number(keys: SceneKeys, where: KeyPath, scene: GraspScene, path: KeyPath) -> float:
+def _number(keys: SceneKeys[Design], where: KeyPath, scene: GraspScene, path: KeyPath) -> float:
     """The number of the scene at a path, also one that its file leaves to the default."""
     number: Any = scene.entry(path)
     if isinstance(number, bool) or not isinstance(number, int | float):
         message = "the scene has no number there" + ("" if number is None else f", but {number!r:.60}")
-        raise keys.document.nearest(where).error(message, where)
+        raise keys.data.nearest(where).error(message, where)
     return float(number)
 
 
-def _case(keys: SceneKeys, name: str, changes: Mapping[str, Any]) -> ConfigurationData:
+def _case(keys: SceneKeys[Design], name: str, changes: Mapping[str, Any]) -> ConfigurationData:
     edits = [keys.change(("cases", name, key), key, value) for key, value in changes.items()]
     document = keys.base.changed(edits)
     try:
@@ -122,7 +124,6 @@ def _case(keys: SceneKeys, name: str, changes: Mapping[str, Any]) -> Configurati
     return document
 
 
-def read_design(design: Design, document: ConfigurationData, file: Path) -> Design:
-    """A design from a file, whose keys and values have their place in the scenes that it names."""
-    design_space_of(design, document)
-    return design.in_folder(file.parent)
+def read_design(data: ConfigurationData) -> Design:
+    """The design of a file, whose keys and values have their place in the scenes that it names."""
+    return design_space_of(data).design

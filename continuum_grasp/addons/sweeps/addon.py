@@ -9,7 +9,7 @@ ADDON = Addon(
             marks=("scene", "vary", "sample"),
             without=("variables", "minimize"),
             names_files=False,
-            finish="continuum_grasp.addons.sweeps:read_sweep",
+            reader="continuum_grasp.addons.sweeps:read_sweep",
         ),
     ),
     verbs={"sweep": "continuum_grasp.addons.sweeps.verbs:sweep"},

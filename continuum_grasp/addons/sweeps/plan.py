@@ -18,7 +18,7 @@ from continuum_grasp.addons.sweeps.scene import SWEEP_QUANTITIES, Draw, Sweep
 from continuum_grasp.addons.sweeps.variation import Variation, VariedKey, variation_of
 from continuum_grasp.base import clipped
 from continuum_grasp.results import plain
-from continuum_grasp.scene import KeyPath, Overrides, placed_scene_of
+from continuum_grasp.scene import ConfigurationData, KeyPath, Overrides
 
 FORMAT_VERSION = 1
 """Version of the stored plan: a sweep resumes with the version that began it."""
@@ -42,7 +42,8 @@ class SweepPlan:
     ``columns`` are the numbers that every run gives, ``units`` those of keys and columns, where known.
     """
 
-    def __init__(self, sweep: Sweep, variation: Variation) -> None:
+    def __init__(self, variation: Variation) -> None:
+        sweep = variation.sweep
         self.sweep, self.variation = sweep, variation
         varied: list[VariedKey[Any]] = [*variation.axes, *variation.draws, *variation.ties]
         self.keys: tuple[str, ...] = tuple(entry.key for entry in varied)
@@ -184,5 +185,4 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
 
 def plan_of(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> SweepPlan:
     """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
-    sweep, data = placed_scene_of(config, Sweep, overrides)
-    return SweepPlan(sweep, variation_of(sweep, data))
+    return SweepPlan(variation_of(ConfigurationData.given(config, Sweep, overrides)))

@@ -12,12 +12,12 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import ValidationError
 
-from continuum_grasp.addons.design import Design
 from continuum_grasp.addons.sweeps.scene import Draw, Follow, Grid, Sweep, Varied
 from continuum_grasp.base import InputError, nearest
 from continuum_grasp.scene import ConfigurationData, Document, KeyPath, Shape, Value, path_of
 from continuum_grasp.scene import kinds as known_kinds
 
+Config = TypeVar("Config", bound=Varied)
 Way = TypeVar("Way", bound=Value)
 
 
@@ -41,6 +41,7 @@ class VariedKey(Generic[Way]):
 class Variation:
     """A sweep, resolved."""
 
+    sweep: Sweep
     kind: str
     """Kind of the scene: grasp, or mpc."""
     base: dict[str, Any]
@@ -50,13 +51,14 @@ class Variation:
     ties: tuple[VariedKey[Follow], ...]
 
 
-def variation_of(sweep: Sweep, document: ConfigurationData) -> Variation:
+def variation_of(data: ConfigurationData) -> Variation:
     """Resolve a sweep and check that its keys and values have their place in the scene.
 
     A scene that does not make sense as a whole, such as a finger that begins inside the object, is no error: it is a
     failed run. A key that does not exist, and a value of the wrong type or out of its own range, is.
     """
-    scene = SceneKeys(sweep, document, ("grasp", "mpc"))
+    scene = SceneKeys(Sweep, data, ("grasp", "mpc"))
+    sweep = scene.config
     axes = []
     for key, grid in sweep.vary.items():
         where: KeyPath = ("vary", key) if grid.values is None else ("vary", key, "values")
@@ -70,7 +72,7 @@ def variation_of(sweep: Sweep, document: ConfigurationData) -> Variation:
     for key, follow in sweep.follow.items():
         if follow.key not in numeric:
             message = f"{follow.key!r} has values that are no numbers"
-            raise document.nearest(("follow", key, "key")).error(message, ("follow", key))
+            raise data.nearest(("follow", key, "key")).error(message, ("follow", key))
     allowed = [*sweep.vary, *(draw.key for draw in draws), *sweep.follow, *sweep.columns]
     for name, part in product(("maps", "pareto"), ("x", "y", "color")):
         for k, picture in enumerate(getattr(sweep, name)):
@@ -78,8 +80,8 @@ def variation_of(sweep: Sweep, document: ConfigurationData) -> Variation:
             if column is not None and column not in allowed:
                 where = (name, k, part)
                 message = f"no such column: {column!r}{nearest(column, allowed)}"
-                raise document.nearest(where).error(message, where)
-    return Variation(scene.kind, scene.base.value, tuple(axes), tuple(draws), scene.ties)
+                raise data.nearest(where).error(message, where)
+    return Variation(sweep, scene.kind, scene.base.value, tuple(axes), tuple(draws), scene.ties)
 
 
 def fault_kinds(error: InputError) -> set[str]:
@@ -93,15 +95,15 @@ def fault_kinds(error: InputError) -> set[str]:
     return {fault["type"] for fault in found.errors(include_url=False, include_context=False)}
 
 
-class SceneKeys:
-    """The scene that a configuration names, one of ``kinds``, and the keys that it varies of it."""
+class SceneKeys(Generic[Config]):
+    """The scene that a configuration of a class names, one of ``kinds``, and the keys that it varies of it."""
 
-    def __init__(self, config: Varied, document: ConfigurationData, kinds: Sequence[str] = ("grasp",)) -> None:
-        self.config, self.document = config, document
-        place = document.nearest(("scene",))
-        file = Path(os.path.normpath(place.named_file(config.scene, document.file, "file", ("scene",))))
-        fixed = [self.change(("set", key), key, value) for key, value in config.set.items()]
-        self.base = ConfigurationData.read(file, fixed, config.varied_keys)
+    def __init__(self, model: type[Config], data: ConfigurationData, kinds: Sequence[str] = ("grasp",)) -> None:
+        self.config, self.data = data.validated(model).in_folder(data.file.parent), data
+        place = data.nearest(("scene",))
+        file = Path(os.path.normpath(place.named_file(self.config.scene, data.file, "file", ("scene",))))
+        fixed = [self.change(("set", key), key, value) for key, value in self.config.set.items()]
+        self.base = ConfigurationData.read(file, fixed, self.config.varied_keys)
         self.kind = self.base.kind.name
         if self.kind not in kinds:
             expected = " or ".join(known_kinds()[kind].expected for kind in kinds)
@@ -133,8 +135,8 @@ class SceneKeys:
 
     def change(self, where: KeyPath, key: str, value: Any) -> tuple[KeyPath, Document]:
         """A key of the scene with a value, at its place in the sweep."""
-        place = self.document.nearest(where)
-        beside = self.document.file.parent if place.line is None else None  # not beside the scene
+        place = self.data.nearest(where)
+        beside = self.data.file.parent if place.line is None else None  # not beside the scene
         place = replace(place, folder=beside)
         try:
             path = path_of(key, place.file)
@@ -156,11 +158,11 @@ class SceneKeys:
         return "" if unit is None or unit == "1" else unit
 
 
-def base_scene(loaded: Any, document: ConfigurationData) -> Any:
+def base_scene(data: ConfigurationData) -> Any:
     """The scene that a sweep or design varies, as it stands in its file; any other configuration itself."""
-    if not isinstance(loaded, Sweep | Design):
-        return loaded
-    keys = SceneKeys(loaded, document, ("grasp", "mpc"))
+    if not isinstance(data.scene, Varied):
+        return data.scene
+    keys = SceneKeys(type(data.scene), data, ("grasp", "mpc"))
     return keys.base.validated(keys.model)
 
 
@@ -168,7 +170,6 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def read_sweep(sweep: Sweep, document: ConfigurationData, file: Path) -> Sweep:
-    """A sweep from a file, whose keys and values have their place in the scene that it names."""
-    variation_of(sweep, document)
-    return sweep.in_folder(file.parent)
+def read_sweep(data: ConfigurationData) -> Sweep:
+    """The sweep of a file, whose keys and values have their place in the scene that it names."""
+    return variation_of(data).sweep
