@@ -209,7 +209,7 @@ def moved(data: Data) -> Data:
     def other(key: str, value: Any) -> Any:
         if key == "base":
             return {name: other(name, each) for name, each in value.items()}
-        if key in ("position", "point"):
+        if key in ("position", "point", "start", "end"):
             z = complex(*value) * _TURN + _SHIFT
             return z.real, z.imag
         if key == "vector":
@@ -226,7 +226,8 @@ def moved(data: Data) -> Data:
 def scaled(data: Data) -> Data:
     """The scene with other units of length and force."""
     units = dict.fromkeys(("length", "half_thickness", "offset", "diameter", "width", "height"), LONGER)
-    units |= dict.fromkeys(("position", "point", "vertices", "corner_radius", "radius", "at", "center_of_mass"), LONGER)
+    units |= dict.fromkeys(("position", "point", "start", "end", "vertices", "center_of_mass"), LONGER)
+    units |= dict.fromkeys(("corner_radius", "radius", "at"), LONGER)
     units |= dict.fromkeys(("mass", "max_tension", "min_tension", "normal_force_max"), STRONGER)
     units |= {"rest_curvature": 1.0 / LONGER, "linear_density": STRONGER / LONGER, "breaks": LONGER, "values": LONGER}
     units["bending_stiffness"] = STRONGER * LONGER**2
