@@ -405,9 +405,9 @@ def summary(files: dict[str, Data], names: bool = False) -> Iterator[Table]:
     times = Table("Processor time of the search [s]", ["population", "file", *_TIMES])
     lists = Table("Scenes", ["population", "file", "outcome", "scenes"])
     for name, scenes in groups.items():
-        any_holds = sum(any(trusted(row) for row in rows.values()) for rows in scenes.values())
         for label in files:
-            rows = [each[label] for each in scenes.values() if label in each]
+            mine = [each for each in scenes.values() if label in each]
+            rows, any_holds = [each[label] for each in mine], sum(any(map(trusted, each.values())) for each in mine)
             if not rows:
                 continue
             found = judged(scenes, label)

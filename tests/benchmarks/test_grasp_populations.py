@@ -7,7 +7,18 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.grasp_populations import IMAGES, POPULATIONS, against, document, image_of, judged, pairs, summary
+from benchmarks.grasp_populations import (
+    IMAGES,
+    POPULATIONS,
+    Worker,
+    against,
+    document,
+    image_of,
+    judged,
+    pairs,
+    summary,
+)
+from benchmarks.harness import ROOT
 from continuum_grasp.scene import GraspScene
 
 COUNT = 3
@@ -96,3 +107,24 @@ def test_outcomes_are_measured_by_the_best_that_exact_rods_confirm():
     assert times.rows[0][2] == 2.0  # of scenes 0 and 2
     table, _ = pairs(files, names=True)
     assert table.rows == [["one", 4, 0, 0, 2, 0, 2, 0]]
+
+
+def test_scenes_that_only_others_searched_do_not_count():
+    files = {"a": {"rows": [row(0, "infeasible")]}, "b": {"rows": [row(0, "infeasible"), row(1, "optimal", 10.0)]}}
+    outcomes, _ = summary(files)
+    assert [shown[6] for shown in outcomes.rows] == ["0 of 0", "1 of 1"]
+
+
+@pytest.mark.deep
+def test_a_scene_that_fails_or_takes_too_long_is_an_outcome_and_the_next_is_solved():
+    worker = Worker(ROOT, "process", [])
+    try:
+        data = document("one", 3, elements=4)
+        assert worker.solve(data | {"objective": "none such"}, 60.0)["status"] == "error"
+        assert worker.solve(data, 0.05)["status"] == "limit"
+        found = worker.solve(data, 60.0)
+    finally:
+        worker.remove()
+    assert found["status"] in ("optimal", "feasible")
+    assert found["passed"]
+    assert found["cpu"] > 0.0
