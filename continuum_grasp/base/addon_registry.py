@@ -50,7 +50,8 @@ class ConfigurationKind:
     results: Collection[str] = ()
     """Class names of the results that ``loop`` takes, too."""
     prepare: str = ""
-    """Function scene -> the result that ``loop`` needs in its place, where that takes long, as ``module:name``."""
+    """Function (scene, name of a finger) -> the result that ``loop`` needs in its place, where that takes long, as
+    ``module:name``; it refuses what ``loop`` would before."""
     preparing: str = ""
     """Words for what ``prepare`` does."""
 
@@ -107,6 +108,10 @@ class ExportTarget(ABC):
     def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
         """Options of a configuration that are not given."""
         return {}
+
+    def check(self, scene: Any, path: Path, **options: Any) -> None:
+        """Refuse arguments of ``write`` before the grasp of a mission is optimized, as far as they show it."""
+        return None
 
     def page_maker(self, kind: str) -> Callable[[Any], Any] | None:
         """Function result -> page of a result that shows a ``motion`` or a ``loop``; None where there is none."""

@@ -101,10 +101,11 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
     if rates and not isinstance(scene, tuple(loops)):
         raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
     options = {**target.defaults(output.config, scene), **options}
+    target.check(scene, output.folder, **options)
     hold_folder(output.folder)
     if kind := next((kind for kind in kinds().values() if kind.prepare and isinstance(scene, kind.scene_class)), None):
         with output.busy(kind.preparing):
-            scene = named_value(kind.prepare)(scene)
+            scene = named_value(kind.prepare)(scene, options.get("finger"))
         output.pairs(scene.pairs())
     with output.busy("writing"):
         written = target.write(scene, output.out, **options)
@@ -180,6 +181,12 @@ class PackageTarget(ExportTarget):
 
         return export_c
 
+    def check(self, scene: Any, path: Path, **options: Any) -> None:
+        """Refuse options that no package has."""
+        from continuum_grasp.export import PackageOptions
+
+        PackageOptions(**options)
+
     def report(self, written: Package, output: Output, clock: float | None = None) -> None:
         """Print where a package is, its limits and errors, and what an emulated target counted.
 
@@ -220,6 +227,12 @@ class FunctionsTarget(ExportTarget):
         from continuum_grasp.export import export_casadi
 
         return export_casadi
+
+    def check(self, scene: Any, path: Path, **options: Any) -> None:
+        """Refuse functions that a model has not."""
+        from continuum_grasp.export import functions_of
+
+        functions_of(**options)
 
     def report(self, written: Package, output: Output) -> None:
         """Print where the functions are, and how one is loaded."""

@@ -7,6 +7,7 @@ from .fields import REALS as REALS
 from .fields import Field as Field
 from .fields import fill as fill
 from .functions import export_casadi as export_casadi
+from .functions import functions_of as functions_of
 from .kernel import Kernel as Kernel
 from .library import Library as Library
 from .library import WasmController as WasmController

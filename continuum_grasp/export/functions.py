@@ -62,8 +62,7 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
     ['r']
     """
     check_folder(folder, "export")
-    known = FingerModel.function_names()
-    names = known if what is None else chosen(what, known, "function", "what")
+    names = functions_of(what)
     source = source_of(given, REALS["double"])
     model = source.finger
     functions = {name: getattr(model, name) for name in names}
@@ -87,6 +86,12 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
         "sha256": digests,
     }
     return write_package(Path(folder), files, values)
+
+
+def functions_of(what: Sequence[str] | None = None) -> list[str]:
+    """Functions of a model by their names, all where none is named; InputError for a name of none."""
+    known = FingerModel.function_names()
+    return list(known) if what is None else chosen(what, known, "function", "what")
 
 
 def _stored(function: ca.Function) -> str:

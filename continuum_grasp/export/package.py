@@ -22,7 +22,7 @@ from continuum_grasp.export.layer import Contents, abi_of, add_sizes, library_fi
 from continuum_grasp.export.manifest import Package, manifest, write_package
 from continuum_grasp.export.part import Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
-from continuum_grasp.export.source import Given, ModelSource, parts_of, prefix_of, source_of
+from continuum_grasp.export.source import Given, ModelSource, known_parts, parts_of, prefix_of, source_of
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
 from continuum_grasp.export.targets import example_files, measure, measured_core, readme, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
@@ -147,7 +147,7 @@ def export_c(
 
 @dataclass(frozen=True, kw_only=True)
 class PackageOptions:
-    """Options of a package, see ``export_c``."""
+    """Options of a package, see ``export_c``; InputError for those that no package has, whatever is exported."""
 
     real: str | None = None
     what: Sequence[str] | None = None
@@ -161,14 +161,28 @@ class PackageOptions:
     measured: bool = False
     finger: str | None = None
 
+    def __post_init__(self) -> None:
+        target, _ = target_of(self.target, self.real)
+        if self.measured:
+            measured_core(target)
+        if self.what is not None:
+            known_parts(self.what)
+        if self.error is not None:
+            positive("error", self.error)
+        if self.step is not None:
+            positive("step", self.step)
+        # 200: most sections of shape and velocities, each of which is code of its own
+        whole("sections", self.sections, 2, 200)
+        if self.substeps is not None:
+            whole("substeps", self.substeps, 1, MOST_SUBSTEPS)
+        prefix_of(self.prefix)
+
 
 def _package(given: Given, options: PackageOptions) -> tuple[dict[str, str], dict[str, Any]]:
     """Files of a package by path, and its manifest."""
     # 1e-2: greatest relative error of single precision by default
-    limit = 1e-2 if options.error is None else positive("error", options.error)
+    limit = 1e-2 if options.error is None else options.error
     target, computed_in = target_of(options.target, options.real)
-    if options.measured:
-        measured_core(target)  # refused before kernels are made and vectors computed, which takes up to minutes
     kind = REALS[computed_in]
     source = source_of(given, kind, options.finger)
     names = parts_of(options.what, source)
@@ -208,13 +222,11 @@ _SOLVERS = Consumer(
 
 def subject_of(source: ModelSource, names: Sequence[str], kind: Real, options: PackageOptions) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
-    longest = source.step if options.step is None else positive("step", options.step)
+    longest = source.step if options.step is None else float(options.step)
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
-    # 200: most sections of shape and velocities, each of which is code of its own
-    sections = whole("sections", options.sections, 2, 200)
-    prefix = prefix_of(options.prefix)
-    count = None if options.substeps is None else whole("substeps", options.substeps, 1, MOST_SUBSTEPS)
+    prefix = options.prefix
+    count = None if options.substeps is None else int(options.substeps)
     if isinstance(source.loop, RtiSolver):
         _SOLVERS.check(source, of={"ranges": bool(options.ranges)})
         return Subject(prefix, kind, loop=Loop.of_solver(source.loop, kind))
@@ -224,7 +236,7 @@ def subject_of(source: ModelSource, names: Sequence[str], kind: Real, options: P
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     loop_parts = [name for name in names if name in OF_LOOPS]
     loop = None if source.loop is None else Loop.of(source.loop, kind, loop_parts, source.phases)
-    return replace(subject, loop=loop, sections=sections)
+    return replace(subject, loop=loop, sections=int(options.sections))
 
 
 def _further_files(contents: Contents, target: str, vectors: Sequence[Vectors]) -> dict[str, str]:

@@ -203,13 +203,18 @@ def parts_of(what: Sequence[str] | None, source: ModelSource) -> list[str]:
         estimates = getattr(source.loop, "estimator", None) and source.phases is None
         without = (*ASKED_FOR, *(() if estimates else ("estimator",)), *(("mission",) if source.phases is None else ()))
         what = [name for name in PARTS if (name in OF_LOOPS) == (source.loop is not None) and name not in without]
-    what = [what] if isinstance(what, str) else what
-    if "metadata" in what:
-        raise InputError("names, units and ranges of all fields are in MANIFEST.json: leave metadata out", key="what")
-    names = chosen(what, PARTS, "part", "what")
+    names = known_parts(what)
     for part in _PARTS:
         part.check(source, of={f"what={name}": "what" for name in names})
     return [name for name in PARTS if name in names or (name == "mpc" and "mission" in names)]
+
+
+def known_parts(what: Sequence[str]) -> list[str]:
+    """Names of parts, each known; InputError for a name of none."""
+    what = [what] if isinstance(what, str) else what
+    if "metadata" in what:
+        raise InputError("names, units and ranges of all fields are in MANIFEST.json: leave metadata out", key="what")
+    return chosen(what, PARTS, "part", "what")
 
 
 def chosen(given: Sequence[str], known: Collection[str], kind: str, key: str) -> list[str]:

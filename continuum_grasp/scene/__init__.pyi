@@ -24,6 +24,7 @@ from .cost import CircleReference as CircleReference
 from .cost import Cost as Cost
 from .cost import ForceWeight as ForceWeight
 from .cost import Reference as Reference
+from .cost import Row as Row
 from .cost import RowSamples as RowSamples
 from .cost import ShapeWeight as ShapeWeight
 from .cost import Weight as Weight
@@ -128,7 +129,10 @@ from .units import Unit as Unit
 from .units import to_si as to_si
 from .value import SAME as SAME
 from .value import Configuration as Configuration
+from .value import Distance as Distance
 from .value import Duration as Duration
+from .value import Extent as Extent
+from .value import Friction as Friction
 from .value import Interval as Interval
 from .value import Length as Length
 from .value import ListOf as ListOf

@@ -305,6 +305,7 @@ def test_calls_are_shares_of_the_period_of_a_clock(monkeypatch, tmp_path, most, 
     }
     found = SimpleNamespace(manifest=made, folder=tmp_path, files=())
     monkeypatch.setattr("continuum_grasp.export.export_c", lambda scene, out, measured: found)
+    monkeypatch.setattr("continuum_grasp.export.PackageOptions", lambda measured: None)  # host has no board
     line = ["export", STEADY, "--to", "c", "--out", str(tmp_path / "c"), "--measure", "--clock", "168MHz"]
     result = run(*line)
     assert result.exit_code == status
@@ -325,6 +326,39 @@ def test_clocks_that_cannot_be_are_refused(options, said):
     result = run("export", RELEASE, "--to", "c", *options)
     assert result.exit_code == 2
     assert said in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "said"),
+    [
+        ("mug", "c --what mpg", "what: expected some of"),
+        ("mug", "c --target cortex-m9", "target: expected one of host"),
+        ("mug", "c --target cortex-m4f --real double", "real: cortex-m4f computes double in software"),
+        ("mug", "c --prefix int", "prefix: expected a free C identifier"),
+        ("mug", "c --measure", "target: host has no emulated board"),
+        ("pinch", "c", "finger: expected one of"),
+        ("pinch", "c --finger middle", "got 'middle'"),
+        ("pinch", "fmu --finger middle", "got 'middle'"),
+        ("mug", "fmu --what plant", "what: a mission has a controller alone"),
+        ("mug", "fmu --step 0.001", "step: is for a simulated scene"),
+        ("mug", "fmu --preview", "preview: follows its phases"),
+        ("mug", "casadi --what tips", "what: expected some of"),
+        ("pinch", "web", "a page has one finger"),
+    ],
+)
+def test_options_of_an_export_are_refused_before_the_grasp_of_a_mission_is_optimized(
+    name, line, said, monkeypatch, tmp_path
+):
+    def optimized(*_, **__):
+        raise AssertionError("the grasp was optimized first")
+
+    monkeypatch.setattr("continuum_grasp.addons.mission.assign_mission", optimized)
+    monkeypatch.setattr("continuum_grasp.addons.mission.exported.assign_mission", optimized)
+    line = ["export", str(ROOT / f"configs/mission/{name}.yaml"), "--to", *line.split(), "--out", str(tmp_path / "out")]
+    result = run(*line)
+    assert result.exit_code == 2
+    assert said in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_help_fits_80_columns_and_no_summary_is_cut(monkeypatch):

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.addons.fmu.write import FunctionalMockupUnit, export_fmu, identifier_of
+from continuum_grasp.addons.fmu.write import FunctionalMockupUnit, export_fmu, identifier_of, units_of
 from continuum_grasp.base import ExportTarget
 
 if TYPE_CHECKING:
@@ -23,6 +23,10 @@ class FmuTarget(ExportTarget):
     def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
         """Names of files and symbols are those of the configuration."""
         return {"name": identifier_of(config, scene)}
+
+    def check(self, scene: Any, path: Path, **options: Any) -> None:
+        """Refuse options that do not fit the scene, and files in the way."""
+        units_of(scene, path, **options)
 
     def report(self, written: Sequence[FunctionalMockupUnit], output: Output) -> None:
         """Print each unit's file, step and variables."""

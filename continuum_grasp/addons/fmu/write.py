@@ -12,7 +12,7 @@ import sys
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -154,28 +154,48 @@ def export_fmu(
     """
     scene = scene_of(given, (Scene, ControlScene, *_MISSIONS))
     identifier = prefix_of(name) if name is not None else identifier_of(given, scene)
+    options: dict[str, Any] = {"step": step, "substeps": substeps, "ranges": ranges}
+    files = units_of(scene, folder, name=identifier, what=what, fmi=fmi, preview=preview, finger=finger, **options)
+    makers: dict[str, Callable[..., UnitContents]] = {
+        "plant": partial(finger_unit, **options) if isinstance(scene, Scene) else loop_plant_unit,
+        "controller": partial(controller_unit, preview=preview, finger=finger),
+    }
+    units = {kind: makers[kind](scene, f"{identifier}_{kind}") for kind, _ in files}
+    with tempfile.TemporaryDirectory() as work:
+        return tuple(
+            _written(units[kind], kind, version, file, binary, Path(work)) for (kind, version), file in files.items()
+        )
+
+
+def units_of(
+    scene: Scene | ControlScene | MissionScene | AssignedMission | MissionRun,
+    folder: str | os.PathLike[str],
+    *,
+    name: str,
+    what: Sequence[str] | None = None,
+    fmi: Sequence[str] = VERSIONS,
+    preview: bool = False,
+    finger: str | None = None,
+    **options: Any,
+) -> dict[tuple[str, str], Path]:
+    """Files of the units of a scene by part and version; see ``export_fmu``.
+
+    InputError where options do not fit the scene, and where a file is in the way that no export wrote.
+    """
+    identifier = prefix_of(name)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
-    alone = isinstance(scene, Scene)
-    has = WHAT[:1] if alone else WHAT[1:] if isinstance(scene, _MISSIONS) else WHAT
+    has = WHAT[:1] if isinstance(scene, Scene) else WHAT[1:] if isinstance(scene, _MISSIONS) else WHAT
     asked = has if what is None else [what] if isinstance(what, str) else what
     kinds = chosen(asked, WHAT, "part", "what")
     given_options: dict[str, Any] = {f"what={kind}": "what" for kind in kinds}
-    given_options |= {"step": bool(step), "ranges": bool(ranges), "substeps": bool(substeps), "preview": preview}
-    given_options["finger"] = finger is not None
+    given_options |= {key: bool(options.get(key)) for key in ("step", "ranges", "substeps")}
+    given_options |= {"preview": preview, "finger": finger is not None}
     for feature in _UNITS:
         feature.check((scene, kinds), of=given_options)
     files = {(k, fmi): Path(folder) / f"{identifier}_{k}_fmi{fmi}.fmu" for k in WHAT if k in kinds for fmi in versions}
     for file in files.values():
         check_file(file, _is_unit)
-    makers = {
-        "plant": partial(finger_unit, step=step, substeps=substeps, ranges=ranges) if alone else loop_plant_unit,
-        "controller": partial(controller_unit, preview=preview, finger=finger),
-    }
-    units = {kind: makers[kind](scene, f"{identifier}_{kind}") for kind in kinds}
-    with tempfile.TemporaryDirectory() as work:
-        return tuple(
-            _written(units[kind], kind, version, file, binary, Path(work)) for (kind, version), file in files.items()
-        )
+    return files
 
 
 def identifier_of(given: Any, scene: Any) -> str:

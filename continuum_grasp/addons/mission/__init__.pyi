@@ -2,6 +2,7 @@ from .addon import ADDON as ADDON
 from .exported import AssignedMission as AssignedMission
 from .exported import assign_mission as assign_mission
 from .exported import exported_loop as exported_loop
+from .exported import prepared as prepared
 from .lift import NotLifted as NotLifted
 from .lift import Shortfall as Shortfall
 from .outcomes import Outcome as Outcome

@@ -9,7 +9,7 @@ ADDON = Addon(
             required=("controller", "grasp"),
             loop="continuum_grasp.addons.mission:exported_loop",
             results=("AssignedMission", "MissionRun"),
-            prepare="continuum_grasp.addons.mission:assign_mission",
+            prepare="continuum_grasp.addons.mission:prepared",
             preparing="optimizing the grasp",
         ),
     ),

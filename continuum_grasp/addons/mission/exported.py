@@ -8,10 +8,9 @@ from functools import partial
 from os import PathLike
 
 from continuum_grasp.addons.mission.assignment import Assignment
-from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.plan import certified_forces, mission_settings
-from continuum_grasp.addons.mission.plant import PlantVariation, Timetable, mission_plant_model
-from continuum_grasp.addons.mission.precheck import admit, exceeded
+from continuum_grasp.addons.mission.plant import Timetable, mission_plant_model
+from continuum_grasp.addons.mission.precheck import admitted
 from continuum_grasp.addons.mission.result import MissionRun
 from continuum_grasp.addons.mission.scene import MissionScene
 from continuum_grasp.base import InputError, Summarized, check_arguments, interruptible, quoted
@@ -110,9 +109,20 @@ def assign_mission(scene: MissionScene | str | PathLike[str], *, grasp: GraspRes
     >>> mission = assign_mission("configs/mission/mug.yaml")  # doctest: +SKIP
     >>> cg.export_c(mission, "build/mug")  # doctest: +SKIP
     """
-    assignments = assign(scene_of(scene, MissionScene), grasp)
-    admit(assignments, [limit.text for limit in exceeded(assignments, PlantVariation())])
-    return AssignedMission(assignments)
+    return AssignedMission(admitted(scene_of(scene, MissionScene), grasp))
+
+
+def prepared(mission: MissionScene, finger: str | None) -> AssignedMission:
+    """The mission with its grasp, as exports need it; a finger that it has not is refused before that is sought."""
+    _check_finger(finger, [setup.name for setup in mission.grasp.setups])
+    return assign_mission(mission)
+
+
+def _check_finger(finger: str | None, names: Sequence[str]) -> None:
+    """Refuse a name of no finger, and none where there are several."""
+    if finger not in names and (finger is not None or len(names) > 1):
+        expected = f"one of {', '.join(names)}, which have a package each"
+        raise InputError(f"expected {expected}, got {finger!r:.60}", key="finger")
 
 
 def exported_loop(mission: MissionScene | AssignedMission | MissionRun, finger: str | None = None) -> ExportedLoop:
@@ -122,9 +132,7 @@ def exported_loop(mission: MissionScene | AssignedMission | MissionRun, finger: 
     """
     assignments = AssignedMission.of(mission).assignments
     by_name = {assignment.name: assignment for assignment in assignments}
-    if finger not in by_name and (finger is not None or len(by_name) > 1):
-        expected = f"one of {', '.join(by_name)}, which have a package each"
-        raise InputError(f"expected {expected}, got {finger!r:.60}", key="finger")
+    _check_finger(finger, list(by_name))
     of = assignments[0] if finger is None else by_name[finger]
     return ExportedLoop(of.control, of.mission.model_dump(mode="json"), partial(_phases_of, assignments, of))
 

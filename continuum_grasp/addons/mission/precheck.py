@@ -156,6 +156,15 @@ def admit(assignments: Sequence[Assignment], reasons: Sequence[str]) -> None:
     check_pads(assignments)
 
 
+def admitted(
+    mission: MissionScene, grasp: GraspResult | None, variation: PlantVariation | None = None
+) -> tuple[Assignment, ...]:
+    """Tasks of the fingers of a mission that is admitted on a plant, its own where none is given; see `admit`."""
+    assignments = assign(mission, grasp)
+    admit(assignments, [number.text for number in exceeded(assignments, variation or PlantVariation())])
+    return assignments
+
+
 class _OnPlant:
     """The contact forces of a grasp with mass and friction of a plant."""
 

@@ -14,7 +14,7 @@ from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.on_pads import reserved
 from continuum_grasp.addons.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.addons.mission.plant import MissionPlant, PlantVariation, mission_plant_model
-from continuum_grasp.addons.mission.precheck import admit, exceeded, exceeded_by_trials
+from continuum_grasp.addons.mission.precheck import admit, admitted, exceeded_by_trials
 from continuum_grasp.addons.mission.result import MissionRun
 from continuum_grasp.addons.mission.scene import MissionScene, Trials
 from continuum_grasp.base import (
@@ -82,9 +82,7 @@ def run_mission(
     >>> run.verdict.held  # doctest: +SKIP
     True
     """
-    assignments = assign(scene_of(scene, MissionScene), grasp)
-    admit(assignments, [number.text for number in exceeded(assignments, variation or PlantVariation())])
-    return MissionRunner(assignments).run(variation, progress)
+    return MissionRunner(admitted(scene_of(scene, MissionScene), grasp, variation)).run(variation, progress)
 
 
 class MissionRunner:

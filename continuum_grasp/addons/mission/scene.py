@@ -13,8 +13,11 @@ from continuum_grasp.scene import (
     AnyTendons,
     Configuration,
     ContactLaw,
+    Distance,
     Duration,
     EstimatorSettings,
+    Extent,
+    Friction,
     GraspScene,
     Horizon,
     Length,
@@ -31,7 +34,6 @@ from continuum_grasp.scene import (
 )
 
 Count = Annotated[int, Field(ge=1, le=8)]
-_Extent = Annotated[float, Field(ge=1e-9, le=1e8), Unit("m")]
 _Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
 
 
@@ -127,7 +129,7 @@ class Turn(Value):
     """World position at which it stands before [m]."""
     strokes: Annotated[int, Field(ge=1, le=8)] = 1
     """Into how many equal parts the turn is divided; after each one the tip leaves the object and touches it anew."""
-    clearance: Annotated[_Extent, Field(examples=[0.02, "20 mm"])] = 0.02
+    clearance: Annotated[Extent, Field(examples=[0.02, "20 mm"])] = 0.02
     """Distance to which the tip leaves the object between two strokes [m]."""
     tolerance: Annotated[Positive, Field(examples=[0.03490658503988659, "2 deg"]), Unit("rad")] = math.radians(2.0)
     """Error of the angle up to which it counts as turned [rad]."""
@@ -148,14 +150,14 @@ class Slip(Value):
     drives and ``grasp.contacts.normal_force_max`` allow. Where that does not stop it, it is set down.
     """
 
-    height: Annotated[_Extent, Field(examples=[1e-4, "0.1 mm"])] | None = None
+    height: Annotated[Extent, Field(examples=[1e-4, "0.1 mm"])] | None = None
     """Standard deviation of the object's measured height in the hand [m]; None: not measured, and what sinks is not
     noticed."""
-    sunk: Annotated[_Extent, Field(examples=[6e-5, "0.06 mm"])] = 6e-5
+    sunk: Annotated[Extent, Field(examples=[6e-5, "0.06 mm"])] = 6e-5
     """Height lost since the lift, beyond what fingers give way along gravity, that is answered once it stands out of
     the noise; half of ``height`` at least [m]. In a firm grip that has settled three times as much sets the object
     down."""
-    down: Annotated[_Extent, Field(examples=[2.5e-3, "2.5 mm"])] = 2.5e-3
+    down: Annotated[Extent, Field(examples=[2.5e-3, "2.5 mm"])] = 2.5e-3
     """Height lost since the lift, while the grip becomes firm, from which on the object is set down [m]."""
     parted: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.1, "10 %"]), Unit("1")] = 0.1
     """Share of its normal force in the certificate below which a contact counts as parted, by the estimate [1]; 0:
@@ -183,7 +185,7 @@ class Trials(Value):
     friction_fall: Annotated[float, Field(ge=0.0, lt=1.0, examples=[0.3, "30 %"]), Unit("1")] = 0.0
     """Share by which friction between finger, object and supports falls in the middle of the hold, on all plants
     [1]."""
-    position: Annotated[NonNegative, Unit("m")] = 0.001
+    position: Distance = 0.001
     """Range of each coordinate of where the object stands [m]."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the random numbers; equal seeds give equal plants."""
@@ -247,9 +249,9 @@ class MissionScene(Configuration):
     """Greatest tension of the drives [N], where the grasp keeps some in reserve; None: that of the grasp."""
     object_mass: Annotated[Positive, Unit("kg")] | None = None
     """Mass of the object in the plant [kg]; None: that of the grasp."""
-    table_friction: Annotated[NonNegative, Unit("1"), Field(examples=[0.5])] = 0.3
+    table_friction: Friction = 0.3
     """Friction coefficient between the object and the table on which it stands until it is held [1]."""
-    table_friction_radius: Annotated[NonNegative, Unit("m"), Field(examples=[0.02, "20 mm"])] = 0.0
+    table_friction_radius: Annotated[Distance, Field(examples=[0.02, "20 mm"])] = 0.0
     """Greatest moment of the table's friction against turning, per its greatest friction force [m]; see
     ``table.friction_radius`` of closed loops. 0: the object turns freely on the table."""
     turn: Turn | None = None

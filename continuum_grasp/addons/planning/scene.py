@@ -23,15 +23,13 @@ from continuum_grasp.scene import (
     Penalty,
     Position,
     Positive,
-    Real,
     Reference,
+    Row,
     SolverOptions,
     Unit,
     Value,
     refusals,
 )
-
-Row = Annotated[ListOf[Real], Field(min_length=1)]
 
 
 def _exact(value: Any) -> Any:

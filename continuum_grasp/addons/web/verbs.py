@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.web.page import Page, check_one_finger, export_web, page_of_loop, page_of_motion
 from continuum_grasp.base import ExportTarget
+from continuum_grasp.export import check_file
 
 if TYPE_CHECKING:
     from continuum_grasp.cli import Output
@@ -23,11 +24,11 @@ class PageTarget(ExportTarget):
     def write(self) -> Callable[..., Any]:
         return export_web
 
-    def defaults(self, config: Path, scene: Any) -> dict[str, Any]:
-        """No options; a mission of several fingers is refused before its grasp is optimized."""
+    def check(self, scene: Any, path: Path, **options: Any) -> None:
+        """Refuse a mission of several fingers, and a file in the way."""
+        check_file(path)
         if isinstance(scene, MissionScene):
             check_one_finger(scene)
-        return {}
 
     def page_maker(self, kind: str) -> Callable[[Any], Any] | None:
         makers: dict[str, Callable[[Any], Any]] = {"motion": page_of_motion, "loop": page_of_loop}
