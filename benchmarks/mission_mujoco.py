@@ -55,7 +55,7 @@ def scene_of_plant(of: Assignment, variation: PlantVariation) -> Scene:
     body = control.object
     x, y = np.array(body.position) + np.array(variation.shift)
     law = mission.contact_law.replaced(friction=mission.contact_law.friction * variation.friction)
-    return PlantModel.scene_of(control.replaced(plant=own)).replaced(
+    return PlantModel.plant_scene(control.replaced(plant=own)).replaced(
         contacts=control.contacts,
         object=body.replaced(mass=plant_mass(of.mission, variation), position=(float(x), float(y))),
         object_moves=True,

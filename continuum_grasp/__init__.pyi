@@ -7,6 +7,7 @@ from .addons.identification import commission as commission
 from .addons.identification import compare as compare
 from .addons.identification import identify as identify
 from .addons.identification import replay as replay
+from .addons.mission import BeyondCertificate as BeyondCertificate
 from .addons.mission import MissionScene as MissionScene
 from .addons.mission import run_mission as run_mission
 from .addons.mission import run_trials as run_trials
@@ -15,7 +16,6 @@ from .addons.planning import plan as plan
 from .addons.sweeps import sweep as sweep
 from .addons.sweeps import sweep_table as sweep_table
 from .addons.web import export_web as export_web
-from .base import BeyondCertificate as BeyondCertificate
 from .base import ContinuumGraspError as ContinuumGraspError
 from .base import InputError as InputError
 from .base import Interrupted as Interrupted

@@ -25,7 +25,6 @@ from continuum_grasp.addons.mission import MissionScene
 from continuum_grasp.addons.planning import PlanScene
 from continuum_grasp.addons.sweeps import Sweep
 from continuum_grasp.scene import ControlScene, Document, GraspScene, KeyPath, Scene
-from continuum_grasp.scene.assembly import apply_override
 from continuum_grasp.scene.document import Place as Origin
 from continuum_grasp.scene.document import dotted
 
@@ -487,7 +486,7 @@ class Place:
             return scene.changed({dotted(self.path): value})
         origin = Origin("test")
         document = Document.at(origin, scene)
-        apply_override(document, self.path, Document.at(origin, value))
+        document.override(self.path, Document.at(origin, value))
         return scene.changed({str(self.path[0]): document.value[self.path[0]]})
 
 

@@ -14,7 +14,6 @@ from .arguments import within as within
 from .arrays import Array as Array
 from .arrays import Indices as Indices
 from .arrays import Numbers as Numbers
-from .errors import BeyondCertificate as BeyondCertificate
 from .errors import ContinuumGraspError as ContinuumGraspError
 from .errors import InputError as InputError
 from .errors import Interrupted as Interrupted
@@ -27,7 +26,6 @@ from .interrupt import interruptible as interruptible
 from .interrupt import interrupts_held as interrupts_held
 from .interrupt import leave_interrupted as leave_interrupted
 from .interrupt import listening_for_interrupts as listening_for_interrupts
-from .labels import SHOWN_IN as SHOWN_IN
 from .labels import Summarized as Summarized
 from .labels import amount_text as amount_text
 from .labels import clipped as clipped
@@ -47,7 +45,5 @@ from .shell import has_tool as has_tool
 from .shell import install_line as install_line
 from .shell import quoted_line as quoted_line
 from .shell import tool_words as tool_words
-from .workers import ExecutorPool as ExecutorPool
 from .workers import ProcessPool as ProcessPool
-from .workers import WorkerPool as WorkerPool
 from .workers import cores as cores

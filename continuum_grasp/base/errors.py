@@ -117,7 +117,3 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, *, result: Any = None) -> None:
         self.result = result
         super().__init__(message)
-
-
-class BeyondCertificate(UserWarning):
-    """A mission asks for more than the certificate of its grasp promises; said before it runs."""

@@ -6,10 +6,6 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
-"""Factor and unit in which errors are shown to people, by SI unit."""
-
-
 _PARTS = {"": 1.0, "m": 1e3, "\N{MICRO SIGN}": 1e6}
 _MULTIPLES = {"M": 1e-6, "k": 1e-3, "": 1.0}
 _PREFIXES = {**dict.fromkeys(("N", "N/s", "N m", "J"), _PARTS), **dict.fromkeys(("Pa", "Pa/s"), _MULTIPLES)}

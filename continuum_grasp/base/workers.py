@@ -1,4 +1,4 @@
-"""Worker pools: processes on this machine, or any executor."""
+"""A worker pool: processes on this machine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -92,65 +92,9 @@ class ProcessPool:
         self._watched.close()
 
 
-class ExecutorPool:
-    """Any `concurrent.futures.Executor`, which stays its owner's.
-
-    ``workers`` returns their number; it is asked again and again, since clusters grow and shrink.
-    """
-
-    def __init__(self, executor: Executor, workers: Callable[[], int]) -> None:
-        self._executor, self._count = executor, workers
-        self._out: set[Future[Any]] = set()
-
-    @property
-    def workers(self) -> int:
-        """Number of workers now."""
-        return max(1, self._count())
-
-    @property
-    def most(self) -> int:
-        """Two tasks for each, so that none waits for the next."""
-        return 2 * self.workers
-
-    def submit(self, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Submit a task; `SolverError` where the executor takes no more."""
-        try:
-            future = self._executor.submit(work, *arguments)
-        except RuntimeError as error:  # broken, or shut down
-            raise _stopped(error) from error
-        self._out.add(future)
-        future.add_done_callback(self._out.discard)
-        return future
-
-    def lost(self, future: Future[Any]) -> bool:
-        """Whether a cluster gave a task up because workers died of it; `SolverError` where the executor is broken."""
-        error = future.exception()
-        if isinstance(error, BrokenExecutor):
-            raise _stopped(error) from error
-        # Of dask.distributed, which is not imported for its name.
-        return type(error).__name__ == "KilledWorker"
-
-    def close(self, at_once: bool) -> None:
-        """Cancel tasks that have not begun."""
-        for future in list(self._out):
-            future.cancel()
-
-
-WorkerPool = ProcessPool | ExecutorPool
-"""Takes tasks, up to ``most`` at a time."""
-
-
 def cores() -> int:
     """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _stopped(error: BaseException) -> SolverError:
-    return SolverError(
-        f"the executor takes no more work: {error}",
-        status="stopped",
-        advice="What was computed is in the table; the same call with a new executor resumes from there.",
-    )
 
 
 def _prepare(watched: Connection, start: Callable[..., None] | None, arguments: tuple[Any, ...]) -> None:

@@ -72,7 +72,7 @@ class PlantModel(Remade):
 
     x is that of the system, then, where the drive lags, the tensions or the tip moment that it exerts, and their rates
     unless it is of first order. ``given`` is the plant's finger in its surroundings, where it is not that of
-    ``scene_of``. What of finger and object ``parameters`` name may be changed without compiling anew, by assigning
+    ``plant_scene``. What of finger and object ``parameters`` name may be changed without compiling anew, by assigning
     to ``p``; ``drive_time_constant`` of commanded tensions is the last one there. ``falls``: w has a last entry
     ``friction_fall [1]``, by whose share friction is less than the parameter ``friction_factor`` has it. ``outside``
     has entries of w, by name, as functions of instants [s], on top of the scene's loads.
@@ -91,7 +91,7 @@ class PlantModel(Remade):
         object_parameters: Sequence[str] = (),
         falls: bool = False,
     ) -> None:
-        self.control, self.scene = scene, self.scene_of(scene) if given is None else given
+        self.control, self.scene = scene, self.plant_scene(scene) if given is None else given
         varies = given is None and scene.object_moves
         finger, self._order = self.scene.finger, scene.plant_order
         self._lag = _lag_of(scene, self.scene)
@@ -127,7 +127,7 @@ class PlantModel(Remade):
         self._signals = Signals(self.scene, self.system.finger_model)
 
     @staticmethod
-    def scene_of(scene: ControlScene) -> Scene:
+    def plant_scene(scene: ControlScene) -> Scene:
         """Build the plant's finger in its surroundings, with the input at rest and the loads that the controller does
         not know.
         """

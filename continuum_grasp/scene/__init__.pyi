@@ -1,6 +1,5 @@
 from .assembly import ConfigurationData as ConfigurationData
 from .assembly import Overrides as Overrides
-from .assembly import path_of as path_of
 from .config_kinds import DEFINITIONS as DEFINITIONS
 from .config_kinds import kind_of_scene as kind_of_scene
 from .config_kinds import kinds as kinds

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import os
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import reduce
@@ -63,7 +62,7 @@ class ConfigurationData(Document):
             return cls.of_file(value, kind, overrides, ", or a mapping")
         data = cls.of(value, kind.__name__, value.file if isinstance(value, kind) else None)
         for path, new in read_overrides(overrides):
-            apply_override(data, path, new)
+            data.override(path, new)
         return data
 
     @classmethod
@@ -130,7 +129,7 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
             elif reduce(child, where, document.value) is None:
                 key = dotted(where[:-1])
                 raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
-        apply_override(document, where, new)
+        document.override(where, new)
     _put_in_files(document, main)
     for path in (("object",), ("grasp", "object")):
         if reduce(child, path, document.value) is not None:
@@ -258,7 +257,7 @@ def read_overrides(overrides: Overrides, name: str | None = None) -> list[Change
             raise InputError(f"overrides: expected a text, got {word!r:.60}")
     if isinstance(overrides, Mapping):
         places = {key: Place(name or f"override {key}") for key in words}
-        return [(path_of(key, name or key), Document.at(places[key], overrides[key])) for key in words]
+        return [(Document.path_of(key, name or key), Document.at(places[key], overrides[key])) for key in words]
     return [_read(text) for text in words]
 
 
@@ -267,41 +266,9 @@ def _read(text: str) -> tuple[KeyPath, Document]:
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise InputError("expected key.path=value", file=name)
-    path = path_of(key.strip(), name)
+    path = Document.path_of(key.strip(), name)
     try:
         document = parse_yaml(value, name)
     except InputError as error:
         raise InputError(error.message, file=name, key=dotted(path)) from None
     return path, Document.at(Place(name), document.value)
-
-
-def path_of(key: str, name: str) -> KeyPath:
-    """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands."""
-    path = tuple(int(part) if str(part).isdecimal() else part for part in undotted(key))
-    # What is skipped, such as an open bracket, is missing when the path is written again.
-    if not path or re.search(r"\s", key) or dotted(path) != re.sub(r"\.(\d+)(?=\.|\[|$)", r"[\1]", key):
-        raise InputError(f"expected a key path such as finger.masses[0].mass, got {key!r}", file=name)
-    return path
-
-
-def apply_override(document: Document, path: KeyPath, new: Document) -> None:
-    """Set one entry; mappings above it that are missing are made."""
-    place = new.places[()]
-    value = document.value
-    for k, part in enumerate(path):
-        here = path[:k]
-        if isinstance(part, int):
-            count = len(value) if isinstance(value, list) else 0
-            if part >= count:
-                what = f"has {count} entries" if isinstance(value, list) else "is not a list"
-                raise place.error(f"no entry [{part}]: {dotted(here)} {what}", path)
-        elif not isinstance(value, dict):
-            raise place.error(f"{dotted(here) or 'the file'} has no keys", path)
-        if k == len(path) - 1:
-            break
-        inner = value.get(part) if isinstance(value, dict) else value[part]
-        if inner is None:
-            inner = {}
-            document.put(path[: k + 1], Document(inner, {(): place}))
-        value = inner
-    document.put(path, new)

@@ -60,6 +60,15 @@ class Document:
         """A value as a document all of whose entries come from the same place."""
         return Document(plain(value), {(): place})
 
+    @staticmethod
+    def path_of(key: str, name: str) -> KeyPath:
+        """The path that a text such as ``finger.masses[0].mass`` means; ``name`` says in errors where it stands."""
+        path = tuple(int(part) if str(part).isdecimal() else part for part in undotted(key))
+        # What is skipped, such as an open bracket, is missing when the path is written again.
+        if not path or re.search(r"\s", key) or dotted(path) != re.sub(r"\.(\d+)(?=\.|\[|$)", r"[\1]", key):
+            raise InputError(f"expected a key path such as finger.masses[0].mass, got {key!r}", file=name)
+        return path
+
     def get(self, path: KeyPath) -> Any:
         """The value at a path that exists."""
         value = self.value
@@ -100,6 +109,28 @@ class Document:
             self.get(path[:-1])[path[-1]] = new.value
         else:
             self.value = new.value
+
+    def override(self, path: KeyPath, new: Document) -> None:
+        """Set one entry from outside; mappings above it that are missing are made."""
+        place = new.places[()]
+        value = self.value
+        for k, part in enumerate(path):
+            here = path[:k]
+            if isinstance(part, int):
+                count = len(value) if isinstance(value, list) else 0
+                if part >= count:
+                    what = f"has {count} entries" if isinstance(value, list) else "is not a list"
+                    raise place.error(f"no entry [{part}]: {dotted(here)} {what}", path)
+            elif not isinstance(value, dict):
+                raise place.error(f"{dotted(here) or 'the file'} has no keys", path)
+            if k == len(path) - 1:
+                break
+            inner = value.get(part) if isinstance(value, dict) else value[part]
+            if inner is None:
+                inner = {}
+                self.put(path[: k + 1], Document(inner, {(): place}))
+            value = inner
+        self.put(path, new)
 
     def write_out(self, path: KeyPath, value: Any) -> None:
         """Write the defaults above ``path`` of the scene value whose data this is: a change there leaves their rest."""

@@ -67,7 +67,7 @@ def test_the_plant_moves_as_the_simulator_says():
     step, method = tried.period / tried.method.substeps, tried.method.name
     timing = cg.Timing(duration=0.12, step=step, method=method)
     held = {"actuation": cg.Actuation(tensions=tension), "time": timing}
-    trajectory = cg.simulate(PlantModel.scene_of(scene).model_copy(update=held))
+    trajectory = cg.simulate(PlantModel.plant_scene(scene).model_copy(update=held))
     moving = slice(0, 2 * tried.model.system.n)
     tried.x[moving] = trajectory.x[0, moving]
     tried.x[tried.model.x_names.index("tension_1 [N]") :][:2] = tension  # the drive begins at the input that is held
@@ -115,13 +115,13 @@ def test_a_controller_without_estimator_is_given_states_of_sections_where_they_a
 
 def test_the_plant_differs_as_stated():
     plant = {"stiffness": 1.1, "damping": 1.3, "tip_mass": 0.001, "tendon_friction": 0.05, "time_constant": 0.03}
-    finger = PlantModel.scene_of(make(plant=plant)).finger
+    finger = PlantModel.plant_scene(make(plant=plant)).finger
     assert finger.rod.stiffness == pytest.approx(1.1 * 6.11e-3)
     assert finger.damping.material == pytest.approx(1.3 * 3e-5)
     assert sum(m.mass for m in finger.masses) == pytest.approx(0.003)
     assert (finger.tendons.friction, finger.tendons.time_constant) == (0.05, 0.03)
     per_arc = FINGER.model_copy(update={"damping": Damping(per_arc=4e-4)})
-    assert PlantModel.scene_of(make(finger=per_arc)).finger.damping.material == pytest.approx(1.3 * 4e-4 * 0.09)
+    assert PlantModel.plant_scene(make(finger=per_arc)).finger.damping.material == pytest.approx(1.3 * 4e-4 * 0.09)
 
 
 def lag(t, value, time):

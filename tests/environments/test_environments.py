@@ -99,7 +99,7 @@ def test_a_motion_is_that_of_simulate():
     env.x[:, 4:6] = env._u[:] = [5.0, 1.0]
     tips = [env.step([[5.0, 1.0]]) and env._readings[0, -2:].copy() for _ in range(15)]
     timing = Timing(duration=0.15, step=0.01, method="reference")
-    moved = cg.simulate(PlantModel.scene_of(scene).replaced(actuation=Actuation(tensions=(5.0, 1.0)), time=timing))
+    moved = cg.simulate(PlantModel.plant_scene(scene).replaced(actuation=Actuation(tensions=(5.0, 1.0)), time=timing))
     assert np.linalg.norm(moved.tip[1:] - tips, axis=1).max() < 1e-8 * 0.18
     assert np.linalg.norm(np.ptp(moved.tip, axis=0)) > 0.01
 

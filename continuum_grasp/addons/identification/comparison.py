@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.addons.identification.blocks import Drawn
 from continuum_grasp.addons.identification.data import OF_MODES
-from continuum_grasp.addons.identification.numbers import MeasuredColumn, MeasuredNumbers, MeasuredSet
+from continuum_grasp.addons.identification.numbers import SHOWN_IN, MeasuredColumn, MeasuredNumbers, MeasuredSet
 from continuum_grasp.addons.identification.vibrations import damped_sine
-from continuum_grasp.base import SHOWN_IN, Array
+from continuum_grasp.base import Array
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array
+
+SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
+"""Factor and unit in which errors are shown to people, by SI unit."""
 
 
 class MeasuredColumn(NamedTuple):

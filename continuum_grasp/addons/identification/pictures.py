@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import SHOWN_IN, name_of, prefixed, unit_of
+from continuum_grasp.addons.identification.numbers import SHOWN_IN
+from continuum_grasp.base import name_of, prefixed, unit_of
 from continuum_grasp.plotting import (
     Color,
     bend_box,

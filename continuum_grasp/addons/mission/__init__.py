@@ -4,6 +4,7 @@ from lazy_loader import attach_stub
 
 __all__ = [
     "AssignedMission",
+    "BeyondCertificate",
     "Exceeded",
     "MissionController",
     "MissionRun",

@@ -8,6 +8,7 @@ from .lift import Shortfall as Shortfall
 from .outcomes import Outcome as Outcome
 from .outcomes import TrialsResult as TrialsResult
 from .plant import PlantVariation as PlantVariation
+from .precheck import BeyondCertificate as BeyondCertificate
 from .precheck import Exceeded as Exceeded
 from .precheck import check_mission as check_mission
 from .result import MissionRun as MissionRun

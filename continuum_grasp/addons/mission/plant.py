@@ -84,7 +84,7 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
     """Equations of the plant of one finger."""
     mission, control, body = assignment.mission, assignment.control, object_of(assignment.control)
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
-    scene = PlantModel.scene_of(control).replaced(
+    scene = PlantModel.plant_scene(control).replaced(
         contacts=tuple(sorted({*control.contacts, *mission.more_contacts})),
         object=body.replaced(mass=mass),
         object_moves=True,

@@ -23,9 +23,13 @@ from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.on_pads import check_pads
 from continuum_grasp.addons.mission.plant import PlantVariation
 from continuum_grasp.addons.mission.scene import MissionScene
-from continuum_grasp.base import Array, BeyondCertificate, SolverError, amount_text, check_arguments
+from continuum_grasp.base import Array, SolverError, amount_text, check_arguments
 from continuum_grasp.grasp import GraspResult
 from continuum_grasp.scene import scene_of
+
+
+class BeyondCertificate(UserWarning):
+    """A mission asks for more than the certificate of its grasp promises; said before it runs."""
 
 
 @dataclass(frozen=True)

@@ -23,17 +23,16 @@ from continuum_grasp.addons.sweeps.folder import (
     write_run_file,
 )
 from continuum_grasp.addons.sweeps.plan import SweepPlan, SweepPoint, plan_of
+from continuum_grasp.addons.sweeps.pools import ExecutorPool, WorkerPool, dask_pool
 from continuum_grasp.addons.sweeps.scene import Sweep
 from continuum_grasp.addons.sweeps.table import SweepTable, sweep_table, write_csv
-from continuum_grasp.addons.sweeps.worker import Job, Keep, SceneOutcome, dask_pool, row_of_crash, run_chunk, solve
+from continuum_grasp.addons.sweeps.worker import Job, Keep, SceneOutcome, row_of_crash, run_chunk, solve
 from continuum_grasp.base import (
     ContinuumGraspError,
-    ExecutorPool,
     InputError,
     Interrupted,
     ProcessPool,
     SolverError,
-    WorkerPool,
     check_arguments,
     cores,
     interruptible,

@@ -13,6 +13,7 @@ from continuum_grasp.base import InputError
 from continuum_grasp.scene import (
     Configuration,
     ControlScene,
+    Document,
     GraspScene,
     Interval,
     ListOf,
@@ -21,7 +22,6 @@ from continuum_grasp.scene import (
     Shape,
     Unit,
     Value,
-    path_of,
     refusals,
 )
 
@@ -49,7 +49,7 @@ InSI = BeforeValidator(_in_si)
 
 def _way_in_si(key: Any, way: Any, shapes: Sequence[Shape]) -> Any:
     try:
-        path = path_of(key, "")
+        path = Document.path_of(key, "")
     except (InputError, TypeError):  # reported where the key is looked up in the scene
         return way
     entries = dict(way) if isinstance(way, dict) else {}

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from continuum_grasp.addons.sweeps.scene import Draw, Follow, Grid, Sweep, Varied
 from continuum_grasp.base import InputError, nearest
-from continuum_grasp.scene import ConfigurationData, Document, KeyPath, Shape, Value, path_of
+from continuum_grasp.scene import ConfigurationData, Document, KeyPath, Shape, Value
 from continuum_grasp.scene import kinds as known_kinds
 
 Config = TypeVar("Config", bound=Varied)
@@ -139,7 +139,7 @@ class SceneKeys(Generic[Config]):
         beside = self.data.file.parent if place.line is None else None  # not beside the scene
         place = replace(place, folder=beside)
         try:
-            path = path_of(key, place.file)
+            path = Document.path_of(key, place.file)
         except InputError as error:
             raise place.error(error.message, where) from None
         return path, Document.at(place, value)

@@ -1,7 +1,4 @@
-"""Work of a worker process: a few scenes, one after the other, and a row for each whatever happens.
-
-A Dask cluster may be the pool of workers.
-"""
+"""Work of a worker process: a few scenes, one after the other, and a row for each whatever happens."""
 
 from __future__ import annotations
 
@@ -10,17 +7,14 @@ import math
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib import import_module
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
 from continuum_grasp.addons.sweeps.folder import SOLVED, encode
 from continuum_grasp.addons.sweeps.plan import SweepPoint
-from continuum_grasp.base import ContinuumGraspError, ExecutorPool, InputError, SolverError, clipped, install_line
+from continuum_grasp.base import ContinuumGraspError, InputError, SolverError, clipped
 from continuum_grasp.results import digest, pack_run
 from continuum_grasp.scene import GraspScene, KeyPath
 
@@ -189,33 +183,3 @@ def _recorded(result: Any, name: str, solved: bool) -> Any:
     if value is None or isinstance(value, str | int | float) or getattr(value, "ndim", 1) == 0:
         return value
     raise InputError(f"not one number, but {type(value).__name__}", key=name)
-
-
-@contextmanager
-def dask_pool(address: str) -> Iterator[ExecutorPool]:
-    """The workers of a running Dask scheduler, at an address such as ``tcp://127.0.0.1:8786``.
-
-    Raises an InputError where Dask is not installed, or no scheduler answers.
-    """
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError:
-        raise InputError(
-            f"a Dask cluster needs the extra 'cluster': {install_line('cluster')}", key="scheduler"
-        ) from None
-    try:
-        # Not the default one: the caller may use Dask for something else.
-        # 10.0: time to wait for an answer [s]
-        client: Any = distributed.Client(address, timeout=10.0, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:  # TimeoutError is an OSError
-        raise InputError(f"no Dask scheduler answers at {address!r}: {error}", key="scheduler") from None
-
-    @lru_cache(maxsize=1)
-    def count(tick: float) -> int:
-        return len(client.nthreads())
-
-    try:
-        # Not pure: a scene that is tried again is computed again. Workers are counted every 2 s, over the network.
-        yield ExecutorPool(client.get_executor(pure=False), lambda: count(time.monotonic() // 2.0))
-    finally:
-        client.close()

@@ -132,7 +132,7 @@ def plants_of(
         doubt(text)
     for scene in scenes[1:]:
         _check_fixed(first, scene, keys)
-    around = [PlantModel.scene_of(scene) for scene in scenes]
+    around = [PlantModel.plant_scene(scene) for scene in scenes]
     of_finger, (object_names, of_object) = _finger_parameters(around), _object_parameters(scenes)
     plant_of = partial(PlantModel, parameters=[*of_finger], object_parameters=object_names)
     model = plant_of(first)
@@ -266,7 +266,7 @@ def _check_plant(plants: Plants, k: int, separate: PlantModel) -> None:
         why = "its plant moves otherwise"
     if why is not None:
         varied = ", ".join(f"{key} = {value}" for key, value in zip(plants.keys, plants.values[k], strict=True))
-        known = ", ".join(sorted(_values(PlantModel.scene_of(plants.scenes[0]))))
+        known = ", ".join(sorted(_values(PlantModel.plant_scene(plants.scenes[0]))))
         raise InputError(
             f"scene {k} ({varied}): {why} than the model of scene 0 can by its run-time parameters ({known}; of an "
             "object its mass and friction, or its position where it is fixed); vary keys that set these, the start, "
