@@ -107,7 +107,8 @@ def _star(random: np.random.Generator) -> Any:
 
 
 def _notched(random: np.random.Generator) -> Any:
-    solid = shapely.Point(0.0, 0.0).buffer(1.0, quad_segs=int(random.integers(1, 20)))
+    # 15: corners of more than 0.1 rad, so that the polygon is one: blunter ones would be points of a curve
+    solid = shapely.Point(0.0, 0.0).buffer(1.0, quad_segs=min(int(random.integers(1, 20)), 15))
     for turn in random.uniform(-180.0, 180.0, random.integers(1, 6)):
         deep, wide, thin = random.uniform(0.1, 0.9), random.uniform(0.05, 0.5), random.uniform(0.0, 1.0)
         notch = shapely.Polygon([(1.1, -wide), (1.1, wide), (1.0 - deep, thin * wide), (1.0 - deep, -thin * wide)])

@@ -221,7 +221,7 @@ class GraspSearch:
         """Solve from a basin and verify; what lost patience may be tried again."""
         patience = IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
         ends: dict[str, Any] = {"patience": patience, "standstill": STANDSTILL, "enough": self._enough}
-        tried = self.attempt(basin.start, smoothed=True, options_at=options_at, iterations=iterations, **ends)
+        tried = self.attempt(basin.start, options_at=options_at, iterations=iterations, **ends)
         basin.tried = True
         if tried is not None and tried.attempt.stalled:
             self._missed.append((tried.attempt.badness, basin.start, options_at))

@@ -86,6 +86,7 @@ from .objects.shapes import ObjectBody as ObjectBody
 from .objects.shapes import Polygon as Polygon
 from .objects.shapes import Stadium as Stadium
 from .objects.shapes import Superellipse as Superellipse
+from .parts import Face as Face
 from .parts import OffsetPolygon as OffsetPolygon
 from .parts import Part as Part
 from .parts import SuperellipsePart as SuperellipsePart

@@ -28,7 +28,7 @@ from continuum_grasp.scene.grasp_options import (
 )
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.objects.simplify import SHARE
+from continuum_grasp.scene.parts import SHARE
 from continuum_grasp.scene.placement import Supported, is_beside
 from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.simulate import Fidelity

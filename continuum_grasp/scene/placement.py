@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from pydantic import Field, ValidationError
 
 from continuum_grasp.base import nearest
 from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
-from continuum_grasp.scene.parts import PlanePoint
+from continuum_grasp.scene.parts import OffsetPolygon, PlanePoint
 from continuum_grasp.scene.supports import Peg, Place, Support, Wall
 from continuum_grasp.scene.value import SAME, Value
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _TOUCHES = 1e-10
 """Gap, as a part of the object's size, at which it touches [1]: rounding of positions a million sizes away."""
+_BY_CORNERS = 5e-5
+"""Gap, as a part of the object's size, up to which it touches with corners of a curve [1]: arcs pass as near."""
 _STEP = 1e-6
 """Shift, as a part of the object's size, by which the slope of a gap is measured [1]."""
 _STEPS = 50
@@ -36,8 +39,14 @@ class Supported(Value):
 
     def _check(self) -> None:
         body = getattr(self, "object", None)
-        if body is not None and body.against is not None:
+        if body is None:
+            return
+        on = () if body.against is not None or body.free is not None else _by_corners(body, self.walls)
+        if body.against is not None:
             self.__dict__["object"] = lie_against(body, self.places)
+        elif 0 < len(on) <= 2:
+            # Positions are those of corners: between them, curves reach a little farther.
+            self.__dict__["object"] = lie_against(body.replaced(against=on), self.places).replaced(against=None)
 
     def laid_against(self, body: GraspObject, names: Collection[str]) -> GraspObject:
         """A copy of an object, moved along the normals of the supports of some names until it touches all of them."""
@@ -94,6 +103,20 @@ def gap(body: ObjectBody, place: Place, position: tuple[float, float] | None = N
         return place.height((x, y)) - max(part.support(facing) for part in body.parts)
     back = x - body.position[0], y - body.position[1]
     return body.distance((place.position[0] - back[0], place.position[1] - back[1])) - place.radius
+
+
+def _by_corners(body: ObjectBody, walls: Sequence[Wall]) -> tuple[str, ...]:
+    """Names of the walls that an object touches with corners in curves, but for rounding."""
+    if not any(isinstance(part, OffsetPolygon) and part.bends for part in body.parts):
+        return ()
+    straight = [replace(part, bends=()) if isinstance(part, OffsetPolygon) else part for part in body.parts]
+    names = []
+    for wall in walls:
+        facing = wall.normal_angle + math.pi - body.angle
+        off = wall.height(body.position) - max(part.support(facing) for part in straight)
+        if abs(off) <= _BY_CORNERS * body.size:
+            names.append(wall.name)
+    return tuple(names)
 
 
 def touching_points(curve: Sequence[PlanePoint], supports: Any, frames: Sequence[Any]) -> set[int]:

@@ -23,6 +23,7 @@ from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.model import FingerModel, TouchingCircle, surface_of
+from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import (
     Circle,
@@ -86,16 +87,14 @@ def test_circles_stand_for_the_surface_near_a_place_to_the_third_order(name):
 @pytest.mark.parametrize("name", PARTS)
 def test_places_on_features_are_on_the_surface_with_its_normal(name):
     part, smooth = PARTS[name], name in ("ellipse", "superellipse")
-    for index, feature in enumerate(surface_of(part).features(part)):
-        place = ca.SX.sym("place", 2)
+    for index in range(1 if smooth else len(pieces_of(part))):
+        feature = surface_of(part).feature(part, index, 0.01)
+        place = ca.SX.sym("place", surface_of(part).place_count)
         surface = surface_of(part).point(place, ca.SX(feature.numbers))
         function = ca.Function("f", [place], [surface.point, surface.normal, surface.on_surface])
         t = 0.3 + index
-        at = (0.6, 0.2) if not smooth else _on_superellipse(t, part.exponent)
-        if not smooth:
-            low, high = feature.lower, feature.upper
-            angle = t if not math.isfinite(low[1]) else low[1] + 0.4 * (high[1] - low[1])
-            at = (low[0] + 0.6 * (high[0] - low[0]), angle)
+        low, high = feature.lower[0], feature.upper[0]
+        at = _on_superellipse(t, part.exponent) if smooth else (low + 0.4 * (high - low) if math.isfinite(low) else t,)
         point, normal, off = (np.array(v).ravel() for v in function(at))
         assert np.abs(off).max(initial=0.0) < 1e-8
         away = point + 0.01 * normal
@@ -105,8 +104,7 @@ def test_places_on_features_are_on_the_surface_with_its_normal(name):
         angle = math.atan2(normal[1], normal[0])
         again = surface_of(part).place(part, feature, (point[0], point[1]), angle)
         assert_allclose(again, at, atol=1e-9)
-        if 0.0 < at[0] < 1.0 or smooth or feature.lower[1] < feature.upper[1]:
-            assert surface_of(part).near(part, (point[0], point[1]), angle)[0] == surface_of(part).features(part)[index]
+        assert surface_of(part).near(part, (point[0], point[1]), angle, 0.01) == feature
 
 
 def _on_superellipse(t, power):

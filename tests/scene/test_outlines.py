@@ -23,6 +23,7 @@ from continuum_grasp.addons.sweeps.variation import variation_of
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp.certificate import surfaces
 from continuum_grasp.model import Vec, nearest, outline_of, surface_of
+from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.scene import ConfigurationData, GraspScene, OffsetPolygon, Polygon, load
 from continuum_grasp.scene.parts import corners_of
 
@@ -102,10 +103,9 @@ def test_rounded_corners_are_those_of_shapely_and_reflex_ones_stay():
 
 def test_contacts_sit_on_faces_and_convex_corners_alone():
     part = OffsetPolygon(ELL)
-    features = surface_of(part).features(part)
-    corners = {one.numbers[:2] for one in features if one.numbers[:2] == one.numbers[2:4]}
-    assert corners == set(ELL) - {(0.02, 0.02)}
-    assert len(features) == 11
+    pieces = pieces_of(part)
+    assert {(one.base.real, one.base.imag) for one in pieces if one.turn} == set(ELL) - {(0.02, 0.02)}
+    assert len(pieces) == 11
 
 
 def test_walls_meet_the_outermost_corners_and_what_lies_between_feet_is_no_face():

@@ -9,7 +9,7 @@ import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.scene import GraspObject, OffsetPolygon, Part, SuperellipsePart
+from continuum_grasp.scene import Face, GraspObject, OffsetPolygon, Part, SuperellipsePart
 
 SPREAD = np.linspace(0.0, 1.0, 33)
 """Places spread along a piece of a curve: along a panel that passes a corner closely, one of them is within 1/64 of the
@@ -31,6 +31,10 @@ def nearest(part: Part, points: Array) -> NearestPoints:
     """Points of a part's surface nearest to points (n, 2) [m], both in the object's frame."""
     points = np.asarray(points, dtype=float).reshape(-1, 2)
     if isinstance(part, OffsetPolygon):
+        if part.circle is not None:
+            return _disc(np.asarray(part.circle[0]), part.circle[1], points)
+        if part.bends:
+            return _curved_polygon(part, points)
         return _rounded_polygon(np.asarray(part.vertices, dtype=float), part.radius, points)
     part = _superellipse_part(part)
     turn = _turn(part.angle)
@@ -44,6 +48,11 @@ def support_point(part: Part, direction: Array) -> Array:
     direction = np.asarray(direction, dtype=float)
     if isinstance(part, OffsetPolygon):
         core = np.asarray(part.vertices, dtype=float)
+        if part.bends:
+            # Of an arc that faces there, the top; its ends are among the corners.
+            facing = np.arctan2(direction[1], direction[0])
+            arcs = [arc for arc in part.faces if np.mod(facing - arc.normal, 2.0 * np.pi) < arc.turn]
+            core = np.vstack([core, *(np.asarray(arc.center) + arc.radius * direction for arc in arcs)])
         return np.asarray(core[np.argmax(core @ direction)] + part.radius * direction)
     part = _superellipse_part(part)
     turn, axes = _turn(part.angle), np.asarray(part.semi_axes)
@@ -109,16 +118,22 @@ class PlacedObject:
         places, rounds = [np.zeros((0, 2))], [np.zeros(0)]
         for part in self.parts:
             if isinstance(part, OffsetPolygon):
+                sharp = [face for face in part.faces if part.bends and part.circle is None and face.radius < radius]
+                if part.bends:
+                    # Along an arc that is sharp, and where faces end.
+                    ends = np.concatenate([np.zeros((0, 2)), *(_along_face(face) for face in sharp)])
+                else:
+                    ends = np.asarray(part.vertices, dtype=float)
                 if part.radius < radius:
-                    places.append(np.asarray(part.vertices, dtype=float))
-                    rounds.append(np.full(len(part.vertices), part.radius))
+                    places.append(ends)
+                    rounds.append(np.full(len(ends), part.radius))
             else:
                 part = _superellipse_part(part)
                 (a, b), turn = part.semi_axes, _turn(part.angle)
                 quadrant = np.stack(_curve(a, b, part.exponent, _polar(a, b))[0], axis=1)
                 spots = _superellipse(part.semi_axes, part.exponent, quadrant)
-                ends = spots.point[spots.radius < radius]
-                both = np.concatenate([ends * sign for sign in ((1, 1), (-1, 1), (1, -1), (-1, -1))])
+                bent = spots.point[spots.radius < radius]
+                both = np.concatenate([bent * sign for sign in ((1, 1), (-1, 1), (1, -1), (-1, -1))])
                 places.append(both @ turn.T + np.asarray(part.center))
                 rounds.append(np.zeros(len(both)))
         return self.world(np.concatenate(places)), np.concatenate(rounds)
@@ -144,13 +159,8 @@ def _turn(angle: float) -> Array:
 
 
 def _rounded_polygon(core: Array, radius: float, points: Array) -> NearestPoints:
-    """Everything within ``radius`` of a core: one point (a disc), two (a slot), or a simple polygon."""
+    """Everything within ``radius`` of a core: two points (a slot), or a simple polygon."""
     count = np.arange(len(points))
-    if len(core) == 1:
-        off = points - core
-        away = np.hypot(off[:, 0], off[:, 1])
-        normal = np.where(away[:, None] > 0.0, off / np.maximum(away, 1e-300)[:, None], np.array([1.0, 0.0]))
-        return NearestPoints(away - radius, core + radius * normal, normal, np.full(count.size, radius))
     along, out, length = _edges(core)
     walked, height, beside = _seen(core, points)
     # A ray to the right crosses the outline of what it starts in an odd number of times.
@@ -166,6 +176,66 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> NearestPoints
     # As near to a sharp corner as rounding the way to it means nothing.
     normal = np.where((away > ROUNDING * length.max())[:, None], normal, out[edge])
     return NearestPoints(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, np.inf))
+
+
+def _disc(center: Array, radius: float, points: Array) -> NearestPoints:
+    off = points - center
+    away = np.hypot(off[:, 0], off[:, 1])
+    normal = np.where(away[:, None] > 0.0, off / np.maximum(away, 1e-300)[:, None], np.array([1.0, 0.0]))
+    return NearestPoints(away - radius, center + radius * normal, normal, np.full(len(points), radius))
+
+
+def _curved_polygon(part: OffsetPolygon, points: Array) -> NearestPoints:
+    """Everything within a radius of a core of lines and arcs, by the nearest point of each of them."""
+    core, rows = np.asarray(part.vertices, dtype=float), np.arange(len(points))
+    feet, normals, radii = [], [], []
+    for face in part.faces:
+        start, end = np.asarray(face.start), np.asarray(face.end)
+        if face.turn:
+            center = start - face.radius * np.array([np.cos(face.normal), np.sin(face.normal)])
+            off = points - center
+            # From the middle of the arc, either way to its ends.
+            middle = face.normal + 0.5 * face.turn
+            turn = np.arctan2(off[:, 1], off[:, 0]) - middle
+            turn = np.clip(turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi)), -0.5 * face.turn, 0.5 * face.turn)
+            normal = np.stack([np.cos(middle + turn), np.sin(middle + turn)], axis=1)
+            feet.append(center + face.radius * normal)
+        else:
+            span = end - start
+            share = np.clip((points - start) @ span / (span @ span), 0.0, 1.0)
+            normal = np.broadcast_to(np.array([span[1], -span[0]]) / np.hypot(*span), points.shape)
+            feet.append(start + share[:, None] * span)
+        normals.append(normal)
+        radii.append(face.radius if face.turn else np.inf)
+    off = points - np.stack(feet)
+    away = np.hypot(off[..., 0], off[..., 1])
+    nearest = away.argmin(axis=0)
+    away, off, normal, foot = away[nearest, rows], off[nearest, rows], np.stack(normals)[nearest, rows], np.stack(feet)
+    foot, height = foot[nearest, rows], (off * normal).sum(axis=1)
+    extent = float(np.ptp(core, axis=0).max())
+    # Along the normal there is no corner. At one, chords say on which side a point is: arcs beside it are no nearer.
+    at_corner = np.abs(off[:, 0] * normal[:, 1] - off[:, 1] * normal[:, 0]) > ROUNDING * extent
+    side = np.where(at_corner, np.where(_is_inside(core, points), -1.0, 1.0), np.where(height < 0.0, -1.0, 1.0))
+    towards = side[:, None] * off / np.maximum(away, 1e-300)[:, None]
+    normal = np.where(at_corner[:, None], towards, normal)
+    bent = np.where(at_corner, 0.0, np.asarray(radii)[nearest]) + part.radius
+    return NearestPoints(side * away - part.radius, foot + part.radius * normal, normal, bent)
+
+
+def _is_inside(core: Array, points: Array) -> Array:
+    """Whether points (n,) are inside a polygon: a ray to the right crosses the outline an odd number of times."""
+    after = np.roll(core, -1, axis=0)
+    passes = (core[:, 1] <= points[:, 1:]) != (after[:, 1] <= points[:, 1:])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = core[:, 0] + (points[:, 1:] - core[:, 1]) / (after[:, 1] - core[:, 1]) * (after[:, 0] - core[:, 0])
+    return np.asarray((passes & (points[:, :1] < across)).sum(axis=1) % 2 == 1)
+
+
+def _along_face(face: Face) -> Array:
+    """Points (m, 2) along a face of a core, a tenth of a radian apart on an arc, with both ends [m]."""
+    turns = face.normal + np.linspace(0.0, face.turn, 2 + int(10.0 * face.turn))
+    arc = np.asarray(face.center) + face.radius * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    return np.vstack([arc if face.turn else np.asarray(face.start)[None], np.asarray(face.end)[None]])
 
 
 def _edges(core: Array) -> tuple[Array, Array, Array]:
@@ -206,7 +276,9 @@ def touched(part: Part, point: Array, normal: Array, depth: float) -> Part:
         first -= 1
     while convex[(last + 1) % count] and (last == edge or out[last % count] @ normal > 0.0):
         last += 1
-    return OffsetPolygon(tuple(map(tuple, core[np.arange(first, last + 2) % count].tolist())), part.radius)
+    corners = np.arange(first, last + 2) % count
+    bends = (*(part.bends[k] for k in corners[:-1]), (0.0, 0.0)) if part.bends else ()
+    return OffsetPolygon(tuple(map(tuple, core[corners].tolist())), part.radius, bends)
 
 
 def _superellipse(axes: tuple[float, float], power: float, points: Array) -> NearestPoints:

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.disturbance import add_disturbances
 from continuum_grasp.grasp.problem.limits import add_limits
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -91,7 +92,9 @@ class GraspProblem(Unknowns):
         # along it alone or other supports hold it, equations would be dependent (egg: no start converged).
         spare = number("tolerance") + ca.vertcat(-gap, gap)
         require(f"contact gap, {name}", spare, "m", key, upper=ca.inf)
-        require(f"contact normal, {name}", ca.dot(along, contact.normal), "rad", key)
+        # The wall's normal decides, but a face that lies flat does not lift off within the tolerance of its gaps.
+        tilt = ca.dot(along, contact.normal)
+        require(f"contact normal, {name}", tilt, "rad", key, lower=-EXACT, upper=EXACT)
         if contact.spec.bounded:
             off, half = ca.dot(along, contact.point - at), number(f"{name}.half length")
             within = ca.vertcat(half - off, half + off)

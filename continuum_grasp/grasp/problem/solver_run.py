@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -122,7 +121,6 @@ class GraspSolverRun:
         budget: Budget,
         *,
         features: dict[str, Feature] | None = None,
-        smoothed: bool = False,
         options_at: int = 0,
         x0: Array | None = None,
         **options: Any,
@@ -133,10 +131,10 @@ class GraspSolverRun:
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
-        start, beyond whose ends they go on while that is better; if ``smoothed``, circles stand for blunt corners
-        first. The unknowns begin with ``x0``. Further run-time ``numbers`` go to the problem. Unknowns ``pinned`` stay
-        at their values, but for NaN. ``patience`` and ``standstill`` are as of `Start`; a run that comes to a
-        ``known`` attempt returns that, and with an objective above ``enough`` guarded places are not moved any more.
+        start, beyond whose ends they go on while that is better. The unknowns begin with ``x0``. Further run-time
+        ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN. ``patience`` and
+        ``standstill`` are as of `Start`; a run that comes to a ``known`` attempt returns that, and with an objective
+        above ``enough`` guarded places are not moved any more.
 
         Raises
         ------
@@ -149,12 +147,7 @@ class GraspSolverRun:
 
         if features is not None:
             return solved(features, x0)
-        sits = contact_features(scene, start.contacts)
-        circles = self._circles(scene, start, sits) if smoothed else {}
-        if circles:
-            attempt = self._round(scene, solved, sits, circles, x0, options.get("enough", np.inf))
-        else:
-            attempt = solved(sits, x0)
+        attempt = solved(contact_features(scene, start.contacts), x0)
         while attempt not in options.get("known", ()) and (beyond := self._beyond(scene, attempt)) is not None:
             other = solved(*beyond, options_at=0)
             better = other.converged and other.objective < attempt.objective - EXACT * abs(attempt.objective)
@@ -163,49 +156,8 @@ class GraspSolverRun:
                 break
         return attempt
 
-    def _circles(self, scene: GraspScene, start: GraspStart, sits: dict[str, Feature]) -> dict[str, Feature]:
-        """Circles that stand for blunt corners about features, by name of the contact."""
-        circles = {}
-        for name, feature in sits.items():
-            part = scene.object.parts[start.contacts[name].part]
-            circle = surface_of(part).smoothed(part, feature)
-            # An object that is fixed at a support has no places there.
-            if circle is not None and f"place, {name}" in self.problem.x.at:
-                circles[name] = circle
-        return circles
-
-    def _round(
-        self,
-        scene: GraspScene,
-        solved: Callable[..., GraspAttempt],
-        sits: dict[str, Feature],
-        circles: dict[str, Feature],
-        x0: Array | None,
-        enough: float,
-    ) -> GraspAttempt:
-        """Solve on circles; where these hold, on faces and corners next to where that ends, until some do.
-
-        Each of many blunt corners has a minimum of its own; the best are near that of a smooth curve.
-        """
-        attempt = smooth = solved(sits | circles, x0)
-        if not smooth.converged or smooth.objective > enough:
-            return attempt
-        ends = GraspStart.of(scene, self.arrays(scene, smooth)).contacts
-        parts = {name: scene.object.parts[ends[name].part] for name in circles}
-        # 2: faces and corners next to a place on a circle that are tried, of each contact
-        near = [surface_of(parts[name]).near(parts[name], *ends[name].place)[:2] for name in circles]
-        for choice in product(*near):
-            features, x = dict(zip(circles, choice, strict=True)), smooth.x.copy()
-            for name, feature in features.items():
-                place = surface_of(parts[name]).place(parts[name], feature, *ends[name].place)
-                x[self.problem.x.at[f"place, {name}"]] = place
-            attempt = _after(solved(sits | features, x), attempt)
-            if attempt.converged:
-                break
-        return attempt
-
     def _beyond(self, scene: GraspScene, attempt: GraspAttempt) -> tuple[dict[str, Feature], Array] | None:
-        """The features beyond the ends of faces and corners against which contacts press, and the unknowns there."""
+        """The features beyond the ends of those against which contacts press, and the unknowns there."""
         if not attempt.converged:
             return None
         features, x, at = dict(attempt.features), attempt.x.copy(), self.problem.x.at

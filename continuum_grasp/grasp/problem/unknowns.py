@@ -79,7 +79,9 @@ class Unknowns:
         if contact.finger < 0 and not self.spec.free:  # a fixed object: numbers in place of unknowns
             local = SurfacePoint(number(f"{name}.point", 2), number(f"{name}.normal", 2), ca.SX(0, 1))
         else:
-            local = surface.point(self.x(f"place, {name}", 2), number(f"{name}.feature", surface.feature_count))
+            local = surface.point(
+                self.x(f"place, {name}", surface.place_count), number(f"{name}.feature", surface.feature_count)
+            )
         self.rows.require(f"contact on the surface, {name}", local.on_surface, "1", "object")
         turn = rotation(self.pose[2])
         return Touch(contact, self.pose[:2] + turn @ local.point, turn @ local.normal, local, force)

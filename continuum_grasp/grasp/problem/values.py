@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.problem.curves import curve_numbers
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -80,26 +79,36 @@ def units_of_rows(scene: GraspScene) -> dict[str, tuple[float, str]]:
     return shown
 
 
-def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> dict[str, Feature]:
-    """The face, corner or smooth part that each contact of a start sits on."""
+def contact_features(scene: GraspScene, contacts: Mapping[str, ContactStart]) -> dict[str, Feature]:
+    """The part of the outline that each contact of a start may slide along."""
+    bodies = _touching_radii(scene)
     features = {}
     for name, start in contacts.items():
         part = scene.object.parts[start.part]
-        features[name] = surface_of(part).near(part, *start.place)[0]
+        features[name] = surface_of(part).near(part, *start.place, bodies.get(name, 0.0))
     return features
+
+
+def _touching_radii(scene: GraspScene) -> dict[str, float]:
+    """Radii of the round bodies that may touch, by contact [m]: half of a finger's thickness, those of pegs."""
+    radii = {peg.name: peg.radius for peg in scene.pegs}
+    for setup in scene.setups:
+        half, length = setup.finger.profile.half_thickness, setup.finger.rod.length
+        radii |= {name: float(half(s)) for name, s in zip(setup.middle_names, setup.middle_places, strict=True)}
+        radii[setup.tip_name] = float(half(length))
+    return radii
 
 
 def moved_features(
     before: GraspScene, after: GraspScene, contacts: Mapping[str, ContactStart], features: dict[str, Feature]
 ) -> dict[str, Feature]:
-    """Faces, corners and smooth parts in a scene whose object may have other dimensions."""
+    """Parts of the outline in a scene whose object may have other dimensions."""
     moved = dict(features)
     if before.object.parts == after.object.parts:
         return moved
     for name, contact in contacts.items():
-        old, new = before.object.parts[contact.part], after.object.parts[contact.part]
-        surface = surface_of(old)
-        moved[name] = surface_of(new).features(new)[surface.features(old).index(features[name])]
+        part, feature = after.object.parts[contact.part], features[name]
+        moved[name] = surface_of(part).feature(part, feature.piece, feature.grown)
     return moved
 
 
@@ -152,11 +161,6 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
     for contact in problem.spec.contacts:
         name, feature = contact.name, features[contact.name]
         low[f"place, {name}"], high[f"place, {name}"] = list(feature.lower), list(feature.upper)
-        if contact.finger < 0 and not contact.surface.is_smooth:
-            # The wall's normal decides, also at the end of a corner's cone, but a face that lies flat does not lift off
-            # within the tolerance of its gaps.
-            low[f"place, {name}"][1] -= EXACT
-            high[f"place, {name}"][1] += EXACT
         low[f"force, {name}"] = [least, *sideways]
     return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
 

@@ -16,7 +16,6 @@ from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.effort import FIRST_CAP, PATIENCE, STANDSTILL
 from continuum_grasp.grasp.problem.relaxations import RelaxedLimit
 from continuum_grasp.grasp.problem.solver_run import GraspAttempt
-from continuum_grasp.grasp.problem.values import contact_features
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.values import NEAR, SAME
@@ -87,10 +86,7 @@ class Elastic:
         relaxed = [(limit, amount * parts.get(limit, 0.0)) for limit, amount in usual.items()]
         ends = {"iterations": FIRST_CAP, "standstill": STANDSTILL, "patience": patience}
         options: dict[str, Any] = {"options_at": options_at, "relaxed": relaxed, "x0": x0, "weights": weights, **ends}
-        attempt = solver.run(scene, start, search.budget, smoothed=x0 is None, **options)
-        if attempt.violations and attempt.features != contact_features(scene, start.contacts):
-            # A limit may be relaxed far enough for some corner where the circles led to none.
-            attempt = solver.run(scene, start, search.budget, **options)
+        attempt = solver.run(scene, start, search.budget, **options)
         if not np.isfinite(attempt.x).all() or attempt.violations:
             return None
         amounts = {limit: solver.given(scene, attempt.x, limit) for limit in limits}

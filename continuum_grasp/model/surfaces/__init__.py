@@ -16,7 +16,7 @@ from continuum_grasp.scene import OffsetPolygon, Part, SuperellipsePart
 __all__ = ["nearest", "outline_of", "surface_of"]
 
 _SURFACES: dict[type[Part], Callable[[Any], Surface[Any]]] = {
-    OffsetPolygon: lambda part: PolygonSurface(len(part.vertices)),
+    OffsetPolygon: PolygonSurface.of,
     SuperellipsePart: lambda part: SuperellipseSurface(),
 }
 

@@ -1,12 +1,17 @@
-"""The surface of an offset polygon: everything within a distance of a simple polygon, a segment or a point.
+"""The surface of an offset polygon: everything within a distance of a simple polygon, a segment or a point; edges may
+be curves.
 
-A contact of a grasp sits on a *feature*, a face or a corner of the core, and every point there is
+A contact of a grasp has one unknown u, its place along the outline grown by what touches there, a round body of radius
+g. Lines, arcs and corners are pieces of one kind: on each
 
-    p = a + sigma (b - a) + r n(alpha),     n(alpha) = (cos alpha, sin alpha)
+    p = c + u d + rho n(alpha),     alpha = alpha_0 + kappa u,     n(alpha) = (cos alpha, sin alpha)
 
-On a face alpha is the face's normal and sigma in [0, 1] is free: the contact slides along the face. On a corner a = b
-and alpha is free between the normals of the faces next to it. So faces, corners, stadiums and discs differ by numbers
-only. Reflex corners are no features: nothing round touches them but both their faces.
+with d = 0 on arcs and corners, kappa = 0 on lines. Several arcs after each other are a window: with s_k, what u has run
+on the k-th, p and alpha are sums over pieces of the same terms of s_k. As kappa (rho + g) is the same on all of them,
+the grown outline p + g n has one speed: it is C1 in u. A window ends where the curvature of the grown outline jumps, at
+the ends of lines and at corners: contact forces act along n, which is not smooth in u there, so that a grasp may be
+best at such an end. It is a bound, at which multipliers say whether to go on; a solver would zigzag about a kink.
+Reflex corners are no pieces: nothing round touches them but both their faces.
 
 The nearest edge says how far the core is, and on which side of it a point lies whether inside. Where a corner is as
 near by both its edges, it is the edge of which the point is higher above or below the line.
@@ -14,10 +19,11 @@ near by both its edges, it is the edge of which the point is higher above or bel
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import casadi as ca
@@ -37,14 +43,21 @@ from continuum_grasp.model.surfaces.surface import (
     length,
     picked,
 )
-from continuum_grasp.scene import OffsetPolygon
+from continuum_grasp.scene import Face, OffsetPolygon
 
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
 is still exact beside those of fingers."""
-BLUNT, SPAN = 0.1, 0.3
-"""Turn of the normal at a corner [rad] up to which it is blunt, and on either side of a contact that of blunt corners
-that a circle stands for."""
+SMOOTH = 1e-9
+"""Turn of the normal [rad] up to which two faces meet smoothly: rounding."""
+WINDOW = 7
+"""Pieces along which a contact may slide in one run of the solver: arcs of a curve, three on either side."""
+KINK = 2.0
+"""Ratio of the radii of two arcs of the grown outline up to which they are of one window [1]."""
+CHORD = 0.02
+"""Turn of chords in place of arcs where distances are rough [rad]: off by a sixteenth of its square, of the radius."""
+_FAR = 1e6
+"""Length of a piece beyond the end of a window, where bounds keep the unknown in [unknown]."""
 _SKIN = 1e-9
 """Distance up to which a point outside a sharp polygon is treated as one on its face [m]: below, the direction to the
 nearest point is lost in rounding."""
@@ -53,129 +66,234 @@ _SLOT = 1e-9
 
 
 @dataclass(frozen=True)
+class Piece:
+    """A line, an arc or a corner of an offset polygon."""
+
+    base: complex
+    """Start of a line of the core, center of an arc, corner of the core [m]."""
+    span: complex
+    """Vector of a line from its start to its end; zero of others [m]."""
+    normal: float
+    """Angle of the outward normal where it begins [rad]."""
+    turn: float
+    """By how much the normal turns [rad]; 0 on a line."""
+    reach: float
+    """Distance of the surface from the line, the center or the corner [m]."""
+    after: bool
+    """Whether it follows the piece before it; else a reflex corner is between them."""
+
+    def point(self, share: float) -> complex:
+        """Point of the surface at a part of its length."""
+        return self.base + share * self.span + cmath.rect(self.reach, self.normal + share * self.turn)
+
+    def share(self, point: complex, normal_angle: float) -> float:
+        """Part of its length at a point next to the surface with a normal."""
+        if self.turn:
+            middle = self.normal + 0.5 * self.turn
+            off = math.remainder(normal_angle - middle, math.tau)
+            return 0.5 + (off / self.turn if self.turn >= math.tau else min(max(off / self.turn, -0.5), 0.5))
+        away = point - self.base - cmath.rect(self.reach, normal_angle)
+        return min(max((away * self.span.conjugate()).real / abs(self.span) ** 2, 0.0), 1.0)
+
+
+@lru_cache(maxsize=256)
+def pieces_of(part: OffsetPolygon) -> tuple[Piece, ...]:
+    """Lines, arcs and convex corners of a part, counter-clockwise."""
+    pieces: list[Piece] = []
+    faces, radius = part.faces, part.radius
+    after = True
+    for face, other in zip(faces, (*faces[1:], faces[0]), strict=True):
+        start, end = complex(*face.start), complex(*face.end)
+        base, span = (complex(*face.center), 0.0j) if face.turn else (start, end - start)
+        pieces.append(Piece(base, span, face.normal, face.turn, face.radius + radius, after))
+        end_normal = face.normal + face.turn
+        turn = (other.normal - end_normal) % math.tau
+        reflex = turn > math.pi + SHARP and turn < math.tau - SMOOTH
+        after = not reflex
+        if len(faces) > 1 and not reflex and SMOOTH < turn < math.tau - SMOOTH:
+            pieces.append(Piece(end, 0.0j, end_normal, turn, radius, True))
+    return (replace(pieces[0], after=after), *pieces[1:])
+
+
+@dataclass(frozen=True)
 class PolygonSurface(Surface[OffsetPolygon]):
-    """The surface of offset polygons with this many corners: one for a disc, two for a stadium."""
+    """The surface of offset polygons with so many corners, one for a disc, two for a stadium, and so many arcs between
+    them.
+    """
 
     corners: int
+    arcs: int = 0
 
-    feature_count = 5
+    place_count = 1
+    feature_count = 3 + 8 * WINDOW
+
+    @staticmethod
+    def of(part: OffsetPolygon) -> PolygonSurface:
+        """The surface of a part."""
+        return PolygonSurface(len(_corners(part)), len(_arcs(part)))
 
     @property
     def number_count(self) -> int:  # type: ignore[override]
-        return 2 * self.corners + 1
+        return 2 * self.corners + 5 * self.arcs + 1
 
     # -- contact in motion
 
     def nearest(self, part: OffsetPolygon, at: Vec) -> Nearest:
-        core = part.vertices
-        if len(core) == 1:
-            away = at - Vec(*core[0])
+        core, circle = part.vertices, part.circle
+        if circle is not None:
+            away = at - Vec(*circle[0])
             size = length(away)
-            return Nearest(size - part.radius, away.scaled(1.0 / size))
+            return Nearest(size - circle[1], away.scaled(1.0 / size))
         # A rectangle is symmetric: folded into one quadrant it takes fewer instructions than four edges.
         spot = _from_rectangle(core, at) if _is_rectangle(core) else _from_polygon(core, at)
         return Nearest(spot.distance - part.radius, spot.normal)
 
     def lowest_points(self, part: OffsetPolygon, direction: Vec) -> list[Vec]:
+        if part.circle is not None:
+            return [Vec(*part.circle[0]) + direction.scaled(part.circle[1])]
         return [Vec(*part.vertices[k]) + direction.scaled(part.radius) for k in _outermost(part.vertices)]
 
     # -- contact of a grasp
 
     def point(self, place: ca.SX, feature: ca.SX) -> SurfacePoint:
-        normal = ca.vertcat(ca.cos(place[1]), ca.sin(place[1]))
-        a, b = feature[:2], feature[2:4]
-        return SurfacePoint(a + place[0] * (b - a) + feature[4] * normal, normal, ca.SX(0, 1))
+        point, angle = feature[:2], feature[2]
+        for k in range(WINDOW):
+            start, low, high, dx, dy, normal, bend, reach = ca.vertsplit(feature[3 + 8 * k : 11 + 8 * k])
+            run = ca.fmin(ca.fmax(place - start, low), high)
+            turned = normal + bend * run
+            point += run * ca.vertcat(dx, dy) + reach * ca.vertcat(ca.cos(turned), ca.sin(turned))
+            angle += bend * run
+        return SurfacePoint(point, ca.vertcat(ca.cos(angle), ca.sin(angle)), ca.SX(0, 1))
 
     def wall_clearance(self, normal: ca.SX, point: ca.SX, angle: ca.SX, pose: ca.SX, numbers: ca.SX) -> list[ca.SX]:
         c, s = ca.cos(pose[2]), ca.sin(pose[2])
-        turn = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c))
-        corners = [pose[:2] + turn @ numbers[2 * k : 2 * k + 2] for k in range(self.corners)]
-        return [ca.dot(normal, corner - point) - numbers[-1] for corner in corners]
+        turn, radius = ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c)), numbers[-1]
+        outermost = [numbers[2 * k : 2 * k + 2] for k in range(self.corners)]
+        for k in range(self.arcs):
+            x, y, reach, middle, half = ca.vertsplit(numbers[2 * self.corners + 5 * k :][:5])
+            # Of an arc, the point whose normal is nearest to that of the wall.
+            off = angle + ca.pi - pose[2] - middle
+            facing = middle + ca.fmin(ca.fmax(ca.atan2(ca.sin(off), ca.cos(off)), -half), half)
+            outermost.append(ca.vertcat(x + reach * ca.cos(facing), y + reach * ca.sin(facing)))
+        return [ca.dot(normal, pose[:2] + turn @ place - point) - radius for place in outermost]
 
     def numbers(self, part: OffsetPolygon, unit: float) -> list[float]:
-        return [*(c / unit for v in part.vertices for c in v), part.radius / unit]
+        radius = part.radius if part.circle is None else part.circle[1]
+        places = [c / unit for corner in _corners(part) for c in corner]
+        for arc in _arcs(part):
+            places += [*(c / unit for c in arc.center), arc.radius / unit, arc.normal + 0.5 * arc.turn, 0.5 * arc.turn]
+        return [*places, radius / unit]
 
     def feature_numbers(self, feature: Feature, unit: float) -> list[float]:
-        return [c / unit for c in feature.numbers]
+        numbers = np.array(feature.numbers)
+        lengths = numbers[3:].reshape(WINDOW, 8)
+        numbers[:2] /= unit
+        lengths[:, [3, 4, 7]] /= unit
+        return [float(number) for number in numbers]
 
-    def features(self, part: OffsetPolygon) -> list[Feature]:
-        core, r = part.vertices, part.radius
-        # Counter-clockwise, each corner before the face that begins there: its normal turns from the face before it.
-        bend = 1.0 / max(r, SHARP)
-        if len(core) == 1:
-            return [Feature((*core[0], *core[0], r), (0.0, -math.inf), (0.0, math.inf), bend)]
-        features = []
-        for (a, b), (_, turn) in zip(pairwise([*core, core[0]]), part.turns, strict=True):
-            normal = math.atan2(a[0] - b[0], b[1] - a[1])
-            if turn > 0.0:
-                features.append(Feature((*a, *a, r), (0.0, normal - turn), (0.0, normal), bend))
-            features.append(Feature((*a, *b, r), (0.0, normal), (1.0, normal)))
-        return features
+    def feature(self, part: OffsetPolygon, piece: int, grown: float) -> Feature:
+        every = pieces_of(part)
+        middle, count = every[piece], len(every)
+        before, after = [piece], [piece]
+        for side, ends in ((-1, before), (1, after)):
+            while abs(ends[-1] - piece) < WINDOW // 2 and len(before) + len(after) <= count:
+                if not _joins(every, ends[-1] % count, (ends[-1] + side) % count, grown):
+                    break
+                ends.append(ends[-1] + side)
+        window = [*before[:0:-1], *after]
+        # A line from zero to one; of arcs the unknown is the angle on the one in the middle.
+        speed = middle.reach + grown if middle.turn else abs(middle.span)
+        lengths = [_length(every[k % count], speed, grown) for k in window]
+        start = -float(sum(lengths[: len(before) - 1]))
+        rows = []
+        anchor, low = every[window[0] % count].point(0.0), start
+        for k, size in zip(window, lengths, strict=True):
+            at, first, last = every[k % count], k == window[0], k == window[-1]
+            anchor -= cmath.rect(at.reach, at.normal)
+            # Beyond the ends of the window it goes on: derivatives there are not those of a limit.
+            span = at.span / size
+            limits = -_FAR if first else 0.0, _FAR if last else size
+            rows.append((start, *limits, span.real, span.imag, at.normal, at.turn / size, at.reach))
+            start += size
+        rows += [(0.0,) * 8] * (WINDOW - len(rows))
+        numbers = (anchor.real, anchor.imag, every[window[0] % count].normal, *(v for row in rows for v in row))
+        whole = middle.turn >= math.tau
+        lower, upper = (-math.inf, math.inf) if whole else (low, start)
+        return Feature(numbers, (lower,), (upper,), _curvature(middle), piece, grown)
 
-    def beyond(self, part: OffsetPolygon, feature: Feature, side: int) -> tuple[Feature, tuple[float, float]] | None:
-        every = self.features(part)
-        other = every[(every.index(feature) + side) % len(every)]
-        # Faces follow each other at a reflex corner, where the normal jumps.
-        both = feature.is_face and other.is_face
-        return None if both else (other, other.lower if side > 0 else other.upper)
-
-    def smoothed(self, part: OffsetPolygon, feature: Feature) -> Feature | None:
-        every = self.features(part)
-        ends = [end for side in (-1, 1) if (end := _blunt_end(every, every.index(feature), side)) is not None]
-        if len(ends) < 2:
+    def beyond(self, part: OffsetPolygon, feature: Feature, side: int) -> tuple[Feature, tuple[float, ...]] | None:
+        every, count = pieces_of(part), len(pieces_of(part))
+        used = [row for row in np.reshape(feature.numbers[3:], (WINDOW, 8)).tolist() if row[1] != row[2]]
+        starts = sum(row[0] < -SMOOTH for row in used)
+        last = feature.piece + (len(used) - 1 - starts if side > 0 else -starts)
+        other = (last + side) % count
+        if not every[other if side > 0 else last % count].after:
             return None
-        # The circle through three points.
-        middle = 0.5 * (np.array(feature.numbers[:2]) + feature.numbers[2:4])
-        across = np.array(ends) - middle
-        x, y = (middle + np.linalg.solve(2.0 * across, (across**2).sum(axis=1))).tolist()
-        low, high = (math.atan2(end[1] - y, end[0] - x) for end in ends)
-        size = math.dist((x, y), middle) + part.radius
-        return Feature((x, y, x, y, size), (0.0, low), (0.0, high + math.tau * (high < low)), 1.0 / size)
+        following = self.feature(part, other, feature.grown)
+        middle = every[other]
+        speed = middle.reach + feature.grown if middle.turn else abs(middle.span)
+        return following, (0.0 if side > 0 else _length(middle, speed, feature.grown),)
 
     def place(
         self, part: OffsetPolygon, feature: Feature, point: tuple[float, float], normal_angle: float
-    ) -> tuple[float, float]:
-        ax, ay, bx, by, r = feature.numbers
-        dx, dy = bx - ax, by - ay
-        size = dx * dx + dy * dy
-        x, y = point[0] - r * math.cos(normal_angle), point[1] - r * math.sin(normal_angle)
-        share = 0.0 if size == 0.0 else min(max(((x - ax) * dx + (y - ay) * dy) / size, 0.0), 1.0)
-        middle = 0.5 * (feature.lower[1] + feature.upper[1])
-        angle = middle + math.remainder(normal_angle - middle, math.tau) if math.isfinite(middle) else normal_angle
-        return share, min(max(angle, feature.lower[1]), feature.upper[1])
+    ) -> tuple[float, ...]:
+        at = pieces_of(part)[feature.piece]
+        speed = at.reach + feature.grown if at.turn else abs(at.span)
+        return (at.share(complex(*point), normal_angle) * _length(at, speed, feature.grown),)
 
-    def near(self, part: OffsetPolygon, point: tuple[float, float], normal_angle: float) -> list[Feature]:
+    def near(self, part: OffsetPolygon, point: tuple[float, float], normal_angle: float, grown: float) -> Feature:
+        every = pieces_of(part)
         size = float(np.ptp(np.array(part.vertices), axis=0).max()) + part.radius
 
-        def misfit(feature: Feature) -> float:
-            share, angle = self.place(part, feature, point, normal_angle)
-            ax, ay, bx, by, r = feature.numbers
-            x = ax + share * (bx - ax) + r * math.cos(angle) - point[0]
-            y = ay + share * (by - ay) + r * math.sin(angle) - point[1]
-            turn = abs(math.remainder(angle - normal_angle, math.tau))
+        def misfit(number: int) -> float:
+            piece = every[number]
+            share = piece.share(complex(*point), normal_angle)
+            away = abs(piece.point(share) - complex(*point)) / size
+            turn = abs(math.remainder(piece.normal + share * piece.turn - normal_angle, math.tau))
             # At the end of a face the corner fits as well: prefer the face, along which a contact can slide.
-            corner = ax == bx and ay == by and len(part.vertices) > 1
-            return math.hypot(x, y) / size + turn + (1e-9 if corner else 0.0)
+            corner = piece.turn > 0.0 and piece.reach == part.radius and len(every) > 1
+            return away + turn + (1e-9 if corner else 0.0)
 
-        return sorted(self.features(part), key=misfit)
+        return self.feature(part, min(range(len(every)), key=misfit), grown)
 
     # -- search of a grasp
 
     def outline(self, part: OffsetPolygon, frame: Frame, grown: float) -> GrownOutline:
-        vertices = frame.point(np.array([complex(*v) for v in part.vertices]))
-        return _PolygonOutline(vertices[::-1] if frame.mirrored else vertices, part.radius * frame.scale, grown)
+        return _PolygonOutline(part.faces, frame, part.radius * frame.scale, grown)
 
 
-def _blunt_end(every: Sequence[Feature], at: int, side: int) -> tuple[float, float] | None:
-    """Place where blunt corners after (+1) or before (-1) a feature turn by `SPAN` in all; None if others end them."""
-    turned = 0.5 * every[at].turn
-    while every[at].turn < BLUNT and turned < SPAN:
-        before, at = every[at], (at + side) % len(every)
-        if before.is_face and every[at].is_face:
-            return None
-        turned += every[at].turn
-    x, y, *_ = every[at].numbers
-    return (x, y) if every[at].turn < BLUNT else None
+def _length(piece: Piece, speed: float, grown: float) -> float:
+    """Length of a piece, where the unknown has a speed on the outline grown by what touches."""
+    return piece.turn * (piece.reach + grown) / speed if piece.turn and speed > 0.0 else piece.turn or 1.0
+
+
+def _joins(every: Sequence[Piece], number: int, other: int, grown: float) -> bool:
+    """Whether two pieces are of one window."""
+    first, second = every[number], every[other]
+    if not (first.turn and second.turn) or number == other or max(first.turn, second.turn) >= math.tau:
+        return False
+    sizes = sorted((first.reach + grown, second.reach + grown))
+    return sizes[0] > 0.0 and sizes[1] <= KINK * sizes[0]
+
+
+def _curvature(piece: Piece) -> float:
+    """Curvature of the surface [1/m]: 0 on a line, large on a sharp corner."""
+    return 1.0 / max(piece.reach, SHARP) if piece.turn else 0.0
+
+
+def _corners(part: OffsetPolygon) -> list[tuple[float, float]]:
+    """Where faces do not meet smoothly; the center of a disc."""
+    if part.circle is not None:
+        return [part.circle[0]]
+    faces = part.faces
+    pairs = zip((faces[-1], *faces[:-1]), faces, strict=True)
+    turns = (math.remainder(face.normal - before.normal - before.turn, math.tau) for before, face in pairs)
+    return [face.start for face, turn in zip(faces, turns, strict=True) if abs(turn) > SMOOTH]
+
+
+def _arcs(part: OffsetPolygon) -> list[Face]:
+    """Arcs between the corners."""
+    return [] if part.circle is not None else [face for face in part.faces if face.turn]
 
 
 def _is_rectangle(core: Sequence[tuple[float, float]]) -> bool:
@@ -247,97 +365,174 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
 
 
 class _PolygonOutline(GrownOutline):
-    """Outline of an offset polygon."""
+    """Outline of an offset polygon: faces, each with the corner at its end, which may be smooth."""
 
-    def __init__(self, vertices: Array, radius: float, grown: float) -> None:
-        self.corners = vertices
-        self.radius = radius
-        self.grown = radius + grown
-        size = len(vertices)
-        extent = float(np.abs(vertices - vertices.mean()).max()) if size > 1 else 0.0
-        # Meters of walk per radian of a corner: some length even where the corner is sharp and not grown.
-        self._per_angle = self.grown + 0.2 * extent
-        self._edges = np.roll(vertices, -1) - vertices if size > 1 else np.zeros(1, complex)
-        self._lengths = np.abs(self._edges)
-        if size > 1:
-            self._along = self._edges / self._lengths
-            normals = np.angle(-1j * self._along)
-            # A reflex corner is passed at once.
-            turns = np.mod(np.roll(normals, -1) - normals, math.tau)
-            turns[turns > math.pi + SHARP] = 0.0
-        else:
-            self._along, normals, turns = np.ones(1, complex), np.zeros(1), np.full(1, math.tau)
+    def __init__(self, faces: Sequence[Face], frame: Frame, radius: float, grown: float) -> None:
+        self.radius, self.grown = radius, radius + grown
+        count = len(faces)
+        self._start = frame.point(np.array([complex(*face.start) for face in faces]))
+        self._end = frame.point(np.array([complex(*face.end) for face in faces]))
+        low, self._bent, self._reach = np.array([(f.normal, f.turn, f.radius) for f in faces]).T
+        self._reach = self._reach * frame.scale
+        if frame.mirrored:
+            # From the same corner on.
+            order = np.roll(np.arange(count)[::-1], -1)
+            self._start, self._end, low = self._end[order], self._start[order], (low + self._bent)[order]
+            self._bent, self._reach = self._bent[order], self._reach[order]
+        self._low = frame.angle(low)
+        self._is_line = self._bent == 0.0
+        self._span = np.where(self._is_line, self._end - self._start, 0.0)
+        self._lengths = np.abs(self._span)
+        self._along = np.where(self._is_line, self._span, 1.0) / np.where(self._is_line, self._lengths, 1.0)
+        # On a line its start, of an arc its center.
+        self._base = self._start - np.where(self._is_line, 0.0, self._reach * np.exp(1j * self._low))
+        normals = self._low + self._bent
+        turns = np.mod(np.roll(self._low, -1) - normals, math.tau)
+        reflex = turns > math.pi + SHARP
+        # A reflex corner is passed at once, and so is a smooth one.
+        turns[reflex | (turns < SMOOTH)] = 0.0
+        self.corners = self._end[turns > 0.0]
+        if count == 1:
+            turns, reflex, self.corners = np.zeros(1), np.zeros(1, bool), self._base
         self._normals, self._turns = normals, turns
-        pieces = np.stack([self._lengths, turns * self._per_angle], axis=1).ravel()
+        # Those of both faces at a corner, for the side of a point.
+        self._before = np.exp(1j * normals) + np.roll(np.exp(1j * self._low), -1)
+        extent = float(np.abs(self._start - self._start.mean()).max()) if count > 1 else float(self._reach[0])
+        # Meters of walk per radian of a corner: some length even where the corner is sharp and not grown.
+        self._per_angle = self.grown + (0.2 * extent if count > 1 else float(self._reach[0]))
+        curved = np.where(self._bent > 0.0, self._reach + self.grown, self._per_angle)
+        self._rates = np.stack([np.where(self._is_line, 0.0, 1.0 / curved), np.full(count, 1.0 / self._per_angle)], 1)
+        pieces = np.stack([self._lengths + self._bent * curved, turns * self._per_angle], axis=1).ravel()
         self._starts = np.concatenate([[0.0], np.cumsum(pieces)])
         self.joints, self.period = self._starts[:-1], float(self._starts[-1])
-        self.breaks = self._starts[:-1:2][np.roll(turns == 0.0, 1)]
-        self.center = complex(vertices.mean())
-        self.extent = extent + radius
+        self.breaks = self._starts[:-1:2][np.roll(reflex, 1)]
+        self.center = complex(self._base[0] if count == 1 else self._start.mean())
+        bulge = self._reach * (1.0 - np.cos(0.5 * self._bent)) if count > 1 else np.zeros(1)
+        self.extent = extent + float(bulge.max()) + radius
+
+    @property
+    def is_round(self) -> bool:
+        return len(self._start) == 1
 
     @cached_property
     def face_normals(self) -> tuple[float, ...]:  # type: ignore[override]
-        corners = self.corners[_outermost([(z.real, z.imag) for z in self.corners.tolist()])]
-        return tuple(np.angle(-1j * (np.roll(corners, -1) - corners)).tolist()) if len(corners) > 1 else ()
+        points = [(z.real, z.imag) for z in self._start.tolist()]
+        hull = _outermost(points)
+        sides = zip(hull, [*hull[1:], *hull[:1]], strict=True)
+        # Faces of the hull, also those that reflex corners are behind; an arc is none.
+        flat = [(a, b) for a, b in sides if self._is_line[a] or b != (a + 1) % len(points)] if len(hull) > 1 else []
+        return tuple(float(np.angle(-1j * (self._start[b] - self._start[a]))) for a, b in flat)
 
     def walk(self, w: Array) -> Walk:
         w = np.mod(w, self.period)
         piece = np.clip(np.searchsorted(self._starts, w, side="right") - 1, 0, len(self._starts) - 2)
         local = w - self._starts[piece]
-        edge, corner = piece // 2, piece % 2 == 1
-        turn = np.where(corner, local / self._per_angle, 0.0)
-        angle = self._normals[edge] + turn
+        face, corner = piece // 2, piece % 2 == 1
+        rate = self._rates[face, piece % 2]
+        angle = np.where(corner, self._normals[face], self._low[face]) + local * rate
         normal = np.exp(1j * angle)
-        at = self.corners[edge] + np.where(corner, self._edges[edge], local * self._along[edge])
-        dpoint = np.where(corner, 1j * normal * (self.grown / self._per_angle), self._along[edge])
-        return Walk(at + self.grown * normal, angle, dpoint, np.where(corner, 1.0 / self._per_angle, 0.0))
+        along = np.where(self._is_line[face] & ~corner, local, 0.0) * self._along[face]
+        at = np.where(corner, self._end[face], self._base[face]) + along
+        reach = self.grown + np.where(corner, 0.0, self._reach[face])
+        dpoint = np.where(self._is_line[face] & ~corner, self._along[face], 1j * normal * reach * rate)
+        return Walk(at + reach * normal, angle, dpoint, rate)
 
     def nearest(self, points: Array) -> tuple[Array, Array]:
-        gap, edge, along = self._nearest_edge(points)
-        length = self._lengths[edge]
-        start = self._starts[2 * edge]
+        gap, face, along = self._nearest_face(points)
+        length = np.where(self._is_line, self._lengths, self._bent)[face]
+        start = self._starts[2 * face]
         before, after = along <= 0.0, along >= length
-        vertex = np.where(before, edge, (edge + 1) % len(self.corners))
-        owner = np.where(before, (edge - 1) % len(self.corners), edge)
-        turn = np.mod(np.angle(points - self.corners[vertex]) - self._normals[owner], math.tau)
+        owner = np.where(before, (face - 1) % len(self._start), face)
+        turn = np.mod(np.angle(points - self._end[owner]) - self._normals[owner], math.tau)
         turn = np.where(turn > 0.5 * (self._turns[owner] + math.tau), 0.0, np.minimum(turn, self._turns[owner]))
         corner = self._starts[2 * owner + 1] + turn * self._per_angle
-        return gap, np.where((before | after) & (gap > -self.radius), corner, start + np.clip(along, 0.0, length))
+        on_face = np.clip(along, 0.0, length) / np.where(self._is_line[face], 1.0, self._rates[face, 0])
+        if self.is_round:
+            return gap, start + on_face
+        return gap, np.where((before | after) & (gap > -self.radius), corner, start + on_face)
 
     def distance(self, points: Array) -> Array:
-        return self._nearest_edge(points)[0]
+        return self._nearest_face(points)[0]
 
     @property
     def rough_numbers(self) -> list[float]:
-        each = [self.corners.real, self.corners.imag, self._along.real, self._along.imag, self._lengths]
-        numbers = [self.radius, _SLOT * self.extent**2, *np.stack(each, axis=1).ravel().tolist()]
-        return [0.0, len(self.corners), len(numbers), *numbers]
+        if self.is_round:
+            start, along, radius = self._base, np.zeros(1, complex), self.radius + float(self._reach[0])
+        else:
+            start, radius = self._chords(), self.radius
+            along = np.roll(start, -1) - start
+        length = np.abs(along)
+        unit = np.where(length > 0.0, along, 1.0) / np.where(length > 0.0, length, 1.0)
+        each = [start.real, start.imag, unit.real, unit.imag, length]
+        numbers = [radius, _SLOT * self.extent**2, *np.stack(each, axis=1).ravel().tolist()]
+        return [0.0, len(start), len(numbers), *numbers]
 
-    def _nearest_edge(self, points: Array) -> tuple[Array, Array, Array]:
-        if len(self.corners) == 1:
-            zero = np.zeros(points.shape, int)
-            return np.abs(points - self.corners[0]) - self.radius, zero, np.zeros(points.shape)
-        turned = (points[..., None] - self.corners) * np.conj(self._along)
-        along, out = turned.real, -turned.imag
-        beyond = along - np.clip(along, 0.0, self._lengths)
-        square = beyond**2 + out**2
+    def _chords(self) -> Array:
+        """Corners of a polygon in place of the core, whose chords pass through arcs, nowhere far from them."""
+        corners = []
+        for start, base, low, turn, reach in zip(
+            self._start, self._base, self._low, self._bent, self._reach, strict=True
+        ):
+            count = math.ceil(turn / CHORD)
+            step = turn / max(count, 1)
+            inner = low + step * np.arange(1, count)
+            # Half of what a chord is off is outside the arc, half inside.
+            corners += [[start], base + reach * (1.0 + step**2 / 16.0) * np.exp(1j * inner)]
+        return np.concatenate(corners)
+
+    def _nearest_face(self, points: Array) -> tuple[Array, Array, Array]:
+        """Distances of points from the part, the nearest faces, and the places along these: lengths on lines, turns of
+        the normal on arcs, beyond their ends where a corner is nearest.
+        """
+        if self.is_round:
+            off = points - self._base[0]
+            turn = np.mod(np.angle(off) - self._low[0], math.tau)
+            return np.abs(off) - self._reach[0] - self.radius, np.zeros(points.shape, int), turn
+        along, square, height = (np.empty((*points.shape, len(self._start))) for _ in range(3))
+        line = self._is_line
+        turned = (points[..., None] - self._start[line]) * np.conj(self._along[line])
+        on, out = turned.real, -turned.imag
+        beyond = on - np.clip(on, 0.0, self._lengths[line])
+        along[..., line], square[..., line], height[..., line] = on, beyond**2 + out**2, out
+        if not line.all():
+            off = points[..., None] - self._base[~line]
+            span = self._bent[~line]
+            turn = np.mod(np.angle(off) - self._low[~line], math.tau)
+            turn = np.where(turn > 0.5 * (span + math.tau), turn - math.tau, turn)
+            within = np.clip(turn, 0.0, span)
+            normal = np.exp(1j * (self._low[~line] + within))
+            foot = off - self._reach[~line] * normal
+            along[..., ~line], square[..., ~line] = turn, np.abs(foot) ** 2
+            height[..., ~line] = (foot * np.conj(normal)).real
         # A segment is two edges back to back: the side on which the point lies decides.
-        if len(self.corners) == 2:
-            square = square + np.where(out < 0.0, _SLOT * self.extent**2, 0.0)
-        edge = np.argmin(square, axis=-1)
-        over, height = picked(beyond, edge), picked(out, edge)
-        core = np.hypot(over, height)
-        if len(self.corners) > 2:
-            # At a corner both faces say together on which side a point lies: one alone does not, where it is acute.
-            other = (edge + np.sign(over).astype(int)) % len(self.corners)
-            core = np.where(height + np.where(over == 0.0, 0.0, picked(out, other)) < 0.0, -core, core)
-        return core - self.radius, edge, picked(along, edge)
+        if len(self._start) == 2 and line.all():
+            square = square + np.where(height < 0.0, _SLOT * self.extent**2, 0.0)
+        face = np.argmin(square, axis=-1)
+        walked, core = picked(along, face), np.sqrt(picked(square, face))
+        if len(self._start) == 2 and line.all():
+            over = walked - np.clip(walked, 0.0, self._lengths[face])
+            return np.hypot(over, picked(height, face)) - self.radius, face, walked
+        # At a corner both faces say together on which side a point lies: one alone does not, where it is acute.
+        length = np.where(line, self._lengths, self._bent)[face]
+        owner = np.where(walked < 0.0, (face - 1) % len(self._start), face)
+        both = ((points - self._end[owner]) * np.conj(self._before[owner])).real
+        side = np.where((walked < 0.0) | (walked > length), both, picked(height, face))
+        return np.where(side < 0.0, -core, core) - self.radius, face, walked
 
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
-        heights = (self.corners * np.conj(direction)).real
+        if self.is_round:
+            return [(complex(self._base[0]) + (self.radius + self._reach[0]) * direction, 0.0)]
+        points = self._end
+        heights = (points * np.conj(direction)).real
+        turned = np.mod(np.angle(direction) - self._low, math.tau) < self._bent
+        # An arc that faces there reaches farther than its ends.
+        tops = self._base[turned] + self._reach[turned] * direction
+        points, heights = np.append(points, tops), np.append(heights, (tops * np.conj(direction)).real)
         below = heights.max() - heights
+        if below[len(self._end) :].min(initial=1.0) == 0.0:
+            return [(complex(points[int(np.argmin(below))]) + self.radius * direction, 0.0)]
         level = np.flatnonzero(below <= flat)
-        along = (self.corners[level] * np.conj(1j * direction)).real
+        along = (points[level] * np.conj(1j * direction)).real
         ends = {int(level[along.argmin()]), int(level[along.argmax()])}
-        extremes = [(complex(self.corners[k]) + self.radius * direction, float(below[k])) for k in ends]
+        extremes = [(complex(points[k]) + self.radius * direction, float(below[k])) for k in ends]
         return sorted(extremes, key=lambda end: end[1])

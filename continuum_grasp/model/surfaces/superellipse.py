@@ -41,9 +41,9 @@ _SETTLED = 1e-7
 class SuperellipseSurface(Surface[SuperellipsePart]):
     """The surface of superellipses; numbers of a part and of its one feature are (a, b, p, center, angle)."""
 
+    place_count = 2
     number_count = 6
     feature_count = 6
-    is_smooth = True
 
     # -- contact in motion
 
@@ -86,16 +86,19 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
         return [ca.dot(normal, pose[:2] - point) - smooth_support(beta, numbers)]
 
     def numbers(self, part: SuperellipsePart, unit: float) -> list[float]:
-        return self.feature_numbers(self.features(part)[0], unit)
+        return self.feature_numbers(self.feature(part, 0, 0.0), unit)
 
     def feature_numbers(self, feature: Feature, unit: float) -> list[float]:
         a, b, power, x, y, angle = feature.numbers
         return [a / unit, b / unit, power, x / unit, y / unit, angle]
 
-    def features(self, part: SuperellipsePart) -> list[Feature]:
+    def feature(self, part: SuperellipsePart, piece: int, grown: float) -> Feature:
         numbers = (*part.semi_axes, part.exponent, *part.center, part.angle)
         # |xi| <= 1 on the outline: these bounds are never active.
-        return [Feature(numbers, (-1.5, -1.5), (1.5, 1.5))]
+        return Feature(numbers, (-1.5, -1.5), (1.5, 1.5))
+
+    def near(self, part: SuperellipsePart, point: tuple[float, float], normal_angle: float, grown: float) -> Feature:
+        return self.feature(part, 0, grown)
 
     def place(
         self, part: SuperellipsePart, feature: Feature, point: tuple[float, float], normal_angle: float

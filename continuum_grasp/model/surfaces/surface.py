@@ -189,34 +189,26 @@ class SurfacePoint:
 
 @dataclass(frozen=True)
 class Feature:
-    """A face, a corner, or a whole smooth part: numbers and bounds of a contact on it."""
+    """Part of an outline along which a contact may slide in one run of the solver: numbers and bounds."""
 
     numbers: tuple[float, ...]  # of `Surface.point`; lengths in m
-    lower: tuple[float, float]  # bounds of the two unknowns of the contact's place
-    upper: tuple[float, float]
+    lower: tuple[float, ...]  # bounds of the unknowns of the contact's place
+    upper: tuple[float, ...]
     curvature: float = 0.0  # [1/m]: 0 on a face or where it depends on the place, large on a sharp corner
-
-    @property
-    def turn(self) -> float:
-        """Turn of the normal along it [rad]."""
-        return self.upper[1] - self.lower[1]
-
-    @property
-    def is_face(self) -> bool:
-        """Whether contacts slide along it with one normal."""
-        return self.upper[0] > self.lower[0] and self.turn == 0.0
+    piece: int = 0  # number of the piece of the outline in its middle
+    grown: float = 0.0  # radius of the round body that touches there [m]
 
 
 class Surface(ABC, Generic[P]):
     """The surface of one kind of part.
 
-    In the expressions of the grasp problem, ``place`` are the two unknowns of a contact, ``feature`` the numbers of the
+    In the expressions of the grasp problem, ``place`` are the unknowns of a contact, ``feature`` the numbers of the
     feature that it sits on, and ``numbers`` those of the part.
     """
 
+    place_count: int  # unknowns of a contact's place
     number_count: int  # of a part
     feature_count: int  # numbers of a feature
-    is_smooth = False  # whether it is one feature, of which each place has its own normal
 
     # -- contact in motion
 
@@ -249,26 +241,22 @@ class Surface(ABC, Generic[P]):
         """The numbers of a feature, lengths in a unit [m]."""
 
     @abstractmethod
-    def features(self, part: P) -> list[Feature]:
-        """Features that contacts can sit on, counter-clockwise."""
+    def feature(self, part: P, piece: int, grown: float) -> Feature:
+        """The feature about a piece of the outline, for a round body of radius ``grown`` [m]."""
 
     @abstractmethod
-    def place(self, part: P, feature: Feature, point: tuple[float, float], normal_angle: float) -> tuple[float, float]:
+    def near(self, part: P, point: tuple[float, float], normal_angle: float, grown: float) -> Feature:
+        """The feature on which a surface point with this outward normal lies best, as `feature` has it."""
+
+    @abstractmethod
+    def place(self, part: P, feature: Feature, point: tuple[float, float], normal_angle: float) -> tuple[float, ...]:
         """The unknowns of a contact on a feature, next to a point of the object's frame [m]."""
 
-    def beyond(self, part: P, feature: Feature, side: int) -> tuple[Feature, tuple[float, float]] | None:
-        """The feature after (+1) or before (-1) one, and the unknowns where they meet; None where a contact cannot roll
-        or slide on to it.
+    def beyond(self, part: P, feature: Feature, side: int) -> tuple[Feature, tuple[float, ...]] | None:
+        """The feature after (+1) or before (-1) the end of one, and the unknowns where they meet; None where a contact
+        cannot roll or slide on to it.
         """
         return None
-
-    def smoothed(self, part: P, feature: Feature) -> Feature | None:
-        """A circle that stands for the blunt corners about a feature; None where there are none."""
-        return None
-
-    def near(self, part: P, point: tuple[float, float], normal_angle: float) -> list[Feature]:
-        """The features, those first on which a surface point with this outward normal lies best."""
-        return self.features(part)
 
     def nearest_places(self, part: P, points: Array) -> tuple[Array, Array, Array]:
         """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.scene.objects.shapes import MaybeDrawn, ObjectBody, OutlineCurve
-from continuum_grasp.scene.objects.simplify import FINER, MOST, SHARE, deviation, simplified
-from continuum_grasp.scene.parts import OffsetPolygon, Part, PlanePoint, check_simple
+from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, simplified
+from continuum_grasp.scene.parts import SHARE, OffsetPolygon, Part, PlanePoint, check_simple, curved
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import SAME, Extent
 
@@ -47,7 +47,7 @@ class OutlineFile(MaybeDrawn):
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        return (OffsetPolygon(self.vertices),)
+        return (curved(OffsetPolygon(self.vertices)),)
 
     @cached_property
     def found(self) -> DrawnOutline:

@@ -15,6 +15,7 @@ from continuum_grasp.scene.parts import (
     SuperellipsePart,
     check_simple,
     corners_of,
+    curved,
     farthest,
     polygon_centroid,
     rounded,
@@ -248,7 +249,7 @@ class _PolygonShape(MaybeDrawn):
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        return (rounded(corners_of(self.vertices), self.corner_radius),)
+        return (curved(rounded(corners_of(self.vertices), self.corner_radius)),)
 
     @cached_property
     def centroid(self) -> PlanePoint:

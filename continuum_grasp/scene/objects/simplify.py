@@ -7,10 +7,6 @@ from itertools import pairwise
 
 from continuum_grasp.scene.parts import PlanePoint, corners_of
 
-SHARE = 1e-3
-"""Distance of a polygon from its drawing by default, per longer side of the object [1]: a circle has 64 corners, and
-the grasp takes 1.3 % more tension than that of the disc; with 32 corners 3.6 % less, with 16 9.5 % more
-(`python -m pytest -m deep tests/grasp/test_outline_grasps.py -k drawing`)."""
 FINER = 0.25
 """Share of the tolerance with which reports measure what the tolerance changes [1]: chords half as long."""
 MOST = 512
