@@ -282,7 +282,7 @@ def _curvature(piece: Piece) -> float:
 
 
 def _corners(part: OffsetPolygon) -> list[tuple[float, float]]:
-    """Where faces do not meet smoothly; the center of a disc."""
+    """Points at which faces do not meet smoothly; the center of a disc."""
     if part.circle is not None:
         return [part.circle[0]]
     faces = part.faces
