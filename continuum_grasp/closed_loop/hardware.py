@@ -109,8 +109,8 @@ def run_hardware(
     """Read, compute and write once per period of a controller, until the time is over or something is wrong.
 
     Cycles begin at fixed instants of the monotonic clock. A cycle that ends after the next one should have begun is an
-    overrun, and the next begins at once; for each cycle that is missed altogether, the controller steps without a
-    measurement and without a new plan. Python's garbage collection is off meanwhile.
+    overrun, and the next begins at once; cycles that are missed altogether are ``Anomaly.MISSED_CALLS`` of the next
+    command, which goes on over the time that passed. Python's garbage collection is off meanwhile.
 
     Whatever ends the loop, Ctrl-C and errors of the driver too, the command then goes to the input at rest within half
     a second, unless ``hold``. Measurements and commands go through the ``mounting`` of the controller's scene.
@@ -249,7 +249,10 @@ class _Loop:
                 self.ended, self.cause = "silent", f"nothing was read for {now - heard:.2g} s"
                 return
             blended = self._command is not None and not np.array_equal(self._command.u, self._last)
-            command = controller.step(measured, late=late or None, applied=self._last if blended else None)
+            applied = self._last if blended else None
+            # By the instant at which the cycle should begin: estimator, plan and setpoints keep pace with the clock
+            # over cycles that are skipped.
+            command = controller.step(measured, late=late or None, applied=applied, time=release)
             share = 1.0 if self._soft == 0.0 else min((cycle + 1) * period / self._soft, 1.0)
             self._command = command
             self._send(command, self._start + share * (command.u - self._start))
@@ -270,9 +273,7 @@ class _Loop:
             late = written - release > period
             self.overruns += passed > cycle
             missed = max(0, min(passed, cycles) - cycle - 1)
-            # Estimator, plan and setpoints keep pace with the clock over cycles that are skipped.
             for _ in range(missed):
-                controller.step(None, applied=self._last, late=True)
                 self._record(None)
             self.skipped += missed
             cycle += 1 + missed

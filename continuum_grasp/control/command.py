@@ -289,7 +289,7 @@ class Command(Summarized):
     @property
     def health_text(self) -> str:
         """The health in words, with its likely cause; empty for OK."""
-        return health_text(self.health, self.suspect, self.trip, int(self._number("ahead")))
+        return health_text(self.health, self.suspect, self.trip, int(self._number("ahead")), self.missed)
 
     @property
     def anomaly(self) -> Anomaly:
@@ -299,7 +299,13 @@ class Command(Summarized):
     @property
     def anomalies(self) -> tuple[str, ...]:
         """Anomalies in words; those of measurements begin with their name."""
-        return texts(int(self._number("anomalies")), self._part("verdict").tolist(), self._control.measurement_names)
+        verdicts = self._part("verdict").tolist()
+        return texts(int(self._number("anomalies")), verdicts, self._control.measurement_names, self.missed)
+
+    @property
+    def missed(self) -> float:
+        """Calls that were missed before this one, by the clock of ``time``, whole or not; 0 where none was."""
+        return self._number("missed")
 
     @property
     def innovation(self) -> tuple[Array, Array]:

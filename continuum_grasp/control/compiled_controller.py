@@ -19,7 +19,7 @@ from continuum_grasp.control.members import CHANGEABLE, REPORTED
 from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import ControlParts, Settings
-from continuum_grasp.control.status import CommandStatus, Statistics
+from continuum_grasp.control.status import Anomaly, CommandStatus, Statistics
 from continuum_grasp.core import precision_of
 from continuum_grasp.model import Remade
 
@@ -57,13 +57,14 @@ class CompiledController(Remade, Summarized):
         self._settings = parts.settings_in(self.precision)
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
         nm = len(self.measurement_names)
-        inputs = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
+        inputs = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr}
+        inputs |= {"elapsed": 1, "age": 1}
         sizes = {number.name: 1 for number in REPORTED} | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
         sizes |= {"excess": s.nc, "then": nz, "upper": nz * nz, "diagonal": nz}
         sizes |= {"innovation": ny, "innovation_variance": ny}
         sizes |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
         self._c = Compiled(controller_source(parts, self.precision), self._settings, inputs, sizes, self._what)
-        self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
+        self._measurement, self._p, self._applied, rows, self._elapsed, self._age = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.library.cg_controller_step
         self._nz = max(nz, s.nd)
@@ -82,7 +83,7 @@ class CompiledController(Remade, Summarized):
         z = np.zeros(self._nz)
         z[: x.size] = x
         self._c.give("cg_start", z, u, self.stages.p_nominal)
-        self._step, self._late, self._time = 0, False, math.nan
+        self._step, self._late, self._time, self._believed = 0, False, math.nan, True
         self._own = {key: (value, 0.0) for key, (value, _) in self._own.items()}
         self._targets = None
         self._counts = Statistics()
@@ -95,6 +96,7 @@ class CompiledController(Remade, Summarized):
         applied: ArrayLike | Mapping[str, float] | None,
         late: bool | None,
         time: float | None,
+        age: float | None = None,
     ) -> Command:
         """Compute the next command; see ``Controller.step``."""
         began = perf_counter_ns()
@@ -105,6 +107,8 @@ class CompiledController(Remade, Summarized):
             else:
                 self._put("measurement", self._measurement, measurement)
             self._put("p", self._p, self.stages.p_nominal if p is None else p)
+            self._follow_clock(time)
+            self._age[0] = -1.0 if age is None else numbers(age).item()
             if reference is None:
                 rows: Any = self._scheduled()
             elif isinstance(reference, Mapping):
@@ -118,15 +122,11 @@ class CompiledController(Remade, Summarized):
             if applied is not None:
                 self._put("applied", self._applied, applied)
                 flags |= _APPLIED
-            now = math.nan if time is None else numbers(time).item()
-            # Below 0 the C takes the time since the last call as unknown: at the first, and where a clock went back.
-            self._elapsed[0] = now - self._time if now > self._time else -1.0
-            self._time = now if math.isfinite(now) else math.nan
         except InputError:
             raise
         except (ValueError, TypeError) as error:
             raise self._shape_error(
-                measurement=measurement, reference=reference, p=p, applied=applied, late=late, time=time
+                measurement=measurement, reference=reference, p=p, applied=applied, late=late, time=time, age=age
             ) from error
         c = self._c
         status = self._call(c.address, c.input_address, flags, c.output_address)
@@ -135,12 +135,31 @@ class CompiledController(Remade, Summarized):
         self._step += 1
         out = c.output.copy()
         command = Command(self.parts, c.parts, _STATUS[status], out)
+        self._believed = not int(out[c.parts["anomalies"].start]) & Anomaly.CLOCK
         elapsed = perf_counter_ns() - began
         self._late = elapsed > self._deadline_ns
         self._counts.add(
             status, out[c.parts["anomalies"].start], out[c.parts["ticks"]], elapsed, self._late, command.health
         )
         return command
+
+    def _follow_clock(self, time: float | None) -> None:
+        """Take the time since the last call by a clock [s], and the setpoints on over calls that were missed."""
+        # To the C: below 0 unknown, as at the first call; 0: it did not advance, or is no time.
+        self._elapsed[0] = -1.0
+        if time is None:
+            self._time = math.nan
+            return
+        now = numbers(time).item()
+        if not math.isfinite(now):
+            self._elapsed[0], self._time = 0.0, math.nan
+            return
+        if not math.isnan(self._time):
+            self._elapsed[0] = max(now - self._time, 0.0)
+            # With the bound of ``controller_passed`` in c/controller.c: half a period is jitter.
+            if self._believed and self._elapsed[0] > 1.5 * self.period:
+                self._step += round(self._elapsed[0] / self.period) - 1
+        self._time = now
 
     def _put(self, key: str, to: Array, value: Any) -> None:
         """Copy an argument of a step, given by name or as an array."""
@@ -212,7 +231,7 @@ class CompiledController(Remade, Summarized):
     def restore(self, saved: bytes) -> None:
         """Continue from a saved state, which must be of the same problem, version and precision."""
         self._step, late = self._c.restore(saved)
-        self._late, self._time = bool(late), math.nan
+        self._late, self._time, self._believed = bool(late), math.nan, True
 
     def __getstate__(self) -> tuple[Settings, dict[str, tuple[Any, float]], bytes]:
         return self._settings, self._own, self.save_state()
@@ -315,7 +334,7 @@ class CompiledController(Remade, Summarized):
             "reference": ((s.nr,), self._setpoints.shape),
             "p": ((s.np,),),
             "applied": ((s.nu,),),
-            **dict.fromkeys(("late", "time"), ((),)),
+            **dict.fromkeys(("late", "time", "age"), ((),)),
         }
         messages = []
         for name, value in arguments.items():

@@ -157,6 +157,7 @@ class Controller(CompiledController):
         applied: ArrayLike | Mapping[str, float] | None = None,
         late: bool | None = None,
         time: float | None = None,
+        age: float | None = None,
     ) -> Command:
         """Compute the command for a measurement; call it once per period.
 
@@ -168,7 +169,7 @@ class Controller(CompiledController):
         reference : (nr,) or (N + 1, nr) array_like, or mapping, optional
             Setpoints in the order of ``stages.r_names``, constant or one row per node from now on; or by name for this
             step alone, as ``reference`` takes them; by default those of ``reference`` and of the scene at the number
-            of steps times the period.
+            of steps, missed ones included, times the period.
         p : (np,) array_like or mapping of str to float, optional
             Parameters; nominal by default, and where a name is left out.
         applied : (nu,) array_like or mapping of str to float, optional
@@ -176,7 +177,12 @@ class Controller(CompiledController):
         late : bool, optional
             Whether the last command was late, so that this one is of the previous plan; by the deadline by default.
         time : float, optional
-            When the measurement arrived, on a monotonic clock [s]; the supervisor detects a wrong call rate by it.
+            When the measurement arrived, on a monotonic clock [s]. Where calls were missed, estimate, plan and
+            setpoints go on over the time that passed, with the input that acted; the supervisor detects a wrong call
+            rate.
+        age : float, optional
+            Age of the measurement when it arrived [s]; ``estimator.delay`` by default. A measurement that is no younger
+            than the one before is not used. Without an estimator it is without effect.
 
         Returns
         -------
@@ -188,7 +194,7 @@ class Controller(CompiledController):
             If an argument has the wrong shape. Non-finite and implausible numbers do not raise: they are anomalies of
             the command.
         """
-        return self._advance(measurement, reference, p, applied, late, time)
+        return self._advance(measurement, reference, p, applied, late, time, age)
 
     def rearm(self) -> bool:
         """Leave a trip.

@@ -46,6 +46,7 @@ REPORTED = (
     Reported(
         "anomalies", "anomalies", "uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_... in the header"
     ),
+    Reported("missed", "missed", "real", "missed", "calls that were missed before this one, by the time between them"),
     Reported("iterations", "rti.iterations", "int", "iterations", "factorizations beyond the first"),
     Reported(
         "violation", "rti.violation", "real", "violation", "largest share by which a soft bound is left in the plan"

@@ -94,6 +94,9 @@ class Anomaly(IntFlag):
     FROZEN = 16384
     BEYOND_LIMIT = 32768
     PLAN_GAPS = 65536
+    MISSED_CALLS = 131072
+    CLOCK = 262144
+    OLD = 524288
 
     @property
     def description(self) -> str:
@@ -133,20 +136,37 @@ ANOMALY_TEXTS = {
     Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows in a stage",
     Anomaly.BEYOND_LIMIT: "the command before was beyond a limit, which this one approaches as fast as allowed",
     Anomaly.PLAN_GAPS: "the plan was no motion of the model: replaced, or integrated anew",
+    Anomaly.MISSED_CALLS: "calls were missed: the prediction goes on over the time that passed",
+    Anomaly.CLOCK: "the time of the call is not used: it stands still, goes back, or is none",
+    Anomaly.OLD: "the measurement is no younger than the one before: not used",
 }
 
 
-def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str]) -> tuple[str, ...]:
+_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+"""Unit of a clock by how many times too fast it seems to go [1]."""
+
+
+def _unit_of(missed: float) -> str:
+    """Unit of a clock by which so many calls were missed; empty where that is no unit, but a stall."""
+    return next((unit for factor, unit in _UNITS.items() if 0.5 < (missed + 1.0) / factor < 2.0), "")
+
+
+def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str], missed: float = 0.0) -> tuple[str, ...]:
     """Describe the bits of ``Anomaly`` and the verdict on each measurement in words, one sentence each.
 
-    Those of measurements begin with their name.
+    Those of measurements begin with their name. ``missed`` is how many calls were missed.
     """
+    unit = _unit_of(missed)
+    lengths = {
+        Anomaly.MISSED_CALLS: f"{missed:.3g} {ANOMALY_TEXTS[Anomaly.MISSED_CALLS]}",
+        Anomaly.CLOCK: f"the time of the call is not used: it counts {unit}" if unit else ANOMALY_TEXTS[Anomaly.CLOCK],
+    }
     measured = [
         f"{name.split(' ')[0]}: {MEASUREMENT_TEXTS[MeasurementVerdict(int(verdict))]}"
         for name, verdict in zip(names, verdicts, strict=True)
         if int(verdict) in MEASUREMENT_TEXTS
     ]
-    return (*measured, *[text for bit, text in ANOMALY_TEXTS.items() if anomalies & bit])
+    return (*measured, *[lengths.get(bit, text) for bit, text in ANOMALY_TEXTS.items() if anomalies & bit])
 
 
 _TRIPS = {
@@ -166,16 +186,20 @@ _LAGS = {
 }
 
 
-def health_text(health: Health, suspect: str | None, reason: Trip = Trip.NONE, ahead: int = 0) -> str:
+def health_text(
+    health: Health, suspect: str | None, reason: Trip = Trip.NONE, ahead: int = 0, missed: float = 0.0
+) -> str:
     """Describe a health in words, with its likely cause; empty for OK.
 
     ``suspect`` is what contradicts the model, or the reading that is frozen; ``ahead`` is 1 where a drive runs ahead of
-    the model's, -1 where it falls behind.
+    the model's, -1 where it falls behind; ``missed`` is how many calls were missed before this one.
     """
     if health == Health.OK:
         return ""
     if suspect == CALL_RATE:
-        cause = "call the controller once per period, or change controller.period"
+        unit = _unit_of(missed)
+        cause = f"`time` is in seconds, and the clock counts {unit}; else " if unit else ""
+        cause += "call the controller once per period, or change controller.period"
     elif health == Health.FROZEN or reason == Trip.UNSEEN:
         cause = (
             "a sensor or its driver is off or stuck, or reads in other units than its name says; quantized readings "

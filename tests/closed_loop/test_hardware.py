@@ -56,17 +56,17 @@ class Steps(Controller):
 
     def __init__(self, clock, durations, wanted=5.0, health=None, mounting=None) -> None:
         self.clock, self.durations, self.calls, self.wanted = clock, iter(durations), [], wanted
-        self.health, self.started = iter(health or []), None
+        self.health, self.started, self.times = iter(health or []), None, []
         self.parts = SimpleNamespace(calls=SimpleNamespace(ramp=0.5))
         self.scene = SimpleNamespace(mounting=mounting, rest_input=(REST,), input_limits=((REST,), (60.0,)))
 
     def reset(self, state=None, u=None):
         self.started = u
 
-    def step(self, measurement, *, late=None, applied=None):
+    def step(self, measurement, *, late=None, applied=None, time=None):
         self.calls.append((measurement, late, applied))
-        if late is None or measurement is not None:
-            self.clock.now += next(self.durations, 0.0)
+        self.times.append(time)
+        self.clock.now += next(self.durations, 0.0)
         health = next(self.health, Health.OK)
         u = np.array([REST if health is Health.TRIPPED else self.wanted])
         return Sent(u=u, status=CommandStatus.SOLVED, health=health, health_text="tripped: it swings")
@@ -111,11 +111,13 @@ def test_spinning_takes_out_what_sleeping_adds(clock):
     assert ran(Steps(clock, [0.002] * 10), Fake(), spin=2e-5).jitter == pytest.approx(0.0, abs=1e-7)
 
 
-def test_missed_cycles_are_replaced_and_logged(clock):
+def test_missed_cycles_are_stamped_and_logged(clock):
     control = Steps(clock, [0.002, 0.035] + [0.002] * 6)
     found = ran(control, Fake())
     assert (found.overruns, found.skipped, len(found.jitter), len(found.log.t)) == (1, 2, 8, 10)
-    assert [late for _, late, _ in control.calls] == [None, None, True, True, True] + [None] * 5
+    assert [late for _, late, _ in control.calls] == [None, None, True] + [None] * 5
+    # cycles 2 and 3 are missed
+    assert np.diff(control.times) == pytest.approx([0.01, 0.03] + [0.01] * 5)
     assert np.isnan(found.log.y[2:4]).all()
     assert not np.isnan(found.log.y[4:]).any()
     assert found.log.t == pytest.approx(0.01 * np.arange(10))

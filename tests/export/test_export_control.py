@@ -71,14 +71,14 @@ def reference(finger, rows):
 @needs("cc")
 @pytest.mark.parametrize(("name", "real"), few([("observed", "double"), ("given", "float"), ("given", "double")], 1))
 def test_the_controller_is_that_of_python(name, real, libraries):
-    """In closed loop, over setpoints that saturate tension and curvature, with measurements that are missing."""
+    """In closed loop, over setpoints that saturate tension and curvature; measurements and calls are missing."""
     finger, library = libraries(name, real)
     control = Controller(scene(name), precision=real, deadline=math.inf)
     other = finger.Controller(library)
     plant = Reality(scene(name), control.first)
     u, seen = np.array([1.0, 1.0]), set()
     outputs = None if name == "given" else Estimator(scene(name)).estimation.outputs
-    late = []
+    late, passed, now = [], 1, 3.0
     for k in range(70):
         y = plant.x.copy()
         if outputs is not None:
@@ -91,13 +91,21 @@ def test_the_controller_is_that_of_python(name, real, libraries):
         if k % 29 == 20:
             y[0] = np.inf
         rows = control.nominal_setpoints.rows(k * control.period + 0.01 * np.arange(9))
-        command = control.step(y, rows)
+        # Now and then calls are missed, and a sample is older or younger.
+        age = 0.01 * (k % 4) if k % 11 == 5 else None
+        command = control.step(y, rows, time=now, age=age)
+        if k:
+            other.elapsed(passed * control.period)
+        if age is not None:
+            other.age(age)
         found = other.step(finger.Measurement(*y), reference(finger, rows))
         limit = 2e-3 if real == "float" else 1e-7
         assert values(found) == pytest.approx(command.u, rel=limit, abs=20 * limit)
         seen.add(CODES[other.code])
-        u = command.u
-        plant.advance(u, control.period)
+        u, passed = command.u, 4 if k % 23 == 15 else 1
+        now += passed * control.period
+        plant.advance(u, passed * control.period)
+        assert other.diagnosis().missed == pytest.approx(command.missed, rel=1e-6)
     assert CommandStatus.SOLVED in seen
     assert CommandStatus.PREVIOUS_PLAN in seen or name == "observed"
 
@@ -215,6 +223,14 @@ def test_what_goes_beside_measurements(libraries):
     assert control.code == Code.WARN_PREVIOUS_PLAN
     said = control.diagnosis()
     assert said.anomalies == 1024
+    assert said.missed == 0.0
+    control.elapsed(0.0)
+    control.step(state, rows)
+    assert finger.ANOMALIES[control.diagnosis().anomalies].startswith("the time of the call is not used")
+    for function in (control.elapsed, control.age):
+        for wrong in (-1.0, math.nan, math.inf):
+            with pytest.raises(finger.Error):
+                function(wrong)
     assert finger.ANOMALIES[said.anomalies] == "the last command was late"
     for beyond in (-31.0, 121.0, math.nan):
         with pytest.raises(finger.Error):
@@ -226,7 +242,15 @@ def test_what_goes_beside_measurements(libraries):
     with pytest.raises(finger.Error) as caught:
         control.start(finger.Measurement(0.0, 99.0, 0.0, 0.0), before)
     assert caught.value.code == Code.ERR_RANGE
-    for function, count in (("start", 3), ("applied", 2), ("late", 1), ("estimate", 2), ("diagnosis", 2)):
+    for function, count in (
+        ("start", 3),
+        ("applied", 2),
+        ("late", 1),
+        ("elapsed", 1),
+        ("age", 1),
+        ("estimate", 2),
+        ("diagnosis", 2),
+    ):
         assert getattr(c, f"finger_controller_{function}")(*[None] * count) == Code.ERR_NULL
     assert c.finger_controller_init_abi(control._memory, ctypes.c_uint32(1)) == Code.ERR_ABI
     for name in ("measurement", "reference", "command"):

@@ -62,13 +62,38 @@ static uint32_t controller_check(controller_state *state, const controller_setti
   return anomalies;
 }
 
-/* Determine state and parameters from which to plan; whether they are known. */
+/* Gaps between calls, leaky as the gate of a sensor (ekf.h): what stalls now and then is bridged, and what stalls more often
+ * is another call rate. */
+#define CONTROLLER_STALLS 3
+#define CONTROLLER_FORGIVEN (real)0.05
+
+/* Periods that passed since the last call, by its clock; 1 where it tells nothing else. Up to half a period is jitter. */
+static real controller_passed(controller_state *state, const controller_settings *o, const controller_input *in,
+                              controller_output *out)
+{
+  const real passed = in->elapsed / o->period;
+  if (!cg_finite(&passed, 1) || passed < 0) return 1;
+  const int gap = passed > (real)1.5;
+  state->stalls += gap ? (real)1 : -CONTROLLER_FORGIVEN;
+  cg_limit(&state->stalls, 0, 2 * CONTROLLER_STALLS);
+  /* a whole plan is missed again and again by a clock that counts milliseconds */
+  if (!(passed > 0) || (state->stalls > CONTROLLER_STALLS && passed > (real)controller_plan_calls(o)))
+    out->anomalies |= CONTROLLER_CLOCK;
+  if (gap) out->missed = passed - 1;
+  if (out->anomalies & CONTROLLER_CLOCK) return 1;
+  if (gap) out->anomalies |= CONTROLLER_MISSED_CALLS;
+  return gap || passed < (real)0.5 ? passed : 1;
+}
+
+/* Determine state and parameters from which to plan, `passed` periods after the last call; whether they are known. */
 #if CONTROLLER_ESTIMATES
 static int controller_estimate(controller_state *state, controller_work *work, const controller_settings *o,
-                               const real *measurement, controller_output *out)
+                               const real *measurement, real passed, real age, controller_output *out)
 {
   real z[EKF_NZ];
-  const int result = ekf_step(&state->ekf, &work->ekf, &o->ekf, measurement, state->u, state->p, &out->ekf);
+  const real old = cg_finite(&age, 1) && age >= 0 ? age / o->period : EKF_DELAY;
+  const int result = ekf_step(&state->ekf, &work->ekf, &o->ekf, measurement, state->u, state->p, passed, old, &out->ekf);
+  if (out->ekf.old) out->anomalies |= CONTROLLER_OLD;
   for (int j = 0; j < CONTROLLER_NM; ++j) out->verdict[j] = out->ekf.verdict[j];
   if (out->ekf.limited) out->anomalies |= CONTROLLER_ESTIMATE_LIMITED;
   /* A restarted estimate is a guess: it is reported, but no plan starts from it. */
@@ -90,9 +115,9 @@ static int controller_estimate(controller_state *state, controller_work *work, c
 }
 #else
 static int controller_estimate(controller_state *state, controller_work *work, const controller_settings *o,
-                               const real *measurement, controller_output *out)
+                               const real *measurement, real passed, real age, controller_output *out)
 {
-  (void)work;
+  (void)work; (void)passed; (void)age;
   int known = 1;
   for (int j = 0; j < CONTROLLER_NM; ++j) {
     out->verdict[j] = cg_verdict(measurement[j], o->x_min[j], o->x_max[j]);
@@ -273,7 +298,9 @@ static int controller_supervise(controller_state *state, const controller_settin
 #else
   supervisor_evidence seen = {0, 0, 0, 0, 0, 0, 0, 0, out->verdict, 0, -1, -1};
 #endif
-  if (cg_finite(&in->elapsed, 1)) seen.elapsed = in->elapsed / o->period;
+  /* single gaps are bridged, and no evidence; nor is a clock that goes back */
+  const int judged = state->stalls > CONTROLLER_STALLS || !(out->anomalies & CONTROLLER_MISSED_CALLS);
+  if (cg_finite(&in->elapsed, 1) && in->elapsed > 0 && judged) seen.elapsed = in->elapsed / o->period;
   seen.distance = controller_distance(o, in, y);
   supervisor_judge(&state->supervisor, &o->supervisor, &seen, &out->supervisor);
   return out->supervisor.health != SUPERVISOR_TRIPPED;
@@ -329,12 +356,15 @@ int controller_step(controller_state *state, controller_work *work, const contro
   memset(output, 0, sizeof *output);
   const int patience = controller_plan_calls(settings);
   output->anomalies = controller_check(state, settings, input);
-  const uint32_t given = output->anomalies;
-  if (state->blind <= patience) ++state->blind; /* no further: it would overflow in the end */
+  const uint32_t given = output->anomalies; /* before the clock's, which stop no plan */
+  const real passed = controller_passed(state, settings, input, output);
+  /* no further: it would overflow in the end */
+  state->blind += passed < (real)patience ? (int)(passed + (real)0.5) : patience;
+  if (state->blind > patience + 1) state->blind = patience + 1;
   real y[CONTROLLER_NM];
   memcpy(y, input->measurement, sizeof y);
   supervisor_screen(&state->supervisor, &settings->supervisor, y, &output->supervisor);
-  const int known = controller_estimate(state, work, settings, y, output);
+  const int known = controller_estimate(state, work, settings, y, passed, input->age, output);
   /* What drives exert may be beyond limits, for the estimator alone: no command follows it there. */
   for (int j = 0; j < RTI_NU; ++j)
     cg_limit(&state->u[j], rti_min(last[j], settings->rti.u_min[j]), rti_max(last[j], settings->rti.u_max[j]));
@@ -344,7 +374,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
   output->anomalies |= controller_sensor_anomalies(output);
   if (state->blind > patience) output->anomalies |= CONTROLLER_BLIND;
   for (int j = 0; j < RTI_NX - CONTROLLER_ND; ++j) output->x[CONTROLLER_ND + j] = state->u[j];
-  state->age += settings->period / settings->rti.stage;
+  state->age += passed * settings->period / settings->rti.stage;
   const int trusted = controller_supervise(state, settings, input, y, output);
   if (state->age > (real)RTI_N - (real)1e-3 || state->blind > patience || !trusted) state->planned = 0;
   output->ticks[0] = CONTROLLER_TICKS() - begin;

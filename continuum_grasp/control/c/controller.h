@@ -49,6 +49,9 @@
  * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
  * 32768 CONTROLLER_BEYOND_LIMIT        a limit is past the last command, which approaches it at its rate
  * 65536 CONTROLLER_PLAN_GAPS   the plan was no motion of the model: replaced, or integrated anew
+ * 131072 CONTROLLER_MISSED_CALLS       calls were missed before this one: `missed` tells how many
+ * 262144 CONTROLLER_CLOCK      the time of the call is none: it stands still, goes back, or counts another unit
+ * 524288 CONTROLLER_OLD        the measurement is no younger than the one before, and is not used
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
@@ -91,7 +94,10 @@ enum {
   CONTROLLER_RATE_LIMITED = 8192,
   CONTROLLER_FROZEN = 16384,
   CONTROLLER_BEYOND_LIMIT = 32768,
-  CONTROLLER_PLAN_GAPS = 65536
+  CONTROLLER_PLAN_GAPS = 65536,
+  CONTROLLER_MISSED_CALLS = 131072,
+  CONTROLLER_CLOCK = 262144,
+  CONTROLLER_OLD = 524288
 };
 
 typedef struct {
@@ -115,6 +121,7 @@ typedef struct {
   int started, planned;       /* whether there is a plan */
   int blind;                  /* calls since something was measured */
   int pending;                /* iterations of its start that are left */
+  real stalls;                /* leaky count of gaps between calls */
 #ifdef RTI_CHECKS_GAPS
   int unchecked, gaps;        /* calls since its gaps were checked, how often in a row they were too large */
   real most;                  /* cost of a plan so far */
@@ -145,13 +152,15 @@ typedef struct {
   const real *p;              /* RTI_NP */
   const real *applied;        /* RTI_NU: input applied since the last call; null: the last command */
   int late;                   /* whether the last command was late */
-  real elapsed;               /* time since the last call [s]; below 0: unknown */
+  real elapsed;               /* time since the last call [s]; 0: the clock stood still or went back; below 0: unknown */
+  real age;                   /* of the measurement [s]; below 0: as usual */
 } controller_input;
 
 typedef struct {
   real u[RTI_NU];
   int status;
   uint32_t anomalies;
+  real missed;                /* calls that were missed before this one, by the clock */
   int sight;                  /* worth of the estimate, as in checks.h */
   int verdict[CONTROLLER_NM]; /* on each measurement, as in checks.h */
   real x[RTI_NX], p[RTI_SIZE(RTI_NP)];  /* state and parameters from which the plan starts */

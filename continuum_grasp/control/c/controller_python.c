@@ -38,18 +38,19 @@ void cg_guess(cg_object *o, const double *in)
 
 int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 
-/* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is an argument;
+/* in: measurement, p, applied, setpoints, elapsed, age; flags: 1 late, 2 applied is an argument;
  * out: the numbers of REPORTED in members.py by cg_write_reported, ticks, u, x, p, verdicts, excess of rows, of the time of the measurement z and its covariance U diag(D) U',
  * innovations, their variances, plan */
 int cg_controller_step(cg_object *o, const double *in, int flags, double *out)
 {
-  controller_input given = {o->measurement, o->setpoints, o->p, flags & 2 ? o->applied : 0, flags & 1, -1};
+  controller_input given = {o->measurement, o->setpoints, o->p, flags & 2 ? o->applied : 0, flags & 1, -1, -1};
   controller_output *found = &o->output;
   in = cg_read(o->measurement, in, CONTROLLER_NM);
   in = cg_read(o->p, in, RTI_NP);
   in = cg_read(o->applied, in, RTI_NU);
   in = cg_read(o->setpoints, in, (RTI_N + 1) * RTI_NR);
-  cg_read(&given.elapsed, in, 1);
+  in = cg_read(&given.elapsed, in, 1);
+  cg_read(&given.age, in, 1);
   const int status = controller_step(&o->state, &o->work, &o->settings, &given, found);
   out = cg_write_reported(out, found);
   for (int k = 0; k < CONTROLLER_PHASES; ++k) *out++ = found->ticks[k];

@@ -26,7 +26,11 @@ void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, c
   memcpy(state->first, z0, sizeof state->first);
   memcpy(state->sound, z0, sizeof state->sound);
   memcpy(state->usual, z0, sizeof state->usual);
-  for (int k = 0; k < EKF_DELAY; ++k) memcpy(state->queue[k], u0, sizeof state->queue[k]);
+  for (int k = 0; k < EKF_DELAY; ++k) {
+    memcpy(state->queue[k], u0, sizeof state->queue[k]);
+    state->span[k] = 1;
+  }
+  state->queued = EKF_DELAY;
   ekf_reset_covariance(state, settings);
 }
 
@@ -423,25 +427,74 @@ static int ekf_correct(ekf_state *state, ekf_work *work, const ekf_settings *set
   return 1;
 }
 
-int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
-             const real *p, ekf_report *report)
+/* Number of steps in a part of a period, or in several. */
+static int ekf_steps(const ekf_settings *settings, real part)
 {
-  const real h = settings->period / (real)settings->substeps;
+  const int steps = (int)(part * (real)settings->substeps + 1 - EKF_MOMENT);
+  return steps > 0 ? steps : 1;
+}
+
+/* Predict with the oldest inputs over as many periods; the last one that acted, from which a sensor may show something. */
+static void ekf_move(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *p, real by, real *acted)
+{
+  while (by > EKF_MOMENT && state->queued > 0) {
+    real *span = &state->span[state->oldest];
+    const int whole = *span <= by + EKF_MOMENT;
+    const real part = whole ? *span : by;
+    const int steps = ekf_steps(settings, part);
+    memcpy(acted, state->queue[state->oldest], sizeof state->queue[0]);
+    for (int k = 0; k < steps; ++k) ekf_predict(state, work, settings, acted, p, part * settings->period / (real)steps);
+    by -= part;
+    *span -= part;
+    if (!whole) continue;
+    state->oldest = state->oldest + 1 < EKF_QUEUE ? state->oldest + 1 : 0;
+    --state->queued;
+  }
+}
+
+/* Periods from the time of the state to now. */
+static real ekf_lag(const ekf_state *state)
+{
+  real sum = 0;
+  for (int k = 0; k < state->queued; ++k) sum += state->span[(state->oldest + k) % EKF_QUEUE];
+  return sum;
+}
+
+/* Move the state to the time of a measurement, with what acted until then; whether it is behind that already. */
+static int ekf_follow(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *u, const real *p,
+                      real passed, real age, real *acted)
+{
+  /* Up to the measurement: what a sensor shows of the input itself, as of a torque, is that before it. */
+  memcpy(acted, state->queued ? state->queue[state->oldest] : u, EKF_NU * sizeof *u);
+  if (state->started) {
+    cg_limit(&passed, 0, EKF_LONGEST);
+    if (state->queued == EKF_QUEUE) ekf_move(state, work, settings, p, state->span[state->oldest], acted);
+    const int at = (state->oldest + state->queued++) % EKF_QUEUE;
+    memcpy(state->queue[at], u, sizeof state->queue[at]);
+    state->span[at] = passed;
+  }
+  const real by = ekf_lag(state) - age;
+  if (state->started && by <= EKF_MOMENT) return 1;
+  ekf_move(state, work, settings, p, by, acted);
+  if (by > (real)1.5) {
+    /* what drives caused before a gap is over: their means begin anew */
+    memcpy(state->usual, state->z, sizeof state->usual);
+    memset(state->answer, 0, sizeof state->answer);
+    memset(state->before, 0, sizeof state->before);
+    memset(state->moved, 0, sizeof state->moved);
+  }
+  return 0;
+}
+
+int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
+             const real *p, real passed, real age, ekf_report *report)
+{
+  real applied[EKF_NU];
   memset(report, 0, sizeof *report);
   if (!cg_finite(u, EKF_NU) || !cg_finite(p, EKF_NP)) return EKF_BAD_INPUT;
-  /* Up to the measurement: what a sensor shows of the input itself, as of a torque, is that before it. */
-  real applied[EKF_NU];
-  memcpy(applied, u, sizeof applied);
-#if EKF_DELAY > 0
-  /* The filter is as far in the past as its measurements: it moves with the input of then. */
-  memcpy(applied, state->queue[state->oldest], sizeof applied);
-  if (state->started) {
-    memcpy(state->queue[state->oldest], u, sizeof applied);
-    state->oldest = state->oldest + 1 < EKF_DELAY ? state->oldest + 1 : 0;
-  }
-#endif
-  for (int k = 0; state->started && k < settings->substeps; ++k) ekf_predict(state, work, settings, applied, p, h);
-  for (int j = 0; j < EKF_NM; ++j) report->verdict[j] = cg_verdict(y[j], settings->y_min[j], settings->y_max[j]);
+  report->old = ekf_follow(state, work, settings, u, p, passed, age, applied);
+  for (int j = 0; j < EKF_NM; ++j)
+    report->verdict[j] = report->old ? CG_MISSING : cg_verdict(y[j], settings->y_min[j], settings->y_max[j]);
   state->started = 1;
   if (ekf_plausible(state, settings, report)) {
     real predicted[EKF_NZ];
@@ -462,32 +515,28 @@ int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, con
 int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *p, real *z)
 {
   memcpy(z, state->z, sizeof state->z);
-#if EKF_DELAY > 0
-  const real h = settings->period / (real)settings->substeps;
-  for (int k = 0, at = state->oldest; k < EKF_DELAY; ++k, at = at + 1 < EKF_DELAY ? at + 1 : 0) {
-    const real *u = state->queue[at];
-    for (int i = 0; i < settings->substeps; ++i) {
-      if (k == 0 && i == 0) {
-        ekf_advance(work, z, u, p, h); /* from the next call's state, to whose prediction it is left */
-        memcpy(z, work->next, sizeof work->next);
+  for (int k = 0; k < state->queued; ++k) {
+    const int at = (state->oldest + k) % EKF_QUEUE, steps = ekf_steps(settings, state->span[at]);
+    const real *u = state->queue[at], h = state->span[at] * settings->period / (real)steps;
+    for (int i = 0; i < steps; ++i) {
+#if EKF_AHEAD > 1
+      if (k > 0 || i > 0) {
+        real next[EKF_NZ] = {0};
+#ifdef EKF_VECTOR
+        ekf_lanes(z, u, p, h, next, 0, 0);
+#else
+        const real *arg[] = {z, u, p, &h};
+        real *res[] = {next};
+        estimator_flow(arg, res);
+#endif
+        memcpy(z, next, sizeof next);
         continue;
       }
-#if EKF_AHEAD > 1
-      real next[EKF_NZ] = {0};
-#ifdef EKF_VECTOR
-      ekf_lanes(z, u, p, h, next, 0, 0);
-#else
-      const real *arg[] = {z, u, p, &h};
-      real *res[] = {next};
-      estimator_flow(arg, res);
 #endif
-      memcpy(z, next, sizeof next);
-#endif
+      ekf_advance(work, z, u, p, h); /* from the next call's state, to whose prediction it is left */
+      memcpy(z, work->next, sizeof work->next);
     }
   }
-#else
-  (void)work; (void)p;
-#endif
   return cg_within(z, settings->z_min, settings->z_max, EKF_NX);
 }
 

@@ -13,9 +13,11 @@
  * doi:10.1214/aoms/1177703732). So a wrong model never leaves the loop without measurements: with a gate that rejects
  * by row, a lag of half the model's ended in a limit cycle of 86 mm.
  *
- * A measurement that arrives now was taken EKF_DELAY periods ago. The filter's state is of that time; `ekf_now`
- * predicts the state now with the inputs applied since. The first step of that is the one that the next call's prediction
- * makes, unless its parameters change: it is made once, and the workspace knows what it started from.
+ * A measurement that arrives now was taken EKF_DELAY periods ago, or as long ago as is stated with it. The filter's state
+ * is of that time; `ekf_now` predicts the state now with the inputs applied since. The first step of that is the one that
+ * the next call's prediction makes, unless its parameters change: it is made once, and the workspace knows what it
+ * started from. Where calls were missed, or measurements are of varying age, the inputs of the time that passed move
+ * the state, each for as long as it acted. A measurement that is no younger than the one before is not used.
  *
  * Adapted parameters are disturbances that a plant has once and for all. Their noise is in proportion to what is known
  * of them, 1 - variance / initial variance, so that the variance of one that does not show stays that of the start, and
@@ -37,6 +39,10 @@
 
 #define EKF_SIZE(n) ((n) > 0 ? (n) : 1)
 #define EKF_FROM (EKF_NZ + EKF_NU + EKF_NP + 1)
+#define EKF_QUEUE (EKF_DELAY + 9)   /* inputs that are remembered, those of a measurement eight periods older than usual */
+#define EKF_LONGEST 256         /* periods over which a prediction goes at most, with 10 ms 2.6 s: whatever moved has come to
+                                   rest, and the call that follows a stall ends in time */
+#define EKF_MOMENT (real)1e-3   /* periods that make no difference: 1e-3 of 10 ms at 1 m/s are 0.01 mm */
 
 /* The leaky gate, in samples of a sensor. The numbers come from trials with 26 wrong plants and 15 faults. */
 #define EKF_PATIENCE 3          /* samples in a row that are rejected: a glitch is one or two frames; with 10, half a
@@ -84,8 +90,9 @@ typedef struct {
   real z[EKF_NZ], first[EKF_NZ];
   real sound[EKF_NZ];         /* the last prediction from which a plausible estimate came */
   real U[EKF_NZ][EKF_NZ], D[EKF_NZ];
-  real queue[EKF_SIZE(EKF_DELAY)][EKF_NU];    /* inputs applied since the measurement, a ring */
-  int oldest, started;
+  /* inputs applied since the time of the state, a ring, and for how many periods each acted since then */
+  real queue[EKF_QUEUE][EKF_NU], span[EKF_QUEUE];
+  int oldest, queued, started;
   int restarted;              /* samples in which another restart begins from the first state */
   real bucket[EKF_NS];        /* of the leaky gate of each sensor: recent outliers */
   real usual[EKF_NX];         /* slow means of the states of drives */
@@ -110,6 +117,7 @@ typedef struct {
   int verdict[EKF_NM];        /* of each measurement, as in checks.h */
   int used, limited;          /* compared quantities that were used; whether a disturbance was clipped to its limits */
   int implausible;            /* whether that limit is none of nature's */
+  int old;                    /* whether the measurement was no younger than the one before */
   real innovation[EKF_NY], variance[EKF_NY];    /* of each compared quantity; variance 0: there was none */
   real nis[EKF_NS];           /* mean squared normalized innovation of each sensor, before any row was taken; below zero: the
                                  sensor was not used */
@@ -126,9 +134,10 @@ typedef struct {
 
 /* Start at a state with its initial variances; u0 was applied before. */
 void ekf_start(ekf_state *state, const ekf_settings *settings, const real *z0, const real *u0);
-/* Predict over a period and update with the measurements y; u was applied since the last call (unused in the first). */
+/* Predict, and update with the measurements y, which are `age` periods old; u was applied in the periods that `passed`
+ * since the last call (unused in the first). */
 int ekf_step(ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *y, const real *u,
-             const real *p, ekf_report *report);
+             const real *p, real passed, real age, ekf_report *report);
 /* Predict the state now with the inputs applied since the measurement; whether it is plausible. */
 int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings, const real *p, real *z);
 /* Variance of each state at the time of the measurement. */

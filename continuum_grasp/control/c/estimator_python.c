@@ -15,13 +15,13 @@ void cg_start(cg_object *o, const double *in)
   ekf_start(&o->state, &o->settings, z, u);
 }
 
-/* in: y, u, p; out: limited, z now, parameters with the disturbances, verdicts, innovations, their variances; of the
+/* in: y, u, p, periods since the last call, age in periods; out: limited, old, z now, parameters with the disturbances, verdicts, innovations, their variances; of the
  * time of the measurement: z and covariance by rows */
 int cg_step(cg_object *o, const double *in, double *out)
 {
-  real y[EKF_NM], u[EKF_NU], p[EKF_SIZE(EKF_NP)], z[EKF_NZ];
-  cg_read(p, cg_read(u, cg_read(y, in, EKF_NM), EKF_NU), EKF_NP);
-  int status = ekf_step(&o->state, &o->work, &o->settings, y, u, p, &o->report);
+  real y[EKF_NM], u[EKF_NU], p[EKF_SIZE(EKF_NP)], z[EKF_NZ], passed[2];
+  cg_read(passed, cg_read(p, cg_read(u, cg_read(y, in, EKF_NM), EKF_NU), EKF_NP), 2);
+  int status = ekf_step(&o->state, &o->work, &o->settings, y, u, p, passed[0], passed[1], &o->report);
   if (status < 0) return status;
   if (!ekf_now(&o->state, &o->work, &o->settings, p, z)) {
     ekf_restart(&o->state, &o->settings);
@@ -32,6 +32,7 @@ int cg_step(cg_object *o, const double *in, double *out)
   real full[EKF_SIZE(EKF_NP)], *res[] = {full};
   estimated_parameters(arg, res);
   out = cg_write_ints(out, &o->report.limited, 1);
+  out = cg_write_ints(out, &o->report.old, 1);
   out = cg_write(out, z, EKF_NZ);
   out = cg_write(out, full, EKF_NP);
   out = cg_write_ints(out, o->report.verdict, EKF_NM);

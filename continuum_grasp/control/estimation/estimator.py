@@ -7,7 +7,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, Summarized, check_arguments, quoted
+from continuum_grasp.base import Array, InputError, Summarized, check_arguments, quoted, within
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
@@ -20,6 +20,8 @@ from continuum_grasp.scene import ControlScene, scene_of
 
 _RESTARTED = 1
 """``EKF_RESTARTED`` of ``c/ekf.h``."""
+_LONGEST = 1e6
+"""Longest time between steps, and greatest age [s]: eleven days are a wrong unit."""
 
 
 class Filtered(Summarized):
@@ -56,6 +58,7 @@ class Filtered(Summarized):
         self.adapted = {each.name: each.read(self.p, self.z, self.std) for each in adapted}
         self.anomaly = Anomaly.ESTIMATE_RESTARTED if restarted else Anomaly(0)
         self.anomaly |= Anomaly.ESTIMATE_LIMITED if parts["limited"][0] else Anomaly(0)
+        self.anomaly |= Anomaly.OLD if parts["old"][0] else Anomaly(0)
         for verdict in self.verdict:
             # USED and ALONE are no anomalies.
             self.anomaly |= Anomaly.__members__.get(verdict.name, Anomaly(0))
@@ -138,11 +141,11 @@ class Estimator(Remade, Summarized):
         self.period, self.delay, self.settings = parts.calls.period, parts.periods, parts.filter
         self.names, self.measurement_names = parts.estimated_names, parts.measurement_names
         nu, np_, nz, ny, nm = parts.stages.nu, parts.stages.np, e.nz, e.ny, e.nm
-        sizes = {"limited": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
+        sizes = {"limited": 1, "old": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
         sizes |= {"then": nz, "covariance": nz * nz}
-        inputs = {"measurement": nm, "u": nu, "p": np_}
+        inputs = {"measurement": nm, "u": nu, "p": np_, "passed": 1, "age": 1}
         self._c = Compiled(estimator_source(parts, self.precision), parts.filter, inputs, sizes, "the estimator")
-        self._measurement, self._u, self._p = self._c.given
+        self._measurement, self._u, self._p, self._passed, self._age = self._c.given
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
         self.first = self.prediction.first_state()
         self.reset()
@@ -175,7 +178,16 @@ class Estimator(Remade, Summarized):
         before = vector("u", self.scene.rest_input if u is None else u, self.prediction.nu)
         self._c.give("cg_start", z, before)
 
-    def step(self, measurement: ArrayLike | None, u: ArrayLike, *, p: ArrayLike | None = None) -> Filtered:
+    @check_arguments
+    def step(
+        self,
+        measurement: ArrayLike | None,
+        u: ArrayLike,
+        *,
+        p: ArrayLike | None = None,
+        elapsed: float | None = None,
+        age: float | None = None,
+    ) -> Filtered:
         """Predict over a period and update with a measurement; call it once per period.
 
         Parameters
@@ -186,6 +198,11 @@ class Estimator(Remade, Summarized):
             Input applied since the last step; without effect in the first.
         p : (np,) array_like, optional
             Parameters; nominal by default.
+        elapsed : float, optional
+            Time since the last step, in which u acted [s]; a period by default.
+        age : float, optional
+            Age of the measurement when it arrived [s]; ``estimator.delay`` by default. One that is no younger than the
+            one before is not used.
 
         Returns
         -------
@@ -194,7 +211,7 @@ class Estimator(Remade, Summarized):
         Raises
         ------
         InputError
-            If something has the wrong shape, or u or p is not finite.
+            If something has the wrong shape, or u, p, elapsed or age is not finite or negative.
         """
         if measurement is None:
             self._measurement[:] = np.nan
@@ -202,6 +219,8 @@ class Estimator(Remade, Summarized):
             self._measurement[:] = vector("measurement", measurement, self._measurement.size, check=False)
         self._u[:] = vector("u", u, self._u.size)
         self._p[:] = self._nominal if p is None else vector("p", p, self._p.size)
+        self._passed[0] = 1.0 if elapsed is None else within("elapsed", elapsed, 0.0, _LONGEST) / self.period
+        self._age[0] = self.delay if age is None else within("age", age, 0.0, _LONGEST) / self.period
         status, found = self._c.step()
         if status < 0:
             raise InputError("u or p is beyond what the precision can hold")

@@ -7,7 +7,7 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi)
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   memset(controller, 0, sizeof *controller);
   controller->abi = abi;
-  controller->memory.elapsed = -1; /* unknown: the call rate is not judged */
+  controller->memory.elapsed = controller->memory.age = -1; /* unknown: the call rate is not judged, the age as usual */
   write_settings(settings_nominal, &controller->settings);<<if known>>
   write_known(known_nominal, &controller->known);<<end>>
   <<p>>_loop_start(&controller->memory.state, &loop_settings, first_state, first_command, <<if known>>known_nominal<<else>>0<<end>>);
@@ -36,7 +36,7 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.star
   if ((code = check(z, <<loop.start.name>>_low, <<loop.start.name>>_high, <<loop.start.size>>)) < 0) return code;
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memset(&controller->memory, 0, sizeof controller->memory);
-  controller->memory.elapsed = -1;
+  controller->memory.elapsed = controller->memory.age = -1;
   <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<if known>>known_nominal<<else>>0<<end>>);
   return <<P>>_OK;
 }
@@ -68,6 +68,15 @@ int <<p>>_controller_elapsed(<<p>>_controller *controller, <<p>>_real seconds)
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   if (!<<p>>_checks_finite(&seconds, 1) || seconds < 0) return <<P>>_ERR_RANGE;
   controller->memory.elapsed = seconds;
+  return <<P>>_OK;
+}
+
+int <<p>>_controller_age(<<p>>_controller *controller, <<p>>_real seconds)
+{
+  if (!controller) return <<P>>_ERR_NULL;
+  if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
+  if (!<<p>>_checks_finite(&seconds, 1) || seconds < 0) return <<P>>_ERR_RANGE;
+  controller->memory.age = seconds;
   return <<P>>_OK;
 }
 
@@ -112,9 +121,10 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   input.applied = controller->memory.differs ? controller->memory.applied : 0;
   input.late = controller->memory.late;
   input.elapsed = controller->memory.elapsed;
+  input.age = controller->memory.age;
   code = <<p>>_loop_step(&controller->memory.state, &work->loop, &work->settings, &input, &controller->memory.last);
   controller->memory.late = controller->memory.differs = 0;
-  controller->memory.elapsed = -1;
+  controller->memory.elapsed = controller->memory.age = -1;
   if (code < 0 || check(controller->memory.last.u, applied_low, applied_high, <<loop.command.size>>) < 0) return <<P>>_ERR_RESULT;
   write_command(controller->memory.last.u, command);
   if (code < <<P>>_LOOP_PREVIOUS_PLAN

@@ -70,8 +70,12 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
 int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *applied);
 /* Before the next call: that the last command came late, so that the next is of the previous plan. */
 int <<p>>_controller_late(<<p>>_controller *controller);
-/* Before the next call: time since the last one [s], by which a wrong call rate is noticed. */
+/* Before the next call: time since the last one [s], by which missed calls are bridged, and a wrong call rate is noticed.
+   Zero: a clock that stood still or went back, which is noticed and not used. */
 int <<p>>_controller_elapsed(<<p>>_controller *controller, <<p>>_real seconds);
+/* Before the next call: age of its measurement [s]<<if loop.estimation>>, as usual (<<loop.periods>> periods) by default. One that is no younger than the last is not
+   used<<else>>, which without an estimator is without effect<<end>>. */
+int <<p>>_controller_age(<<p>>_controller *controller, <<p>>_real seconds);
 /* Leave a trip: 1, or 0 where the command does not rest yet, sensors and model do not agree, or it was the second trip
    within 150 averaging times, which only <<p>>_controller_start ends. */
 int <<p>>_controller_rearm(<<p>>_controller *controller);

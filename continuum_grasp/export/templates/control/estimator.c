@@ -40,7 +40,7 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;<<if known>>
   read_known(&estimator->known, p);
   if ((code = check(p, known_low, known_high, <<known>>)) < 0) return code;<<end>>
-  if (<<p>>_ekf_step(&estimator->memory.state, work, &<<estimator_settings>>, y, u, p, &report) != <<P>>_EKF_OK)
+  if (<<p>>_ekf_step(&estimator->memory.state, work, &<<estimator_settings>>, y, u, p, 1, <<P>>_EKF_DELAY, &report) != <<P>>_EKF_OK)
     code = <<P>>_WARN_ESTIMATE_RESTARTED;
   else if (!<<p>>_ekf_now(&estimator->memory.state, work, &<<estimator_settings>>, p, z)) {
     <<p>>_ekf_restart(&estimator->memory.state, &<<estimator_settings>>);

@@ -14,7 +14,7 @@ typedef struct {
   <<p>>_loop_state state;
   <<p>>_loop_output last;
   int late, differs; /* of the next call: whether the last command was late, and was not what was applied */
-  <<p>>_real elapsed, applied[<<P>>_RTI_NU];
+  <<p>>_real elapsed, age, applied[<<P>>_RTI_NU];
 } <<p>>_controller_memory;<<end>><<if loop.phases>>
 typedef struct {
   <<p>>_phases_state state;
