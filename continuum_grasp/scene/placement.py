@@ -41,7 +41,7 @@ class Supported(Value):
         body = getattr(self, "object", None)
         if body is None:
             return
-        on = () if body.against is not None or body.free is not None else _by_corners(body, self.walls)
+        on = () if body.against is not None else _by_corners(body, self.walls)
         if body.against is not None:
             self.__dict__["object"] = lie_against(body, self.places)
         elif 0 < len(on) <= 2:
@@ -106,12 +106,14 @@ def gap(body: ObjectBody, place: Place, position: tuple[float, float] | None = N
 
 
 def _by_corners(body: ObjectBody, walls: Sequence[Wall]) -> tuple[str, ...]:
-    """Names of the walls that an object touches with corners in curves, but for rounding."""
+    """Names of the walls, to which it is fixed, that an object touches with corners in curves, but for rounding."""
     if not any(isinstance(part, OffsetPolygon) and part.bends for part in body.parts):
         return ()
     straight = [replace(part, bends=()) if isinstance(part, OffsetPolygon) else part for part in body.parts]
-    names = []
+    names, (x, y, _) = [], body.pose_bounds
     for wall in walls:
+        if any(n and high > low for n, (low, high) in zip(wall.normal, (x, y), strict=True)):
+            continue
         facing = wall.normal_angle + math.pi - body.angle
         off = wall.height(body.position) - max(part.support(facing) for part in straight)
         if abs(off) <= _BY_CORNERS * body.size:
