@@ -8,6 +8,9 @@
    that are scanned the first one alone, where a basin led nowhere.
 5. Of three fingers and more, the best grasp is tried again with one finger as another grasp has it.
 6. Without a grasp the starts that came nearest are tried again without patience; the best grasp is solved to the end.
+7. Without a grasp, and by the effort in any case, exact rods that hold the object are starts: of all equilibria of the
+   fingers that touch (`finger_map`). Where they hold with less and the fingers' elements do not follow, the grasp is
+   not called optimal.
 
 What ends it early: a proof by `bound` that nothing is better, or that there is nothing, and the budget.
 """
@@ -27,6 +30,7 @@ import numpy as np
 from continuum_grasp.base import amount_text
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.effort import (
+    BALANCED,
     CLOSEST,
     COARSE,
     DOUBTED,
@@ -40,9 +44,12 @@ from continuum_grasp.grasp.effort import (
     PRUNE_FACTOR,
     SKIP_FACTOR,
     STANDSTILL,
+    SURE,
+    UNFOLLOWED,
     UNLIKELY,
     WORSE,
 )
+from continuum_grasp.grasp.finger_map import SceneMaps, is_mapped
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
 from continuum_grasp.grasp.starts.basins import Basins
@@ -60,8 +67,10 @@ ALIKE, IN_VAIN = "like one that was solved before", "after others that led to no
 class GraspSearch:
     """Finds and verifies grasps of a scene within a budget."""
 
-    def __init__(self, scene: GraspScene, budget: Budget) -> None:
+    def __init__(self, scene: GraspScene, budget: Budget, *, mapped: bool = True) -> None:
         self.scene, self.budget = scene, budget
+        self._mapped = mapped  # whether exact rods are starts
+        self.settled: list[Basin] = []  # of exact rods, those of least tension first
         self.tried: list[Tried] = []
         self.good: list[Tried] = []  # those that the certificate confirms
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
@@ -115,6 +124,8 @@ class GraspSearch:
         for end in self.lost:
             if end.attempt.status is SolverStatus.STOPPED and not self.budget.over:
                 self.attempt(end.start, options_at=0)
+        if self._mapped and (self._effort.always_settled or self.best is None) and not self.proven:
+            self._from_maps()
         if not self.proven:
             self._converge()
 
@@ -144,6 +155,38 @@ class GraspSearch:
             self._from_rough(rough or nowhere, self._effort.in_vain if rough else DOUBTED)
             if self._tries_all:
                 self._exchange()
+
+    def _from_maps(self) -> None:
+        """Start from exact rods that hold the object, those of least tension first, as far as they are better."""
+        if self._effort.settled == 0 or self.budget.over or not is_mapped(self.scene):
+            return
+        began = time.perf_counter()
+        maps = SceneMaps(self.scene)
+        starts = [start for mode in contact_modes(self.scene) for start in maps.settled(mode)]
+        self.start_seconds += time.perf_counter() - began
+        self.settled = [Basin(start) for start in sorted(starts, key=lambda start: start.estimate)]
+        for basin in self.settled[: self._effort.settled]:
+            if self.budget.over or self._promised(basin) > SURE:
+                return
+            # Boldly first, since it is nearly exact.
+            if self.attempt(basin.start, options_at=0) not in self.good:
+                self.attempt(basin.start, iterations=FIRST_CAP)
+
+    def _promised(self, basin: Basin) -> float:
+        """Tension of a settled exact rod per that of the best grasp; zero where there is none, or another objective."""
+        best = self.best
+        if best is None or self.scene.objective != "least_tension":
+            return 0.0
+        return basin.start.estimate / max(self._tension(best), self._least_difference)
+
+    @property
+    def exact_less(self) -> float:
+        """Sum of the tensions [N] with which exact rods hold, where that is clearly less than the best grasp's; NaN: it
+        is not, or was not asked.
+        """
+        exact = [basin for basin in self.settled if basin.start.imbalance < BALANCED]
+        less = [basin.start.estimate for basin in exact if 0.0 < self._promised(basin) < UNFOLLOWED]
+        return min(less, default=math.nan)
 
     def _led_nowhere(self, mode: frozenset[str]) -> bool:
         """Whether a basin of a mode was tried, and gave nothing."""
@@ -199,6 +242,8 @@ class GraspSearch:
             starts_failed=len(self.tried) - len(self.good),
             open=len(open_),
             best_open=min(open_, default=math.nan),
+            settled=len(self.settled),
+            exact_less=self.exact_less,
             pruned=dict(pruned),
         )
 
@@ -262,7 +307,8 @@ class GraspSearch:
         if all(setup.elements <= COARSE for setup in self.scene.setups):
             return None
         segments = max(len(setup.middles) for setup in self.scene.setups) + 1
-        return GraspSearch(with_elements(self.scene, max(COARSE // segments, 1), as_curved=True), self.budget)
+        few = with_elements(self.scene, max(COARSE // segments, 1), as_curved=True)
+        return GraspSearch(few, self.budget, mapped=False)
 
     @property
     def _enough(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import time
@@ -311,6 +312,9 @@ class _Verdict:
                 f"{explored.open} of {explored.basins} basins could not be solved, the best of which is estimated to "
                 f"take {amount_text(explored.best_open, 'N', '.4g')} in all ({more:+.1%})"
             )
+        if not math.isnan(explored.exact_less):
+            held = amount_text(explored.exact_less, "N", ".4g")
+            yield f"exact rods hold with {held} in all, and {self._elements} elements per finger do not follow them"
         if self.budget.cut:
             yield f"{self._cut()}, not all starts were tried"
         if self.interrupted:
@@ -384,6 +388,11 @@ class _Verdict:
     def _more(self) -> str:
         """Key and value with which the search tries more; empty where nothing does."""
         return "" if self.scene.solver.effort == "thorough" else "solver.effort: thorough"
+
+    @property
+    def _elements(self) -> int:
+        """Most elements of a finger."""
+        return max(setup.elements for setup in self.scene.setups)
 
     def _cut(self) -> str:
         """Limit that cut the search short, in words."""

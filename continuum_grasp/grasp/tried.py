@@ -123,4 +123,7 @@ class Exploration:
     # with more than two elements, whose tension the estimates do not tell, those that were not tried.
     open: int = 0
     best_open: float = math.nan  # least of their estimates [N]; NaN where there is none
+    settled: int = 0  # combinations of exact rods that hold the object
+    # Least sum of the tensions [N] with which one of them does, where it is clearly less than the result's; else NaN.
+    exact_less: float = math.nan
     pruned: dict[str, int] = field(default_factory=dict)  # starts that were not tried, by the reason

@@ -189,7 +189,7 @@ def effort_in_error():
 
 def says_nothing(excess):
     """A grasp so far above a bound, where starts were left out, has no warning."""
-    explored = Some(open=0, modes=1, sampled=0)
+    explored = Some(open=0, modes=1, sampled=0, exact_less=np.nan)
     search = Some(best=None, fallback=None, proven=True, excess=excess, left_out=1, exploration=explored)
     verdict = Some(search=search, _before=None, budget=Some(cut=None), interrupted=False)
     return not list(_Verdict._notes(verdict, Some(acceptable=True, attempt=Some(optimal=True))))

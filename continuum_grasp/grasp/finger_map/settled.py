@@ -1,0 +1,121 @@
+"""Starts of a search: combinations of all fingers' equilibria that hold the object as exact rods."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from continuum_grasp.core import Compiler
+from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
+from continuum_grasp.grasp.finger_map.fill import FingerMap
+from continuum_grasp.grasp.finger_map.rod import MapFinger, ObjectTable, Traced
+from continuum_grasp.grasp.starts.supports import nearest_contact
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart
+from continuum_grasp.scene import FingerSetup, GraspScene
+
+BEST = 16
+"""Settled combinations of a set of contacts that are brought to their optimum."""
+
+
+def is_mapped(scene: GraspScene) -> bool:
+    """Whether the fingers of a scene have maps: object and bases are fixed, no finger has stations, two middle contacts
+    at most, and a C compiler is there.
+    """
+    if Compiler.find() is None or any(len(setup.middles) > 2 for setup in scene.setups):
+        return False
+    free = scene.object.free is not None or any(setup.finger.base_free is not None for setup in scene.setups)
+    return not free and not any(setup.stations for setup in scene.setups)
+
+
+class SceneMaps:
+    """The maps of a scene's fingers, made when they are first needed."""
+
+    def __init__(self, scene: GraspScene) -> None:
+        self.scene = scene
+        self._maps: dict[tuple[str, frozenset[str]], FingerMap] = {}
+
+    @cached_property
+    def _table(self) -> ObjectTable:
+        return ObjectTable(self.scene)
+
+    def map_of(self, setup: FingerSetup, on: frozenset[str]) -> FingerMap:
+        """The map of a finger with a set of contacts."""
+        mine = frozenset(on & setup.switches.keys())
+        key = setup.name, mine
+        if key not in self._maps:
+            finger = MapFinger(self.scene, setup, self._table, setup.finger.base.pose, self.scene.object.pose, mine)
+            self._maps[key] = FingerMap.of(finger)
+        return self._maps[key]
+
+    def settled(self, on: frozenset[str]) -> list[GraspStart]:
+        """Starts with the contacts ``on`` by name that hold the object as exact rods, of least tension first."""
+        scene = self.scene
+        maps = [self.map_of(setup, on) for setup in scene.setups]
+        balance = ObjectBalance(scene, on, [one.finger for one in maps], scene.object.pose)
+        x = balance.candidates(maps)
+        if not len(x):
+            return []
+        settled = balance.settle(x)
+        rows = settled.different(scene.object.size)[:BEST]
+        if not rows:
+            return []
+        settled = balance.refined(settled.x[rows])
+        return [_as_start(balance, settled, row) for row in settled.different(scene.object.size)]
+
+
+def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
+    """A settled combination as a start of the fingers' own models."""
+    x = settled.x[row]
+    scene, traced = balance.scene, balance.traced(x[None])
+    touches = {contact.name: contact for contact in balance.contacts(x[None], traced)}
+    fingers, contacts, tensions = dict[str, FingerStart](), dict[str, ContactStart](), dict[str, tuple[float, float]]()
+    for at in traced:
+        fingers[at.finger.name] = _finger_start(at)
+        pull = float(at.z[0, 3]) * at.finger.moment / at.finger.offset
+        least = at.finger.least_tension
+        tensions[at.finger.name] = max(pull, 0.0) + least, max(-pull, 0.0) + least
+    forces = dict[str, tuple[float, float, float]]()
+    # In one order, so that equal sets share one solver.
+    middles = [name for setup in scene.setups for name in setup.middle_names if name in touches]
+    for name in (*middles, *(name for name in touches if name not in middles)):
+        contact = touches[name]
+        lift = 0.0
+        if balance.lift:
+            lift = float(x[balance.first_lift + list(touches).index(name)]) * balance.force
+        forces[name] = float(contact.force[0].value[0]), float(contact.force[1].value[0]), lift
+        point = complex(float(contact.point[0].value[0]), float(contact.point[1].value[0]))
+        contacts[name] = balance.supports.get(name) or nearest_contact(scene, balance.pose, point)
+    estimate, off = float(settled.tension[row]), float(settled.off[row])
+    return GraspStart("map", balance.pose, fingers, contacts, forces, tensions, estimate, imbalance=off)
+
+
+def _finger_start(at: Traced) -> FingerStart:
+    finger, z = at.finger, at.z[0]
+    rows = finger.curve(z)
+    place, bent = rows[:, 0] * finger.length, rows[:, 1] / finger.length
+    # Curvature steps where a contact has friction: interpolation needs increasing places.
+    at_joint = np.append(np.diff(place) <= 0.0, False)
+    place = place - 1e-9 * finger.length * at_joint
+    on = dict(zip(finger.names, (float(z[4 + 3 * k]) * finger.length for k in range(finger.middles)), strict=True))
+    sides = []
+    for touch in at.touches():
+        k = int(np.argmin(np.abs(rows[:, 0] - float(touch.at.value[0]))))
+        step = rows[min(k + 1, len(rows) - 1), 2:] - rows[max(k - 1, 0), 2:]
+        across = np.array([step[1], -step[0]])
+        normal = [float(part.value[0]) for part in touch.normal]
+        sides.append(1 if across @ normal >= 0.0 else -1)
+    side_of = dict(zip(finger.names, sides, strict=False))
+    joints = _all_joints(finger.setup, on)
+    all_sides = tuple(side_of.get(name, sides[0]) for name in finger.setup.middle_names)
+    return FingerStart(finger.base, joints, all_sides, tuple(place.tolist()), tuple(bent.tolist()))
+
+
+def _all_joints(setup: FingerSetup, on: dict[str, float]) -> tuple[float, ...]:
+    """Positions of all middle contacts [m]: those that are off spread evenly between those that are on."""
+    if not on:
+        return setup.middle_places
+    count = len(setup.middle_names)
+    known = [-1, *(k for k, name in enumerate(setup.middle_names) if name in on), count]
+    places = [0.0, *on.values(), setup.finger.rod.length]
+    return tuple(np.interp(range(count), known, places).tolist())

@@ -1,0 +1,167 @@
+"""Maps of fingers, from inside: a single equilibrium of one has no door; the search shows grasps alone.
+
+Rods are compared with an integration that knows their equations alone, what they hold with by finer models. The map of
+a finger has every equilibrium of the exact rod that touches; the search starts from those that hold.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import continuum_grasp as cg
+from benchmarks.grasp_images import mirrored
+from continuum_grasp.core import Compiler
+from continuum_grasp.grasp.finger_map import SceneMaps, fill, rod
+from continuum_grasp.grasp.modes import contact_modes, with_elements
+from continuum_grasp.scene import GraspScene
+
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="the map is compiled")
+
+
+def grasp_scene(name):
+    return cg.load(f"configs/grasp/{name}.yaml")
+
+
+def finger_of(scene):
+    (setup,) = scene.setups
+    on = frozenset(setup.switches)
+    return rod.MapFinger(scene, setup, rod.ObjectTable(scene), setup.finger.base.pose, scene.object.pose, on)
+
+
+def bent(seed, count):
+    """Numbers of rods that bend towards the mug and end beside it."""
+    rng = np.random.default_rng(seed)
+    base = np.array([4.0, 0.0, 0.0, 3.0]) + 0.7 * rng.normal(size=(count, 4))
+    return np.column_stack([base, rng.uniform(0.3, 0.5, count), rng.uniform(0.0, 3.0, count), rng.normal(size=count)])
+
+
+def end_of(finger, z):
+    """Place and angle of a tip, and the moment there, by an integration that knows the rod's equations alone."""
+    start = np.array(finger.base) / [finger.length, finger.length, 1.0]
+    center = complex(0.04, 0.0) / finger.length  # of the mug, a disc
+    half = float(finger.setup.finger.profile.half_thickness(0.0)) / finger.length
+
+    def slopes(_, state, force):
+        _, _, angle, curvature = state
+        tangent = complex(-math.sin(angle), math.cos(angle))
+        return [tangent.real, tangent.imag, curvature, -(tangent.conjugate() * force).imag]
+
+    force = complex(z[1], z[2])
+    options = {"rtol": 1e-11, "atol": 1e-12, "args": (force,)}
+    first = solve_ivp(slopes, (0.0, z[4]), [*start, z[0]], **options).y[:, -1]
+    normal = complex(first[0], first[1]) - center
+    normal /= abs(normal)
+    force -= normal * complex(z[5], z[6])
+    first[3] += half * z[6]
+    last = solve_ivp(slopes, (z[4], 1.0), first, rtol=1e-11, atol=1e-12, args=(force,)).y[:, -1]
+    normal = complex(last[0], last[1]) - center
+    normal /= abs(normal)
+    along = (force * normal.conjugate()).imag
+    return last[0], last[1], last[3] - z[3] + half * along, (force * normal.conjugate()).real
+
+
+def test_a_rod_is_the_solution_of_its_equations():
+    finger = finger_of(grasp_scene("mug"))
+    z = bent(0, 4)
+    at = finger.traced(z)
+    *_, tip = at.touches()
+    found = np.stack([tip.place[0].value, tip.place[1].value, at.missing_moment.value, tip.force[0].value], axis=1)
+    expected = np.array([end_of(finger, row) for row in z])
+    assert found[:, :3] == pytest.approx(expected[:, :3], abs=4e-3)
+    assert found[:, 3] == pytest.approx(expected[:, 3], abs=3e-2)
+
+
+def test_rods_converge_with_the_square_of_the_step():
+    finger = finger_of(grasp_scene("mug"))
+    z, errors = bent(0, 4), []
+    expected = np.array([end_of(finger, row)[:2] for row in z])
+    for steps in (40, 80):
+        finger.struct.steps = steps
+        *_, tip = finger.traced(z, slopes=False).touches()
+        errors.append(np.abs(np.stack([part.value for part in tip.place], axis=1) - expected).max())
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.4)
+
+
+@pytest.mark.parametrize("name", ["mug", "spirob_cup"])
+def test_slopes_are_those_of_differences(name):
+    finger = finger_of(grasp_scene(name))
+    z = bent(1, 3)
+    at, step = finger.traced(z), 1e-6
+    # Beyond the table of distances, which ends beside the object, they need only grow.
+    near = np.abs(at.out[:, 7, 0]) < 0.3
+    for k in range(finger.numbers):
+        off = step * np.eye(finger.numbers)[k]
+        change = finger.traced(z + off, slopes=False).out[..., 0] - finger.traced(z - off, slopes=False).out[..., 0]
+        contact = slice(0, 7)
+        assert at.out[near, contact, 1 + k] == pytest.approx(change[near, contact] / (2.0 * step), abs=1e-5)
+        ends = slice(9, 11)  # the tip's place
+        assert at.out[:, ends, 1 + k] == pytest.approx(change[:, ends] / (2.0 * step), abs=1e-4)
+
+
+def test_samples_touch_as_they_should():
+    finger = finger_of(grasp_scene("oval_flask"))
+    samples = fill.FingerMap.of(finger).samples
+    assert len(samples) > 100
+    for touch in samples.touches():
+        assert np.abs(touch.gap.value).max() < 2e-3
+        if not touch.is_tip:
+            assert np.abs(touch.lean.value).max() < 5e-3
+    assert np.abs(samples.missing_moment.value).max() < 2e-2
+
+
+@pytest.mark.parametrize(("name", "elements"), [("oval_flask", 12), ("pinch", 8)])
+def test_exact_rods_hold_with_what_fine_models_need(name, elements):
+    scene = grasp_scene(name)
+    segments = max(len(setup.middles) for setup in scene.setups) + 1
+    fine = cg.optimize_grasp(with_elements(scene, elements // segments, as_curved=True))
+    (mode, *_) = contact_modes(scene)
+    best, *_ = SceneMaps(scene).settled(mode)
+    assert best.estimate == pytest.approx(fine.tension, rel=0.01)
+
+
+def test_images_are_held_with_the_same_tension():
+    scene = grasp_scene("oval_flask")
+    data = scene.model_dump(exclude_unset=True)
+    tensions = []
+    for each in (scene, GraspScene.model_validate(mirrored(data))):
+        (mode, *_) = contact_modes(each)
+        tensions.append(SceneMaps(each).settled(mode)[0].estimate)
+    assert tensions[1] == pytest.approx(tensions[0], rel=1e-4)
+
+
+COARSE = {
+    "schema_version": 1,
+    "finger": {
+        "rod": {"length": 0.22674488, "linear_density": 0.00080661454, "bending_stiffness": 0.0063856183},
+        "half_thickness": 0.0098070436,
+        "tendons": {"offset": 0.0086159892, "max_tension": 95.202989, "min_tension": 0.19611534},
+        "rest_curvature": -0.38321002,
+        "base": {"position": [-0.044319729, 0.010732118], "angle": -0.22619471},
+    },
+    "object": {
+        "shape": "ellipse",
+        "width": 0.0682485110467594,
+        "height": 0.04443636426930594,
+        "position": [0.0, 0.026929445576936287],
+        "angle": 2.5136099353480432,
+        "mass": 0.068476813,
+    },
+    "supports": {"table": {"type": "palm", "point": [0.0, 0.0], "normal_angle": 1.5707963267948966}},
+    "contacts": {"friction": 0.67992709, "normal_force_max": 40.246477, "tip": "on", "middle": "on"},
+    "gravity": {"mode": "planar", "vector": [0.0, -9.81]},
+    "fidelity": {"family": "matched_clothoid", "elements": 2},
+    "objective": "least_tension",
+    "solver": {"effort": "thorough"},
+}
+
+
+def test_a_grasp_is_not_optimal_where_exact_rods_hold_with_much_less():
+    grasp = cg.optimize_grasp(GraspScene.model_validate(COARSE))
+    # Twelve elements hold it with 12.35 N.
+    assert grasp.status.value == "feasible"
+    assert "exact rods hold with" in grasp.message
+    assert grasp.exploration.exact_less == pytest.approx(12.35, rel=0.08)
