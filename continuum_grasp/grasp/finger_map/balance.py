@@ -24,6 +24,9 @@ from continuum_grasp.scene import GraspScene
 
 CANDIDATES, APART = 120, 0.12
 """Most combinations that are settled, and how far they differ: places in a third of the length."""
+WEIGHTS = (3.0, 0.3)
+"""Weights of what is out of balance, per weight of the object, beside the tensions per their greatest, by which
+combinations are chosen: of either half of them."""
 PICKED = {1: 100_000, 2: 1200, 3: 300, 4: 90}
 """Most samples of each finger that are combined with others, by the number of fingers."""
 SUPPORTED = {1: 100_000, 2: 330, 3: 48, 4: 18}
@@ -303,8 +306,13 @@ class ObjectBalance:
         forces, left = self._supported(-total)
         tension = sum(one.samples.tension[index[:, k]] for k, one in enumerate(maps))
         short = self._unlifted(maps, index, forces) if self.lift else 0.0
-        score = tension / self.greatest + 3.0 * (left + short) / self.force
-        chosen = self._differing(maps, index, score)
+        chosen = np.unique(
+            [
+                row
+                for weight in WEIGHTS
+                for row in self._differing(maps, index, tension / self.greatest + weight * (left + short) / self.force)
+            ]
+        ).astype(int)
         x = np.zeros((len(chosen), self.numbers))
         for k, one in enumerate(maps):
             x[:, self.at[k] : self.at[k + 1]] = one.samples.z[index[chosen, k]]
@@ -414,7 +422,7 @@ class ObjectBalance:
             columns.append(np.stack(parts, axis=1)[index[:, k]])
         order = np.argsort(score, kind="stable")[:20_000]
         place, chosen = np.concatenate(columns, axis=1), list[int]()
-        while len(order) and len(chosen) < CANDIDATES:
+        while len(order) and len(chosen) < CANDIDATES // len(WEIGHTS):
             chosen.append(order[0])
             order = order[np.linalg.norm(place[order] - place[order[0]], axis=1) > APART]
         return np.array(chosen, int)

@@ -22,8 +22,9 @@ angle of the tip [rad]."""
 ENTERED, LOOSE = 0.005, 1.25
 """Depth in obstacles [L] that samples may have, and bends of elements per the range: the finger's own elements bend
 otherwise than the exact rod."""
-SEEDS = 600
-"""Most seeds that are brought onto the set, the nearest ones."""
+LOWS, SEEDS, ONTO = 2500, 600, 40
+"""Most rods with a middle contact that are given forces; most seeds that are brought onto the set, and in how many
+steps: of three fingers that wrap a jar, with 20 steps none leads to the part of the set with the least tension."""
 CURVATURES, DIRECTIONS, FORCES = 25, 36, 10
 """Size of the grid of rods: curvatures at the base, directions and sizes of the force there."""
 ON_SET = 1e-3
@@ -172,8 +173,8 @@ def _seeds(finger: MapFinger) -> Array:
     for contact in range(finger.middles):
         before = plain if contact == 0 else finger.with_middles(contact)
         seeds = _with_middle(before, seeds, shape if contact == 0 else None)
-        # 2500: of these, drawn evenly
-        seeds = seeds[np.linspace(0, len(seeds) - 1, min(len(seeds), 2500)).astype(int)] if len(seeds) else seeds
+        # of these, drawn evenly
+        seeds = seeds[np.linspace(0, len(seeds) - 1, min(len(seeds), LOWS)).astype(int)] if len(seeds) else seeds
         finger_here = finger.with_middles(contact + 1)
         seeds = _with_forces(finger_here, seeds)
         if not len(seeds):
@@ -253,25 +254,34 @@ def _onto(finger: MapFinger, z: Array) -> Array:
     """The seeds nearest to the set, brought onto it within the limits."""
     z = z.copy()
     z[:, 3] = finger.traced(z, slopes=False).missing_moment.value
-    off = np.abs(_residual(finger.traced(z, slopes=False), True)[0]).max(axis=1)
-    z = z[np.argsort(off, kind="stable")[:SEEDS]]
-    # 10: damped steps of Gauss and Newton
-    for _ in range(10):
-        value, slope = _residual(finger.traced(z), True)
-        sane = is_sane(slope)
-        z, value, slope = z[sane], value[sane], slope[sane]
-        done = np.abs(value).max(axis=1) < 0.2 * ON_SET
+    at = finger.traced(z, slopes=False)
+    order = np.argsort(np.abs(_residual(at, True)[0]).max(axis=1), kind="stable")
+    # The nearest of each few cells: else those of one part of the set crowd out others.
+    cells = np.round(features(at)[order] / 3.0)
+    z = z[order[np.sort(np.unique(cells, axis=0, return_index=True)[1])[:SEEDS]]]
+    landed, damping = [z[:0]], np.full(len(z), 1e-3)
+    value, slope = _residual(finger.traced(z), True)
+    # Damped steps of Gauss and Newton, each as long as it leads nearer.
+    for _ in range(ONTO):
+        off = np.abs(value).max(axis=1)
+        going = is_sane(slope) & (off >= ON_SET)
+        landed.append(z[off < ON_SET])
+        z, value, slope, damping = z[going], value[going], slope[going], damping[going]
         steps = steps_of(z)
-        slope = slope * steps[:, None]
-        across = slope.transpose(0, 2, 1)
-        square = across @ slope + 1e-6 * np.eye(slope.shape[2])
+        scaled = slope * steps[:, None]
+        across = scaled.transpose(0, 2, 1)
+        square = across @ scaled + damping[:, None, None] * np.eye(z.shape[1])
         move = -np.linalg.solve(square, across @ value[..., None])[..., 0]
         move *= np.minimum(1.0, 1.5 / np.maximum(np.abs(move).max(axis=1), 1e-12))[:, None]
-        z = z + np.where(done[:, None], 0.0, move * steps)
-        if done.all():
-            break
-    off = np.abs(_residual(finger.traced(z, slopes=False), True)[0]).max(axis=1)
-    return np.asarray(z[off < 2.0 * ON_SET])
+        trial = z + move * steps
+        new_value, new_slope = _residual(finger.traced(trial), True)
+        nearer = is_sane(new_slope) & ((new_value**2).sum(axis=1) < (value**2).sum(axis=1))
+        z = np.where(nearer[:, None], trial, z)
+        value = np.where(nearer[:, None], new_value, value)
+        slope = np.where(nearer[:, None, None], new_slope, slope)
+        damping = np.clip(np.where(nearer, 0.2 * damping, 5.0 * damping), 1e-7, 1e3)
+    landed.append(z[np.abs(value).max(axis=1) < ON_SET])
+    return np.concatenate(landed)
 
 
 def _within(at: Traced, slack: float) -> Array:
