@@ -113,6 +113,7 @@ def test_samples_touch_as_they_should():
     assert np.abs(samples.missing_moment.value).max() < 2e-2
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize(("name", "elements"), [("oval_flask", 12), ("pinch", 8)])
 def test_exact_rods_hold_with_what_fine_models_need(name, elements):
     scene = grasp_scene(name)
@@ -123,6 +124,7 @@ def test_exact_rods_hold_with_what_fine_models_need(name, elements):
     assert best.estimate == pytest.approx(fine.tension, rel=0.01)
 
 
+@pytest.mark.deep
 def test_images_are_held_with_the_same_tension():
     scene = grasp_scene("oval_flask")
     data = scene.model_dump(exclude_unset=True)
@@ -131,6 +133,19 @@ def test_images_are_held_with_the_same_tension():
         (mode, *_) = contact_modes(each)
         tensions.append(SceneMaps(each).settled(mode)[0].estimate)
     assert tensions[1] == pytest.approx(tensions[0], rel=1e-4)
+
+
+@pytest.mark.deep
+def test_a_finger_on_a_corner_has_the_direction_of_its_force():
+    """All directions between the corner's faces are normal there; the finger's is where its backbone lies."""
+    scene = grasp_scene("gear")
+    grasp = cg.optimize_grasp(scene)
+    (mode, *_) = contact_modes(scene)
+    settled = SceneMaps(scene).settled(mode)
+    start = min(settled, key=lambda each: each.imbalance)
+    for name, normal in zip(grasp.arrays["contact_names"], grasp.arrays["contact_normals"], strict=True):
+        angle = start.contacts[str(name)].normal_angle + start.object_pose[2]
+        assert np.array([math.cos(angle), math.sin(angle)]) == pytest.approx(np.array(normal), abs=0.05)
 
 
 COARSE = {

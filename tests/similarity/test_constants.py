@@ -11,6 +11,7 @@ LEFT = {
     ("simulation/accuracy/space.py", "_LONG"): "patience of a user, which changes no result",
     ("simulation/accuracy/motion.py", "1.0"): "motions of users, whose durations are theirs",
     ("closed_loop/chain_system.py", "1e-9"): "no tension",
+    ("control/estimation/estimator.py", "_LONGEST"): "a time in another unit, whatever the finger",
 }
 
 

@@ -75,6 +75,12 @@ def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
         pull = float(at.z[0, 3]) * at.finger.moment / at.finger.offset
         least = at.finger.least_tension
         tensions[at.finger.name] = max(pull, 0.0) + least, max(-pull, 0.0) + least
+    # Of the backbone the nearest place is plain; on a corner every direction between its faces would be normal.
+    backbones = {
+        name: at.finger.length * complex(*(float(part.value[0]) for part in touch.place))
+        for at, names in zip(traced, balance.names, strict=True)
+        for name, touch in zip(names, at.touches(), strict=False)
+    }
     forces = dict[str, tuple[float, float, float]]()
     # In one order, so that equal sets share one solver.
     middles = [name for setup in scene.setups for name in setup.middle_names if name in touches]
@@ -84,8 +90,7 @@ def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
         if balance.lift:
             lift = float(x[balance.first_lift + list(touches).index(name)]) * balance.force
         forces[name] = float(contact.force[0].value[0]), float(contact.force[1].value[0]), lift
-        point = complex(float(contact.point[0].value[0]), float(contact.point[1].value[0]))
-        contacts[name] = balance.supports.get(name) or nearest_contact(scene, balance.pose, point)
+        contacts[name] = balance.supports.get(name) or nearest_contact(scene, balance.pose, backbones[name])
     estimate, off = float(settled.tension[row]), float(settled.off[row])
     return GraspStart("map", balance.pose, fingers, contacts, forces, tensions, estimate, imbalance=off)
 
