@@ -33,7 +33,6 @@ SUPPORTED = {1: 100_000, 2: 330, 3: 48, 4: 18}
 """Most samples of each finger beside supports, where all combinations are tried."""
 ROUNDS = 30
 """Steps in which combinations are settled."""
-
 REFINED, STIFF = 15, 1e6
 """Steps in which the best of them are brought to their optimum, and the penalty of a residual of one there."""
 SETTLED = 4e-3
