@@ -80,7 +80,7 @@ class Piece:
     reach: float
     """Distance of the surface from the line, the center or the corner [m]."""
     after: bool
-    """Whether it follows the piece before it; else a reflex corner is between them."""
+    """Whether the piece follows the one before it; else a reflex corner is between them."""
 
     def point(self, share: float) -> complex:
         """Point of the surface at a part of its length."""
