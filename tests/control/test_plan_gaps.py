@@ -91,6 +91,7 @@ def test_a_controller_integrates_its_inputs():
     assert force(stages, x, command.u) == pytest.approx(FORCE, abs=0.02)
 
 
+@pytest.mark.deep
 def test_motion_is_no_gap():
     """A force that rises and falls moves the finger within every plan."""
     control = controller()
