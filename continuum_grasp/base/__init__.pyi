@@ -9,6 +9,7 @@ from .arguments import instance as instance
 from .arguments import positive as positive
 from .arguments import real_array as real_array
 from .arguments import shown as shown
+from .arguments import unmasked as unmasked
 from .arguments import whole as whole
 from .arguments import within as within
 from .arrays import Array as Array

@@ -75,10 +75,17 @@ def _double(value: Any) -> float:
         return math.inf if value > 0 else -math.inf
 
 
+def unmasked(value: ArrayLike) -> NDArray[Any]:
+    """Convert to an array, in which masked entries are NaN: ``numpy.asarray`` would take the numbers below the mask."""
+    if isinstance(value, np.ma.MaskedArray):
+        return np.where(np.ma.getmaskarray(value), np.nan, value.data)
+    return np.asarray(value)
+
+
 def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """A contiguous array of doubles; InputError for what is no array of real numbers."""
+    """A contiguous array of doubles, NaN where masked; InputError for what is no array of real numbers."""
     try:
-        array = np.asarray(value)
+        array = unmasked(value)
         if np.iscomplexobj(array):
             raise InputError("expected real numbers, got complex ones", key=name)
         # numpy would read texts and dates as numbers.

@@ -4,31 +4,40 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, name_of, shown
+from continuum_grasp.base import Array, InputError, name_of, shown, unmasked
 from continuum_grasp.core import finite
 
 
-def named(key: str, value: Mapping[str, Any], names: Sequence[str], default: ArrayLike | None = None) -> Array:
+def named(
+    key: str,
+    value: Mapping[str, Any],
+    names: Sequence[str],
+    default: ArrayLike | None = None,
+    groups: Mapping[str, slice] = MappingProxyType({}),
+) -> Array:
     """Convert numbers by name to a vector in the order of ``names`` (with units), ``default`` where one is not given.
 
-    ``InputError`` for unknown names, for a value that is no number, and without a default for missing names.
+    A name of ``groups`` stands for all entries of its slice that are not given by their own. ``InputError`` for unknown
+    names, for a value that is no number, and without a default for missing names.
     """
     order = [name_of(name) for name in names]
-    unknown = [name for name in value if name not in order]
+    places: dict[str, Any] = {**groups, **{name: k for k, name in enumerate(order)}}
+    unknown = [name for name in value if name not in places]
     missing = [name for name in order if name not in value] if default is None else []
     if unknown or missing:
         odd = f"there is no {', '.join(map(shown, unknown))}" if unknown else f"{', '.join(missing)} missing"
-        raise InputError(f"{odd}: expected {', '.join(order) or 'none'}", key=key)
+        raise InputError(f"{odd}: expected {', '.join(places) or 'none'}", key=key)
     entries = np.zeros(len(order)) if default is None else np.array(default, dtype=float)
-    for k, name in enumerate(order):
+    for name, place in places.items():
         if name in value:
             try:
-                entries[k] = numbers(value[name])
+                entries[place] = numbers(value[name])
             except (TypeError, ValueError) as error:
                 raise InputError(f"expected a number, got {shown(value[name])}", key=f"{key}.{name}") from error
     return entries
@@ -46,11 +55,12 @@ def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Arr
 
 
 def numbers(value: ArrayLike) -> Array:
-    """Copy in double precision; what no double can hold becomes infinite, so that checks of ranges see it.
+    """Copy in double precision, NaN where masked; what no double can hold becomes infinite, so that checks of ranges
+    see it.
 
     ``TypeError`` or ``ValueError`` where it is ragged, or not an array of real numbers (text and complex ones are not).
     """
-    array = np.asarray(value)
+    array = unmasked(value)
     if array.dtype.kind not in "biufO":
         raise TypeError(f"expected real numbers, got {array.dtype}")
     try:

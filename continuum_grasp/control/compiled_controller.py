@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Mapping
 from time import perf_counter_ns
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +35,8 @@ _LATE, _APPLIED = 1, 2
 class CompiledController(Remade, Summarized):
     """A controller in C: one call per period, setpoints and settings that change between calls, a state to save.
 
-    Subclasses compile by ``_compile``, and have ``nominal_setpoints``: those where ``reference`` sets none.
+    Subclasses compile by ``_compile``, and have ``nominal_setpoints``, those where ``reference`` sets none, and
+    ``cost_terms``, the slice of the weights of each term of the cost by its name.
     """
 
     parts: ControlParts
@@ -42,6 +44,7 @@ class CompiledController(Remade, Summarized):
     period: float
     precision: str
     nominal_setpoints: Setpoints
+    cost_terms: Mapping[str, slice]
     measurement_names: tuple[str, ...]
     _what = "the controller"
     _called: Mapping[str, str] = MappingProxyType({})
@@ -168,14 +171,16 @@ class CompiledController(Remade, Summarized):
         else:
             _copy(to, value)
 
-    def change(self, **settings: ArrayLike) -> None:
+    def change(self, **settings: ArrayLike | Mapping[str, ArrayLike]) -> None:
         """Change weights, bounds or penalty weights from the next step on; all of the arguments, or none.
 
         Parameters
         ----------
-        **settings : array_like
+        **settings : array_like, or mapping of str to float
             Named and sized as in ``stages``: ``weights``, ``terminal_weights`` (nr);
             ``u_min``, ``u_max`` (nu), within the nominal ones; ``c_min``, ``c_max``, ``linear``, ``quadratic`` (nc).
+            By name of ``r_names``, ``u_names`` or ``c_names`` of ``stages`` (without unit), weights also by that of a
+            term of the cost, what is left out stays.
 
         Raises
         ------
@@ -187,13 +192,22 @@ class CompiledController(Remade, Summarized):
         -----
         A limit that is moved past the last command is approached at ``controller.input.rate_max``: until a command is
         within it, steps report ``Anomaly.BEYOND_LIMIT``.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import continuum_grasp as cg
+        >>> controller = cg.Controller("configs/mpc/steady_tip.yaml", deadline=np.inf)
+        >>> controller.change(weights={"tip": 4e3, "effort": 0.1}, u_max={"tension_2": 30.0})
         """
-        changed, known = dict(self._settings), [member.name for member in CHANGEABLE]
+        changed, of = dict(self._settings), {member.name: member.of for member in CHANGEABLE}
         for name, setting in settings.items():
-            if name not in known:
-                raise InputError(f"expected some of {', '.join(known)}, got {name!r:.60}", key=name)
-            nominal = getattr(self.stages, name)
-            value = vector(name, setting, nominal.size)
+            if name not in of:
+                raise InputError(f"expected some of {', '.join(of)}, got {name!r:.60}", key=name)
+            if isinstance(setting, Mapping):
+                names, groups = getattr(self.stages, f"{of[name]}_names"), self.cost_terms if of[name] == "r" else {}
+                setting = named(name, setting, names, changed[f"rti.{name}"], groups)
+            value = vector(name, setting, getattr(self.stages, name).size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
                 raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
             # The safe ramp and the supervisor's scales are those of the nominal limits.
@@ -233,8 +247,26 @@ class CompiledController(Remade, Summarized):
         self._step, late = self._c.restore(saved)
         self._late, self._time, self._believed = bool(late), math.nan, True
 
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        for key, (value, _) in self._own.items():
+            _check_sendable(key, value)
+        return super().__reduce_ex__(protocol)
+
+    def _copied(self) -> Self:
+        """An object of its own in this process, which shares functions of time."""
+        make, arguments, state = self.__reduce__()
+        copied: Self = make(*arguments)
+        copied.__setstate__(state)
+        return copied
+
+    def __copy__(self) -> Self:
+        return self._copied()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self._copied()
+
     def __getstate__(self) -> tuple[Settings, dict[str, tuple[Any, float]], bytes]:
-        return self._settings, self._own, self.save_state()
+        return dict(self._settings), dict(self._own), self.save_state()
 
     def __setstate__(self, state: tuple[Settings, dict[str, tuple[Any, float]], bytes]) -> None:
         self._settings, self._own, saved = state
@@ -344,6 +376,21 @@ class CompiledController(Remade, Summarized):
             got = shown(value, 80) if shape in (None, ()) else str(shape)
             messages.append(f"{self._called.get(name, name)}: expected {' or '.join(map(str, expected))}, got {got}")
         return InputError("a step takes arrays of numbers; " + "; ".join(messages))
+
+
+def _check_sendable(key: str, value: Any) -> None:
+    """Refuse a setpoint that no other process can be sent."""
+    if callable(value):
+        try:
+            pickle.dumps(value)
+        except Exception as error:  # AttributeError, TypeError, PicklingError: as the function has it
+            name = getattr(value, "__qualname__", None) or type(value).__qualname__
+            words = f"the function {name}, by which it is set over time, cannot be pickled ({error})"
+            raise InputError(
+                f"{words}: expected one that is defined at the top of a module; a lambda or a function inside of "
+                "another is not",
+                key=f"reference.{key}",
+            ) from error
 
 
 def _shape(value: Any) -> tuple[int, ...] | None:

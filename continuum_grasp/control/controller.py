@@ -107,6 +107,7 @@ class Controller(CompiledController):
             parts.sensor_names,
             parts.estimated_names,
         )
+        self.cost_terms = self._outputs.slices
         self.first = self.prediction.first_state()
         self.reset()
 
@@ -164,8 +165,8 @@ class Controller(CompiledController):
         Parameters
         ----------
         measurement : (ny,) array_like, mapping of str to float, or None
-            Measurement in the order of ``measurement_names``, NaN where a sensor has none; or by name (without unit),
-            where what is left out is not measured; None: no sensor has one.
+            Measurement in the order of ``measurement_names``, NaN or masked where a sensor has none; or by name
+            (without unit), where what is left out is not measured; None: no sensor has one.
         reference : (nr,) or (N + 1, nr) array_like, or mapping, optional
             Setpoints in the order of ``stages.r_names``, constant or one row per node from now on; or by name for this
             step alone, as ``reference`` takes them; by default those of ``reference`` and of the scene at the number
@@ -191,8 +192,8 @@ class Controller(CompiledController):
         Raises
         ------
         InputError
-            If an argument has the wrong shape. Non-finite and implausible numbers do not raise: they are anomalies of
-            the command.
+            If an argument has the wrong shape. Non-finite and implausible numbers, and setpoints out of reach, do not
+            raise: they are anomalies of the command.
         """
         return self._advance(measurement, reference, p, applied, late, time, age)
 
@@ -238,7 +239,11 @@ class Controller(CompiledController):
         >>> rising.rows([0.0, 1.0])[:, :2].round(3).tolist()
         [[-0.05, 0.15], [-0.05, 0.16]]
         """
-        return Setpoints.of(Outputs.of(self.scene.controller.cost, self.prediction), self.scene.reference, functions)
+        return Setpoints.of(self._outputs, self.scene.reference, functions)
+
+    @cached_property
+    def _outputs(self) -> Outputs:
+        return Outputs.of(self.scene.controller.cost, self.prediction)
 
     @cached_property
     def nominal_setpoints(self) -> Setpoints:  # type: ignore[override]

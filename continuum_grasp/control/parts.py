@@ -208,6 +208,7 @@ class ControlParts:
         settings["safe_rate"] = np.maximum((s.u_max - s.u_min) / calls.ramp, 1e-9)
         for name, pairs in limits.items():
             settings |= {f"{name}_min": pairs[:, 0], f"{name}_max": pairs[:, 1]}
+        settings |= {f"reach_{end}": ranges.reach[:, k] for k, end in enumerate(("min", "max", "radius"))}
         settings |= {name: getattr(calls, name) for name in ("sqp_iterations", "start_iterations", "start_calls")}
         return {
             **_nested("rti", iteration),
@@ -221,7 +222,8 @@ def _free_ranges(stages: Stages, most: float) -> Ranges:
     """Ranges of a problem without a scene: all numbers up to a magnitude."""
     sizes = {"x": stages.nd, "r": stages.nr, "p": stages.np, "applied": stages.nu}
     limits = {key: np.tile((-most, most), (size, 1)) for key, size in sizes.items()}
-    return Ranges(disturbances=np.zeros((0, 2)), measurement=limits["x"], **limits)
+    reach = np.tile((-most, most, 0.0), (stages.nr, 1))
+    return Ranges(disturbances=np.zeros((0, 2)), measurement=limits["x"], reach=reach, **limits)
 
 
 def _nested(name: str, settings: Mapping[str, ArrayLike]) -> Settings:

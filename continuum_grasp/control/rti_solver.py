@@ -121,6 +121,7 @@ class RtiSolver(CompiledController):
         self._compile(ControlParts.of_problem(s, calls), precision, deadline)
         keys, widths = zip(*problem.cost_names, strict=True)
         self.nominal_setpoints = Setpoints(s.r_names, [(width, None) for width in widths], keys)
+        self.cost_terms = self.nominal_setpoints.parts
         self.reset()
 
     def headline(self) -> str:

@@ -97,6 +97,7 @@ class Anomaly(IntFlag):
     MISSED_CALLS = 131072
     CLOCK = 262144
     OLD = 524288
+    OUT_OF_REACH = 1048576
 
     @property
     def description(self) -> str:
@@ -139,6 +140,7 @@ ANOMALY_TEXTS = {
     Anomaly.MISSED_CALLS: "calls were missed: the prediction goes on over the time that passed",
     Anomaly.CLOCK: "the time of the call is not used: it stands still, goes back, or is none",
     Anomaly.OLD: "the measurement is no younger than the one before: not used",
+    Anomaly.OUT_OF_REACH: "a setpoint is out of the finger's reach: the command aims at it, and cannot meet it",
 }
 
 

@@ -94,6 +94,7 @@ from .profile import Channel as Channel
 from .profile import Curve as Curve
 from .profile import Panels as Panels
 from .profile import Profile as Profile
+from .reach import Reach as Reach
 from .reading import load as load
 from .reading import scene_of as scene_of
 from .rod import Damping as Damping

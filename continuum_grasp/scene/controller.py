@@ -190,7 +190,7 @@ class CommandedScene(FingerScene):
             if got != width:
                 raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
         given = dict(self.reference)
-        self.check_reach("reference", given, at, self.object, self.stated_ranges, gaps, moves=moves)
+        self.reach(at, self.object, self.stated_ranges, gaps, moves=moves).check("reference", given)
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -30,7 +30,7 @@ from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import SHARE
 from continuum_grasp.scene.placement import Supported, is_beside
-from continuum_grasp.scene.reach import check_reach
+from continuum_grasp.scene.reach import Reach
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Switch
 from continuum_grasp.scene.tendons import Tendons
@@ -185,7 +185,7 @@ class FingerSetup:
 
     def check_reach(self, key: str, position: tuple[float, float], body: GraspObject) -> None:
         """Refuse a position of an object, below a key, at which the finger cannot touch the object."""
-        check_reach(self.finger, key, {"position": position}, body=body)
+        Reach(self.finger, body=body).check(key, {"position": position})
 
     @property
     def tip_name(self) -> str:

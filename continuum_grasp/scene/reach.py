@@ -17,61 +17,98 @@ _ROUNDING = 1e-6
 """Share of a reach by which a number may exceed it [1]: the tip of a straight finger, written with six digits."""
 
 
-def check_reach(
-    finger: Finger,
-    key: str,
-    given: Mapping[str, Any],
-    at: Sequence[float] = (),
-    body: GraspObject | None = None,
-    ranges: Sequence[float] = (),
-    touching: Sequence[float] = (),
-    moves: bool = True,
-) -> None:
-    """Refuse goals and setpoints that a finger cannot meet, however it bends.
+class Reach:
+    """Where goals and setpoints of a finger can lie, however it bends.
 
     A section of an inextensible rod is as far from its base as it is along the rod, or nearer. An object is touched
-    where it is as far as the tip, or farther by its own extent and half the finger's thickness. Contacts push. The
-    error has the key of the first that is out of reach, below ``key``, where they stand in the scene.
+    where it is as far as the tip, or farther by its own extent and half the finger's thickness. Contacts push.
 
-    ``given`` are rows, constant, over time or on a circle: x, y [m] of ``tip``, ``shape`` and of an object's
-    ``position`` or ``object_position``, ``bending``, ``tip_angle`` and ``object_angle`` [rad], ``contact_force`` [N]
-    and ``gap`` [m]; nothing else is compared, nor functions of time. Points of ``shape`` are ``at`` positions along the
-    finger [m], places of ``gap`` at ``touching``; an object that ``moves`` has no greatest gap. Without ``ranges``, the
-    bending range of each element [rad], angles are not compared.
+    Rows are x, y [m] of ``tip``, ``shape`` and of an object's ``position`` or ``object_position``, ``bending``,
+    ``tip_angle`` and ``object_angle`` [rad], ``contact_force`` [N] and ``gap`` [m]; nothing else is compared. Points of
+    ``shape`` are ``at`` positions along the finger [m], places of ``gap`` at ``touching``; an object that ``moves`` has
+    no greatest gap. Without ``ranges``, the bending range of each element [rad], angles are not compared.
     """
-    length, base = finger.rod.length, finger.base
-    half = finger.thickness_radius
-    touched = length + (half + max(part.extent for part in body.parts) if body else 0.0)
-    reaches = {"tip": [length], "shape": at, "object_position": [touched], "position": [touched]}
-    limits: dict[str, tuple[str, str, Iterable[tuple[float, float]]]] = {
-        "contact_force": ("N", "contacts push", itertools.repeat((0.0, math.inf))),
-    }
-    if ranges:
-        bent, whole = "the bending range of the model, fidelity.bending_range", sum(ranges)
-        limits["bending"] = "rad", bent, [(-limit, limit) for limit in ranges]
-        limits["tip_angle"] = "rad", bent, [(base.angle - whole, base.angle + whole)]
-    if body is not None:
-        limits["object_angle"] = "rad", "a turn", [(body.angle - 2.0 * math.pi, body.angle + 2.0 * math.pi)]
-        apart, deepest = body.distance(base.position), -2.0 * body.size - half
-        near = [
-            (deepest, math.inf) if moves else (max(deepest, apart - place - half), apart + place) for place in touching
-        ]
-        limits["gap"] = "m", "the distance of the object", near
-    for name, value in given.items():
-        for where, row in _rows(f"{key}.{name}" if key else name, value):
-            for x, y, reach in zip(row[::2], row[1::2], reaches.get(name, ()), strict=False):
-                far = math.dist((x, y), base.position)
-                if far > reach * (1.0 + _ROUNDING):
-                    words = f"({x:g}, {y:g}) m is {far:.4g} m from the finger's base"
-                    raise InputError(f"out of reach: {words}, expected {reach:.4g} m at most", key=where)
-            unit, why, pairs = limits.get(name, ("", "", ()))
-            for number, (low, high) in zip(row, pairs, strict=False):
-                margin = _ROUNDING * (high - low if math.isfinite(high) else abs(low))
-                if not low - margin <= number <= high + margin:
-                    words = f"{low:.4g} {unit} or more" if math.isinf(high) else f"{low:.4g} to {high:.4g} {unit}"
-                    raise InputError(f"out of reach: expected {words} ({why}), got {number:g} {unit}", key=where)
-        if isinstance(value, CircleReference):
-            _check_circle(finger, f"{key}.tip", value)
+
+    def __init__(
+        self,
+        finger: Finger,
+        at: Sequence[float] = (),
+        body: GraspObject | None = None,
+        ranges: Sequence[float] = (),
+        touching: Sequence[float] = (),
+        moves: bool = True,
+    ) -> None:
+        self.finger = finger
+        length, base = finger.rod.length, finger.base
+        half = finger.thickness_radius
+        touched = length + (half + max(part.extent for part in body.parts) if body else 0.0)
+        self._radii: dict[str, Sequence[float]] = {
+            "tip": [length],
+            "shape": at,
+            "object_position": [touched],
+            "position": [touched],
+        }
+        self._limits: dict[str, tuple[str, str, Iterable[tuple[float, float]]]] = {
+            "contact_force": ("N", "contacts push", itertools.repeat((0.0, math.inf))),
+        }
+        if ranges:
+            bent, whole = "the bending range of the model, fidelity.bending_range", sum(ranges)
+            self._limits["bending"] = "rad", bent, [(-limit, limit) for limit in ranges]
+            self._limits["tip_angle"] = "rad", bent, [(base.angle - whole, base.angle + whole)]
+        if body is not None:
+            turn = 2.0 * math.pi
+            self._limits["object_angle"] = "rad", "a turn", [(body.angle - turn, body.angle + turn)]
+            apart, deepest = body.distance(base.position), -2.0 * body.size - half
+            near = [
+                (deepest, math.inf) if moves else (max(deepest, apart - place - half), apart + place)
+                for place in touching
+            ]
+            self._limits["gap"] = "m", "the distance of the object", near
+
+    def check(self, key: str, given: Mapping[str, Any]) -> None:
+        """Refuse what is out of reach, with the key of the first below ``key``, where they stand in the scene.
+
+        ``given`` are rows by name, constant, over time or on a circle; functions of time are not compared.
+        """
+        for name, value in given.items():
+            for where, row in _rows(f"{key}.{name}" if key else name, value):
+                self._check_row(name, where, row)
+            if isinstance(value, CircleReference):
+                _check_circle(self.finger, f"{key}.tip", value)
+
+    def _check_row(self, name: str, where: str, row: Sequence[float]) -> None:
+        for x, y, reach in zip(row[::2], row[1::2], self._radii.get(name, ()), strict=False):
+            far = math.dist((x, y), self.finger.base.position)
+            if far > reach * (1.0 + _ROUNDING):
+                words = f"({x:g}, {y:g}) m is {far:.4g} m from the finger's base"
+                raise InputError(f"out of reach: {words}, expected {reach:.4g} m at most", key=where)
+        unit, why, pairs = self._limits.get(name, ("", "", ()))
+        for number, (low, high) in zip(row, pairs, strict=False):
+            margin = _margin(low, high)
+            if not low - margin <= number <= high + margin:
+                words = f"{low:.4g} {unit} or more" if math.isinf(high) else f"{low:.4g} to {high:.4g} {unit}"
+                raise InputError(f"out of reach: expected {words} ({why}), got {number:g} {unit}", key=where)
+
+    def entries(self, name: str, size: int) -> list[tuple[float, float, float]]:
+        """Least and most of each of ``size`` entries of a row, and at the x of a point the radius of its circle.
+
+        The circle is about the middle of the limits of x and y; the radius is 0 for all other entries. The limits are
+        infinite where nothing is compared.
+        """
+        entries = [(-math.inf, math.inf, 0.0)] * size
+        x, y = self.finger.base.position
+        for k, reach in enumerate(self._radii.get(name, ())):
+            radius = reach * (1.0 + _ROUNDING)
+            entries[2 * k : 2 * k + 2] = (x - radius, x + radius, radius), (y - radius, y + radius, 0.0)
+        for k, (low, high) in zip(range(size), self._limits.get(name, ("", "", ()))[2], strict=False):
+            margin = _margin(low, high)
+            entries[k] = low - margin, high + margin, 0.0
+        return entries
+
+
+def _margin(low: float, high: float) -> float:
+    """By how much a number may exceed its limits."""
+    return _ROUNDING * (high - low if math.isfinite(high) else abs(low))
 
 
 def _check_circle(finger: Finger, key: str, circle: CircleReference) -> None:

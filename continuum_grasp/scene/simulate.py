@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -15,7 +15,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, MomentLoad, Samples
 from continuum_grasp.scene.methods import DEFAULT_RANGE, INTEGRATORS, FamilyName
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.reach import check_reach
+from continuum_grasp.scene.reach import Reach
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -205,19 +205,17 @@ class FingerScene(Configuration, Surroundings):
             return []
         return [DEFAULT_RANGE if reach is None else reach] * (elements if isinstance(elements, int) else len(elements))
 
-    def check_reach(
+    def reach(
         self,
-        key: str,
-        given: Mapping[str, Any],
         at: Sequence[float] = (),
         body: GraspObject | None = None,
         ranges: Sequence[float] = (),
         touching: Sequence[float] = (),
         *,
         moves: bool = True,
-    ) -> None:
-        """Refuse goals and setpoints, below a key, that the finger cannot meet; see `reach.check_reach`."""
-        check_reach(self.finger, key, given, at, body, ranges, touching, moves)
+    ) -> Reach:
+        """Where goals and setpoints of the finger can lie, to be compared with these."""
+        return Reach(self.finger, at, body, ranges, touching, moves)
 
     @property
     def contact_names(self) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -140,6 +141,83 @@ def test_functions_of_time_are_asked_as_far_as_the_horizon_when_it_is_due(two):
         command = named.step([0.0, 0.6])
         assert (min(asked), max(asked)) == pytest.approx((k * period, k * period + ahead))
         assert bool(command.anomaly & Anomaly.BAD_SETPOINTS) == (k * period + ahead >= 0.25)
+
+
+def test_a_setpoint_is_reported_where_it_is_farther_than_the_finger_is_long(two):
+    """Of 60 tips about the base, 0.6 m from it at most can be met: in order, by name, over time, at one node alone."""
+    _, ordered = two
+    points = np.random.default_rng(1).uniform(-0.6, 0.6, (60, 2))
+    far = np.hypot(*points.T) > 0.6
+    assert 10 < far.sum() < 50
+    for point, beyond in zip(points, far, strict=True):
+        one = rows(ordered, TIP)
+        one[-1] = rows(ordered, point)[0]
+        for given in (rows(ordered, point), {"tip": point}, {"tip": lambda t, at=point: at}, one):
+            ordered.reset()
+            command = ordered.step([0.0, 0.6], given)
+            assert bool(command.anomaly & Anomaly.OUT_OF_REACH) == beyond
+            assert not command.anomaly & Anomaly.BAD_SETPOINTS
+            assert command.status.name == "SOLVED"
+            assert ("reach" in str(command.anomalies)) == beyond
+    ordered.reset()
+    assert not ordered.step([0.0, 0.6], rows(ordered, [0.0, 0.6])).anomaly
+    assert ordered.step([0.0, 0.6], rows(ordered, [0.0, 600.0])).anomaly == Anomaly.BAD_SETPOINTS
+
+
+def test_masked_readings_are_missing(two):
+    """As if they were NaN, to the last bit, whatever number is below the mask."""
+    named, ordered = two
+    masked = np.ma.array([0.01, 0.3], mask=[False, True])
+    for given in (
+        masked,
+        np.ma.array([1, 0], mask=[False, True]),
+        list(masked),
+        {"tip_x": 0.01, "tip_y": np.ma.masked},
+    ):
+        values = [given["tip_x"], given["tip_y"]] if isinstance(given, dict) else given
+        meant = [math.nan if x is np.ma.masked else x for x in values]
+        commands = named.step(given), ordered.step(meant)
+        assert commands[0].u == commands[1].u
+        assert commands[0].anomaly == commands[1].anomaly
+        assert commands[0].anomaly & Anomaly.MISSING
+    estimators = [cg.Estimator(named.scene) for _ in range(2)]
+    found = estimators[0].step(masked, [0.01]).z, estimators[1].step([0.01, math.nan], [0.01]).z
+    np.testing.assert_array_equal(*found)
+    with pytest.raises(InputError, match="finite"):
+        named.reference(tip=np.ma.array(TIP, mask=[True, False]))
+
+
+def test_weights_and_limits_change_by_name():
+    named, ordered = controller(), controller()
+    names = [name.split(" ")[0] for name in named.stages.r_names]
+    weights = named.stages.weights.copy()
+    weights[[names.index("tip_x"), names.index("tip_y")]] = 5e3, 100.0
+    weights[[k for k, name in enumerate(names) if name.startswith("bending_rate")]] = 0.2
+    named.change(weights={"tip": 5e3, "tip_y": 100.0})
+    named.change(weights={"speed": 0.2}, u_max={"tip_moment": 0.2})
+    ordered.change(weights=weights, u_max=[0.2])
+    for _ in range(3):
+        np.testing.assert_array_equal(named.step([0.0, 0.6]).u, ordered.step([0.0, 0.6]).u)
+    for key, words in {"top": "there is no 'top': expected tip, speed, effort, tip_x, ", "tip": "number"}.items():
+        with pytest.raises(InputError, match=f"weights.*{words}"):
+            named.change(weights={key: "high"})
+    with pytest.raises(InputError, match=r"u_max: there is no 'tip': expected tip_moment$"):
+        named.change(u_max={"tip": 0.1})
+
+
+def test_a_function_that_no_process_can_be_sent_is_named():
+    named = controller()
+    named.reference(tip=lambda t: TIP)
+    assert copy.copy(named).step([0.0, 0.6]).u == copy.deepcopy(named).step([0.0, 0.6]).u
+    with pytest.raises(InputError, match=r"reference\.tip: the function .*<lambda>.*top of a module"):
+        pickle.dumps(named)
+    named.reference(tip=upright)
+    sent = pickle.loads(pickle.dumps(named))
+    assert sent.step([0.0, 0.6]).u == named.step([0.0, 0.6]).u
+
+
+def upright(t):
+    return (0.01 * t, 0.5)
 
 
 def test_measurements_and_parameters_by_name(two):

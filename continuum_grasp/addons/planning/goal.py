@@ -86,7 +86,7 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
         scales = np.full(size, scale)
         parts.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
 
-    motion.scene.check_reach("goal", goal.targets, ranges=model.system.finger_model.ranges)
+    motion.scene.reach(ranges=model.system.finger_model.ranges).check("goal", goal.targets)
     # Scales make errors of different kinds comparable: a tenth of the length, half a radian, the greatest force.
     if goal.tip is not None:
         add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))

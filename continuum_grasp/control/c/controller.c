@@ -44,6 +44,22 @@ static int controller_plan_calls(const controller_settings *o)
 
 /* ---- inputs ---- */
 
+#if RTI_NR > 0
+/* Whether the finger can meet the setpoints of a node. */
+static int controller_reaches(const controller_settings *o, const real *r)
+{
+  if (!cg_within(r, o->reach_min, o->reach_max, RTI_NR)) return 0;
+  for (int j = 0; j + 1 < RTI_NR; ++j) {
+    const real radius = o->reach_radius[j];
+    if (!(radius > 0)) continue;
+    const real dx = r[j] - (o->reach_min[j] + o->reach_max[j]) / 2;
+    const real dy = r[j + 1] - (o->reach_min[j + 1] + o->reach_max[j + 1]) / 2;
+    if (dx * dx + dy * dy > radius * radius) return 0;
+  }
+  return 1;
+}
+#endif
+
 static uint32_t controller_check(controller_state *state, const controller_settings *o, const controller_input *in)
 {
   uint32_t anomalies = in->late ? CONTROLLER_LATE : 0;
@@ -54,6 +70,7 @@ static uint32_t controller_check(controller_state *state, const controller_setti
 #if RTI_NR > 0
   for (int k = 0; k <= RTI_N; ++k)
     if (!cg_within(in->setpoints + k * RTI_NR, o->r_min, o->r_max, RTI_NR)) anomalies |= CONTROLLER_BAD_SETPOINTS;
+    else if (!controller_reaches(o, in->setpoints + k * RTI_NR)) anomalies |= CONTROLLER_OUT_OF_REACH;
 #endif
   if (in->applied) {
     if (cg_within(in->applied, o->applied_min, o->applied_max, RTI_NU)) memcpy(state->u, in->applied, sizeof state->u);

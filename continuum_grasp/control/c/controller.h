@@ -52,6 +52,7 @@
  * 131072 CONTROLLER_MISSED_CALLS       calls were missed before this one: `missed` tells how many
  * 262144 CONTROLLER_CLOCK      the time of the call is none: it stands still, goes back, or counts another unit
  * 524288 CONTROLLER_OLD        the measurement is no younger than the one before, and is not used
+ * 1048576 CONTROLLER_OUT_OF_REACH      a setpoint is one that the finger cannot meet, however it bends
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
@@ -97,7 +98,8 @@ enum {
   CONTROLLER_PLAN_GAPS = 65536,
   CONTROLLER_MISSED_CALLS = 131072,
   CONTROLLER_CLOCK = 262144,
-  CONTROLLER_OLD = 524288
+  CONTROLLER_OLD = 524288,
+  CONTROLLER_OUT_OF_REACH = 1048576
 };
 
 typedef struct {
@@ -110,6 +112,8 @@ typedef struct {
   real u_safe[RTI_NU], safe_rate[RTI_NU];       /* end of the safe ramp, as far as limits allow; its rate */
   real applied_min[RTI_NU], applied_max[RTI_NU];        /* of an applied input: slack drives, overshoot */
   real r_min[RTI_SIZE(RTI_NR)], r_max[RTI_SIZE(RTI_NR)];
+  /* of setpoints that can be met; at the x of a point the radius of its circle about their middle, else 0 */
+  real reach_min[RTI_SIZE(RTI_NR)], reach_max[RTI_SIZE(RTI_NR)], reach_radius[RTI_SIZE(RTI_NR)];
   real p_min[RTI_SIZE(RTI_NP)], p_max[RTI_SIZE(RTI_NP)];
   real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */
   int sqp_iterations, start_iterations;         /* from the last plan, and from one at rest */

@@ -193,7 +193,8 @@ class Estimator(Remade, Summarized):
         Parameters
         ----------
         measurement : (ny,) array_like or None
-            Measurement in the order of ``measurement_names``, NaN where a sensor has none; None: no sensor has one.
+            Measurement in the order of ``measurement_names``, NaN or masked where a sensor has none; None: no sensor
+            has one.
         u : (nu,) array_like
             Input applied since the last step; without effect in the first.
         p : (np,) array_like, optional

@@ -53,7 +53,8 @@ _KNOWN = 10.0
 class Ranges:
     """Limits beyond which numbers are implausible: least and most of each entry, (size, 2).
 
-    ``applied`` are those of an applied input, which may be off (0 N) or beyond what can be commanded.
+    ``applied`` are those of an applied input, which may be off (0 N) or beyond what can be commanded; ``reach`` (nr, 3)
+    those of setpoints that can be met, with the radius of a circle about their middle at the x of a point.
     """
 
     x: Array
@@ -61,6 +62,7 @@ class Ranges:
     measurement: Array
     applied: Array
     r: Array
+    reach: Array
     p: Array
 
 
@@ -127,6 +129,7 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
     unknown = estimation.z_names[estimation.nx :] if estimation is not None else ()
     measured = estimation.measurement_names if estimation is not None else ()
     applied = np.array([_applicable(scene, model, name) for name in stages.u_names])
+    outputs = Outputs.of(cost, model)
     return Ranges(
         x=x,
         disturbances=np.array([_unknown_range(model, stages, name) for name in unknown]).reshape(-1, 2),
@@ -134,7 +137,8 @@ def ranges_of(scene: ControlScene, model: Prediction, stages: Stages, estimation
         measurement=np.array([measurement_range(scene, model, name) for name in measured]) if measured else x,
         # What drives can have, and at least what can be commanded: one that is off is below the least tension.
         applied=np.stack([np.minimum(applied[:, 0], stages.u_min), np.maximum(applied[:, 1], stages.u_max)], axis=1),
-        r=np.vstack([term.ranges(cost, model) for term in Outputs.of(cost, model).terms]),
+        r=np.vstack([term.ranges(cost, model) for term in outputs.terms]),
+        reach=np.vstack([term.entries_in_reach(outputs.reach, cost, model) for term in outputs.terms]),
         p=np.array([_parameter_range(model, *v) for v in zip(model.p_names, model.p_nominal, strict=True)]).reshape(
             -1, 2
         ),

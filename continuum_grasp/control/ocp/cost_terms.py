@@ -18,7 +18,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.quantities import Quantities
-from continuum_grasp.scene import Cost, Finger, Weight
+from continuum_grasp.scene import Cost, Finger, Reach, Weight
 
 Limits = tuple[tuple[float, float], ...]
 
@@ -27,7 +27,7 @@ UNLIMITED = 1e6
 below what overflows when squared in single precision (1e19)."""
 _REACH = 10.0
 """Greatest distance of a position setpoint from the base, in finger lengths [1]: a setpoint out of reach is allowed
-(the cost then points the finger at it), one in millimeters (1000 lengths) is not."""
+(the cost then points the finger at it, and the call reports it), one in millimeters (1000 lengths) is not."""
 _TURNS = 10.0
 """Greatest angle setpoint from that of the base, in turns [1]: a finger curls up a few times at most, and an angle in
 degrees is beyond."""
@@ -104,6 +104,11 @@ class CostTerm:
         """Least and greatest setpoint of each entry (size, 2)."""
         pairs = self.limits(model.scene.finger)
         return np.tile(np.array(pairs), (len(self.names(cost, model)) // len(pairs), 1))
+
+    def entries_in_reach(self, reach: Reach, cost: Cost, model: Prediction) -> Array:
+        """Limits (size, 3) of what the finger can meet: least, most, and at the x of a point its circle's radius."""
+        entries = np.array(reach.entries(self.reference, len(self.names(cost, model))), dtype=float)
+        return np.asarray(np.clip(entries, -UNLIMITED, UNLIMITED))
 
     def owns(self, name: str) -> bool:
         """Whether an entry of a run or a package, by name and unit, is one of this term."""
@@ -199,6 +204,12 @@ class Outputs:
         return tuple(name for term in self.terms for name in term.names(self.cost, self.model))
 
     @property
+    def slices(self) -> dict[str, slice]:
+        """Slice of the entries of each term, by the key of its weight."""
+        ends = np.cumsum([0, *(len(term.names(self.cost, self.model)) for term in self.terms)]).tolist()
+        return {term.key: slice(a, b) for term, a, b in zip(self.terms, ends[:-1], ends[1:], strict=True)}
+
+    @property
     def of_state(self) -> int:
         """Number of entries that depend on the state alone, which are the first."""
         return sum(len(term.names(self.cost, self.model)) for term in self.terms if term.of_state)
@@ -211,6 +222,16 @@ class Outputs:
             for t in self.terms
         ]
         return np.vstack([np.zeros((0, 2)), *each])
+
+    @property
+    def reach(self) -> Reach:
+        """What the finger can meet."""
+        scene, shape = self.model.scene, self.cost.shape
+        return scene.reach(
+            () if shape is None else shape.at,
+            scene.surroundings.object if scene.surroundings else None,
+            self.model.system.finger_model.ranges,
+        )
 
     def residuals(self, input_rate: ca.SX | None = None) -> dict[str, Residual]:
         """Terms by the names of their setpoints, or of their weights where they have none."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -101,13 +100,7 @@ class Setpoints:
             if size != width:
                 raise InputError(f"expected {width} entries, got {size}", key=f"reference.{term.reference}")
             blocks.append((width, value))
-        keys, shape = tuple(term.reference for term in outputs.terms), outputs.cost.shape
-        check = partial(
-            scene.check_reach,
-            at=() if shape is None else shape.at,
-            body=scene.surroundings.object if scene.surroundings else None,
-            ranges=outputs.model.system.finger_model.ranges,
-        )
+        keys, check = tuple(term.reference for term in outputs.terms), outputs.reach.check
         check("reference", {key: value for key, (_, value) in zip(keys, blocks, strict=True)})
         return Setpoints(outputs.names, blocks, keys, check)
 
