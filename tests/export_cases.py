@@ -95,6 +95,7 @@ def scene(name: str):
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
         "scenarios": scenarios,
+        "held": lambda: load(ROOT / "configs/mpc/steady_tip.yaml", ["controller.horizon.stages=12"]),
         **{name: lambda drive=drive: short_loop(drive) for name, drive in DRIVES.items()},
         "servo": short_scene,
         "cart-pole": lambda: cg.rti(cart_pole(name="cart-pole")),

@@ -12,6 +12,7 @@ __all__ = [
     "Estimator",
     "Health",
     "MeasurementVerdict",
+    "OffsetCause",
     "Prediction",
     "Residual",
     "Row",

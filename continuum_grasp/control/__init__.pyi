@@ -30,6 +30,7 @@ from .status import Anomaly as Anomaly
 from .status import CommandStatus as CommandStatus
 from .status import Health as Health
 from .status import MeasurementVerdict as MeasurementVerdict
+from .status import OffsetCause as OffsetCause
 from .status import Sight as Sight
 from .status import Trip as Trip
 from .status import spread as spread

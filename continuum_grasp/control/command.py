@@ -9,7 +9,16 @@ import numpy as np
 from continuum_grasp.base import Array, InputError, Summarized, name_of, quoted
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.parts import ControlParts
-from continuum_grasp.control.status import Anomaly, CommandStatus, Health, Sight, Trip, health_text, texts
+from continuum_grasp.control.status import (
+    Anomaly,
+    CommandStatus,
+    Health,
+    OffsetCause,
+    Sight,
+    Trip,
+    health_text,
+    texts,
+)
 
 _HEALTH = tuple(Health)
 
@@ -67,7 +76,8 @@ class Command(Summarized):
     status : Status
         What the command comes from: a new plan, the previous one, or the safe ramp.
     health : Health
-        Whether sensors, model and call rate agree; ``suspect`` names what does not, ``health_text`` explains it.
+        Whether sensors, model and call rate agree, and the tip reaches a setpoint that stands; ``suspect`` names what
+        does not, ``health_text`` explains it.
     """
 
     # Numbers stay where the C wrote them until they are read: a loop pays for what it looks at.
@@ -289,7 +299,27 @@ class Command(Summarized):
     @property
     def health_text(self) -> str:
         """The health in words, with its likely cause; empty for OK."""
-        return health_text(self.health, self.suspect, self.trip, int(self._number("ahead")), self.missed)
+        return health_text(
+            self.health,
+            self.suspect,
+            self.trip,
+            int(self._number("ahead")),
+            self.missed,
+            self.offset,
+            self.offset_cause,
+        )
+
+    @property
+    def offset(self) -> float:
+        """Distance at which the measured tip stays from a setpoint that stands, though the loop had the time to reach
+        it, as a mean over five windows of the supervisor [m]; 0 where it does not stay away.
+        """
+        return self._number("offset")
+
+    @property
+    def offset_cause(self) -> OffsetCause:
+        """Why the tip stays away from its setpoint."""
+        return OffsetCause(int(self._number("cause")))
 
     @property
     def anomaly(self) -> Anomaly:

@@ -58,7 +58,7 @@ REPORTED = (
         "supervisor.health",
         "int",
         "health",
-        "..._HEALTH_...: 0 well, 1 mismatch, 2 detuned, 3 a reading is frozen, 4 tripped",
+        "..._HEALTH_...: 0 well, 1 mismatch, 2 detuned, 3 a reading is frozen, 4 tripped, 5 the tip stays off",
     ),
     Reported(
         "sensor",
@@ -78,6 +78,14 @@ REPORTED = (
     Reported("rung", "supervisor.rung", "int", "rung", "how often the weight of the command's rate is raised fourfold"),
     Reported("sight", "sight", "int"),
     Reported("ahead", "supervisor.ahead", "int"),
+    Reported("cause", "supervisor.cause", "int", "cause", "..._OFFSET_...: why the tip stays away from its setpoint"),
+    Reported(
+        "offset",
+        "supervisor.offset",
+        "real",
+        "offset",
+        "distance [m] at which the measured tip stays from a setpoint that stands; 0 where it does not",
+    ),
     Reported(
         "mismatch",
         "supervisor.mismatch",

@@ -58,6 +58,10 @@ reading [1]: in configs/mpc/winches.yaml a tip that rests answers none of the 1 
 _CROSSING = 1.3
 """Natural times of the finger in which a fully active command crosses its range where its rate has no tighter limit
 [1]: as in the scenes of the hand finger (59 N at 600 N/s)."""
+_OFFSET = 0.01
+"""Mean distance from a setpoint that stands at which the tip is off, in finger lengths [1], at least four standard
+deviations of its measurement: working loops stay below 0.014 for less than 1 s (configs/mpc/tip_steps.yaml, under a
+stiffness whose estimate wanders), a camera whose scale is 0.5 % off leads steady_tip.yaml to 0.034."""
 _FAR = 0.1
 """Distance of the tip from its setpoint beyond which it is away, in finger lengths [1]: working loops stay below 0.09
 (configs/mpc/keep_out.yaml: 16 mm of 180 mm), lost ones reach 0.5."""
@@ -301,6 +305,8 @@ def _unsupervised(stages: Stages) -> Settings:
         "tip": -1,
         "setpoint": -1,
         "far": 1.0,
+        "settling": 0,
+        "offset": 0.0,
     }
 
 
@@ -315,6 +321,7 @@ def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | No
     checks_frozen = scene.estimator is not None and scene.estimator.frozen and scene.plant.noise > 0.0
     crossing = _CROSSING * scene.finger.rod.natural_time
     rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / crossing)
+    tip, length = _first("tip_x [m]", names), scene.finger.rod.length
     return {
         "window": _window(scene) if asked.supervisor else 0,
         "delay": scene.delay_periods + _SETTLING,
@@ -333,9 +340,12 @@ def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | No
         "hidden": [_HELD**2 if scene.finger.has_tendon_friction else 0.0] * len(names),
         # Divisors in the C: not zero where an input cannot move.
         "change": np.maximum(rate * period, 1e-12),
-        "tip": _first("tip_x [m]", names),
+        "tip": tip,
         "setpoint": _first("tip_x [m]", stages.r_names),
-        "far": _FAR * scene.finger.rod.length,
+        "far": _FAR * length,
+        # A plan's length and the time in which disturbances are found.
+        "settling": math.ceil(stages.stages * stages.stage / period - 1e-9) + 5 * _window(scene),
+        "offset": max(_OFFSET * length, 4.0 * scene.measurement_std("tip_x [m]")) if tip >= 0 else 0.0,
     }
 
 

@@ -47,6 +47,21 @@ class Health(IntEnum):
     """A reading does not move; it counts as missing until it does."""
     TRIPPED = 4
     """The command goes to the least tensions or to no moment, and stays there until ``Controller.rearm``."""
+    OFFSET = 5
+    """The measured tip stays away from a setpoint that stands, for longer than the loop needs (``Command.offset``)."""
+
+
+class OffsetCause(IntEnum):
+    """Why the measured tip stays away from a setpoint that stands."""
+
+    NONE = 0
+    UNEXPECTED = 1
+    """The plan ends at the setpoint: camera, load or stiffness are not as the model has them."""
+    UNREACHED = 2
+    """The plan ends away from the setpoint too, though no limit holds it: the inputs do not lead the tip there, or
+    other weights outweigh it."""
+    LIMITED = 3
+    """The plan ends away from the setpoint, with an input at its limit or a soft constraint violated."""
 
 
 class Trip(IntEnum):
@@ -181,6 +196,22 @@ _TRIPS = {
 }
 
 
+_OFFSETS = {
+    OffsetCause.NONE: "there is no plan that would show why",
+    OffsetCause.UNEXPECTED: (
+        "the plan ends at the setpoint, so camera (scale, shift, turn), load or stiffness are not the model's: "
+        "commission the camera, or name the load in estimator.disturbances"
+    ),
+    OffsetCause.UNREACHED: (
+        "the plan ends away from the setpoint too: the inputs do not lead the tip there (one pair of tendons moves it "
+        "on one curve), or other weights outweigh cost.tip"
+    ),
+    OffsetCause.LIMITED: (
+        "the plan ends away from the setpoint too, with an input at its limit or a soft constraint violated"
+    ),
+}
+
+
 _LAGS = {
     1: "shorter delay or lag than the model's (a first-order lag is `drive_order: 1`)",
     -1: "longer delay or lag than the model's",
@@ -189,15 +220,23 @@ _LAGS = {
 
 
 def health_text(
-    health: Health, suspect: str | None, reason: Trip = Trip.NONE, ahead: int = 0, missed: float = 0.0
+    health: Health,
+    suspect: str | None,
+    reason: Trip = Trip.NONE,
+    ahead: int = 0,
+    missed: float = 0.0,
+    offset: float = 0.0,
+    cause_of_offset: OffsetCause = OffsetCause.NONE,
 ) -> str:
     """Describe a health in words, with its likely cause; empty for OK.
 
     ``suspect`` is what contradicts the model, or the reading that is frozen; ``ahead`` is 1 where a drive runs ahead of
-    the model's, -1 where it falls behind; ``missed`` is how many calls were missed before this one.
+    the model's, -1 where it falls behind; ``missed`` is how many calls were missed before this one; ``offset`` is at
+    which distance the tip stays from its setpoint [m], 0 where it does not, and ``cause_of_offset`` why.
     """
     if health == Health.OK:
         return ""
+    away = f"stays {1e3 * offset:.3g} mm from its setpoint" if offset > 0.0 else ""
     if suspect == CALL_RATE:
         unit = _unit_of(missed)
         cause = f"`time` is in seconds, and the clock counts {unit}; else " if unit else ""
@@ -211,13 +250,17 @@ def health_text(
         cause = "an old image, a camera that sees something else, or an unknown contact that holds the finger"
     else:
         cause = f"{_LAGS[ahead]}, swapped or rotated axes, wrong scale, or an unknown contact"
+    if away and suspect == "tip":
+        cause = _OFFSETS[cause_of_offset]
     what = {
+        Health.OFFSET: away,
         Health.MISMATCH: "contradicts the model",
         Health.DETUNED: "contradicts the model, so `input_rate` is raised",
         Health.FROZEN: "does not move and counts as missing",
         Health.TRIPPED: f"{_TRIPS.get(reason, 'contradicts the model')}: the command goes to the safe input",
     }[health]
-    return f"{suspect or 'something'} {what}; likely cause: {cause}"
+    also = f", and {away}" if away and suspect == "tip" and what != away else ""
+    return f"{suspect or 'something'} {what}{also}; likely cause: {cause}"
 
 
 _RETAINED = 1 << 16

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.closed_loop import Plant, run_closed_loop
-from continuum_grasp.control import Anomaly, Controller, Health, MeasurementVerdict, Sight, Trip
+from continuum_grasp.closed_loop import Plant, SimulatedBench, run_closed_loop
+from continuum_grasp.control import Anomaly, Controller, Health, MeasurementVerdict, OffsetCause, Sight, Trip
 from continuum_grasp.core import Compiler
 from continuum_grasp.scene import ControlScene, load
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
@@ -458,3 +458,34 @@ def test_a_reading_that_is_frozen_makes_blind_at_once():
     blind = [command.sight is Sight.BLIND for command in commands]
     assert blind == [command.health is Health.FROZEN for command in commands]
     assert blind[-1]
+
+
+OFFSETS = {
+    "a camera whose scale is 1 % off": ((-0.0827, 0.1515), 1.01, OffsetCause.UNEXPECTED, "camera (scale, shift, turn)"),
+    "a setpoint beside the curve": ((-0.0727, 0.1415), 1.0, OffsetCause.UNREACHED, "one curve"),
+    "tensions at their limit": ((-0.1254, 0.0897), 1.0, OffsetCause.LIMITED, "at its limit"),
+    "all is well": ((-0.0827, 0.1515), 1.0, OffsetCause.NONE, ""),
+}
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("case", OFFSETS)
+def test_a_tip_that_stays_off_is_reported_with_its_distance_and_cause(case):
+    """The distance is that of the measured tip from its setpoint, by its mean over the last second."""
+    setpoint, scale, cause, words = OFFSETS[case]
+    tension = ["finger.tendons.max_tension=14"] if "limit" in case else []
+    scene = load(SCENE, [f"reference.tip={list(setpoint)}", *tension])
+    control, bench = Controller(scene, deadline=math.inf), SimulatedBench(scene)
+    measured = []
+    for _ in range(350):
+        y = np.array(bench.read()) * [scale, scale, 1.0, 1.0]
+        command = control.step(y)
+        bench.write(command)
+        bench.idle()
+        measured.append(y[:2])
+    off = np.linalg.norm(np.mean(measured[-100:], axis=0) - setpoint)
+    assert (command.health, command.offset_cause) == (Health.OFFSET if cause else Health.OK, cause)
+    assert words in command.health_text
+    assert command.offset == (pytest.approx(off, rel=0.05) if cause else 0.0)
+    assert (f"stays {1e3 * command.offset:.3g} mm" in command.health_text) is bool(cause)
+    assert bool(cause) or off < 1e-3

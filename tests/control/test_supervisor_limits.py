@@ -23,6 +23,8 @@ DELAY = 4
 """Calls before innovations count [1]."""
 FAR = 0.018
 """Distance beyond which a tip is away [m]."""
+SETTLING, OFFSET = 50, 0.002
+"""Calls that a loop needs for a setpoint that stands, and distance from it at which a tip is off [m]."""
 NOISE = (0.3, 0.1)
 """Standard deviation of each reading."""
 STILL = 2.0**-7
@@ -61,6 +63,8 @@ Settings = _structure(
     c=("still noise hidden change", TWO),
     d=("tip setpoint", INT),
     e=("far", REAL),
+    f=("settling", INT),
+    g=("offset", REAL),
 )
 State = _structure(
     "State",
@@ -71,16 +75,22 @@ State = _structure(
     e=("activity", REAL),
     f=("echo along travel ahead change usual before common caused silent together", TWO),
     g=("calls rung raises since calm doubted late", INT),
-    h=("swinging contradicted away unseen implausible tripped trips since_rearmed suspect", INT),
+    h=("swinging contradicted away unseen implausible tripped trips since_rearmed suspect stood off", INT),
+    i=("mean", TWO),
+    j=("offset", REAL),
 )
 Evidence = _structure(
     "Evidence",
     a=("nis echo along travel ahead change y expected verdict", ctypes.c_void_p),
     b=("implausible", INT),
     c=("elapsed distance", REAL),
+    d=("origin", TWO),
+    e=("moves", INT),
 )
 Report = _structure(
-    "Report", a=("health sensor entry reason rung contradicts ahead", INT), b=("mismatch activity", REAL)
+    "Report",
+    a=("health sensor entry reason rung contradicts ahead cause", INT),
+    b=("mismatch activity offset", REAL),
 )
 
 
@@ -116,6 +126,8 @@ class Watch:
             0,
             0,
             FAR,
+            SETTLING,
+            OFFSET,
         )
         self.state = State(calls=DELAY, since=5 * W)
         self.put(**state)
@@ -258,6 +270,61 @@ def test_a_tip_that_swings_through_its_setpoint_is_away_where_it_is_so_two_third
     assert any(lost) is (gain > 0)
     if gain > 0:
         assert (5 * W - away) / gain <= (lost.index(True) + 1) / cycle <= 5 * W / gain
+
+
+def stays(watch: Watch, x: float, y: float = 0.0, **others) -> Report:
+    """A call in which the tip is off by so much [m]."""
+    return watch.judge(distance=math.hypot(x, y), origin=TWO(x, y), **others)
+
+
+@pytest.mark.parametrize(("distance", "windows"), [(0.99, None), (1.5, 20), (3.0, 5), (4.0, 10 / 3), (9.0, 10 / 3)])
+def test_a_tip_that_stays_away_from_a_setpoint_that_stands_is_off(distance, windows):
+    """A window counts by the excess over the limit, three at most; ten are enough, from a window after settling on."""
+    watch, angle = Watch(), 0.7
+    x, y = distance * OFFSET * math.cos(angle), distance * OFFSET * math.sin(angle)
+    calls = [stays(watch, x, y) for _ in range(SETTLING + 40 * W)]
+    off = [k for k, report in enumerate(calls, start=1) if report.health == Health.OFFSET]
+    if windows is None:
+        assert not off
+    else:
+        assert off[0] == pytest.approx(SETTLING + W + windows * W, abs=2)
+        assert off == [*range(off[0], len(calls) + 1)]
+        assert (calls[-1].sensor, calls[-1].offset) == (0, pytest.approx(distance * OFFSET))
+    assert all(report.offset == 0.0 for report in calls[: off[0] - 1 if off else None])
+
+
+def test_a_tip_that_swings_about_its_setpoint_or_follows_one_that_moves_is_not_off():
+    watch = Watch()
+    for call in range(50 * W):
+        assert stays(watch, 9.0 * OFFSET * math.cos(2.0 * math.pi * call / W)).health == Health.OK
+    for call in range(50 * W):
+        assert stays(watch, 9.0 * OFFSET, moves=int(call % (SETTLING + W) == 0)).health == Health.OK
+
+
+def test_an_offset_ends_with_the_distance_the_setpoint_or_a_trip_and_yields_to_a_raised_weight():
+    def off() -> Watch:
+        watch = Watch()
+        for _ in range(SETTLING + 6 * W):
+            report = stays(watch, 3.0 * OFFSET, 3.0 * OFFSET)
+        assert report.health == Health.OFFSET
+        return watch
+
+    assert stays(off(), 3.0 * OFFSET, moves=1).offset == 0.0
+    watch = off()
+    reports = [stays(watch, 0.0) for _ in range(20 * W)]
+    lasts = [report.health for report in reports].index(Health.OK)
+    # The mean, r = 18^0.5 exp(-t / 5) in windows, is within the limit from 7.23 on; then half of the evidence goes in
+    # s = 9.2 more: s - 5 (1 - exp(-s / 5)) = 5.
+    assert lasts == pytest.approx((7.23 + 9.2) * W, abs=5)
+    uneasy = {"rung": 1, "mismatch": (2.0, 0.0, 0.0)}  # not calm, or the rung would fall
+    for state, expected in ((uneasy, Health.DETUNED), ({"mismatch": (5.0, 0.0, 0.0)}, Health.OFFSET)):
+        watch = off()
+        watch.put(**state)
+        report = stays(watch, 3.0 * OFFSET, 3.0 * OFFSET)
+        assert (report.health, report.offset > OFFSET) == (expected, True)
+    watch = off()
+    watch.put(tripped=int(Trip.AWAY))
+    assert (stays(watch, 3.0 * OFFSET).health, watch.judge().offset) == (Health.TRIPPED, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import SimulatedBench
 from continuum_grasp.control import CommandStatus, Controller, Estimator
 from continuum_grasp.export import REALS, Code, Library, PackageOptions, export_c, package
 from continuum_grasp.export.control import replay
@@ -108,6 +109,29 @@ def test_the_controller_is_that_of_python(name, real, libraries):
         assert other.diagnosis().missed == pytest.approx(command.missed, rel=1e-6)
     assert CommandStatus.SOLVED in seen
     assert CommandStatus.PREVIOUS_PLAN in seen or name == "observed"
+
+
+@pytest.mark.deep
+@needs("cc")
+def test_a_tip_that_stays_off_its_setpoint_is_reported_as_by_python(packages, tmp_path):
+    """In closed loop with a camera that is 2 mm off: by each, off from the same call on."""
+    given, camera, off = scene("held"), np.array([0.0, 0.002, 0.0, 0.0]), []
+    finger, library = shared_library(packages("held", "double"), tmp_path)
+    control, other, plant = Controller(given, deadline=math.inf), finger.Controller(library), SimulatedBench(given)
+    rows = np.tile(control.nominal_setpoints.rows([0.0])[0], (control.stages.stages + 1, 1))
+    rows[:, :2] = (-0.0827, 0.1515)
+    for _ in range(400):
+        y = np.array(plant.read()) + camera
+        command = control.step(y, rows)
+        other.step(finger.Measurement(*y), reference(finger, rows))
+        said = other.diagnosis()
+        assert (said.health, said.cause) == (command.health, command.offset_cause)
+        assert said.offset == pytest.approx(command.offset, rel=1e-6)
+        plant.write(command)
+        plant.idle()
+        off.append(command.offset)
+    assert off[0] == 0.0
+    assert max(off) > 2e-3
 
 
 @pytest.mark.deep

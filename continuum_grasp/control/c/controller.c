@@ -295,13 +295,26 @@ static int controller_plan(controller_state *state, controller_work *work, const
 
 /* ---- supervision ---- */
 
-/* Distance of the measured tip from its setpoint [m]; below 0 where one of them is unknown. */
-static real controller_distance(const controller_settings *o, const controller_input *in, const real *y)
+/* Measured tip minus its setpoint, and whether that moves: from where it stood, or over the horizon, by a fourth of what is an
+ * offset. The distance is below 0 where one of both is unknown. */
+static void controller_compare(controller_state *state, const controller_settings *o, const controller_input *in,
+                               const real *y, supervisor_evidence *seen)
 {
   const int tip = o->supervisor.tip, setpoint = o->supervisor.setpoint;
-  if (tip < 0 || setpoint < 0 || !cg_finite(y + tip, 2) || !cg_finite(in->setpoints + setpoint, 2)) return -1;
-  const real dx = y[tip] - in->setpoints[setpoint], dy = y[tip + 1] - in->setpoints[setpoint + 1];
-  return CG_SQRT(dx * dx + dy * dy);
+  real squares = 0;
+  if (tip < 0 || setpoint < 0 || !cg_finite(in->setpoints + setpoint, 2)) return;
+  for (int node = 0; node <= RTI_N; ++node)
+    for (int k = 0; k < 2; ++k) {
+      const real moved = in->setpoints[node * RTI_NR + setpoint + k] - state->aim[k];
+      seen->moves |= !(4 * moved <= o->supervisor.offset && -4 * moved <= o->supervisor.offset);
+    }
+  if (seen->moves) memcpy(state->aim, in->setpoints + setpoint, sizeof state->aim);
+  if (!cg_finite(y + tip, 2)) return;
+  for (int k = 0; k < 2; ++k) {
+    seen->from[k] = y[tip + k] - in->setpoints[setpoint + k];
+    squares += seen->from[k] * seen->from[k];
+  }
+  seen->distance = CG_SQRT(squares);
 }
 
 /* Supervise a call; whether a plan may be followed. */
@@ -311,17 +324,46 @@ static int controller_supervise(controller_state *state, const controller_settin
 #if CONTROLLER_ESTIMATES
   const ekf_report *ekf = &out->ekf;
   supervisor_evidence seen = {ekf->nis, ekf->echo, ekf->along, ekf->travel, ekf->ahead, ekf->change,
-                              y, ekf->expected, out->verdict, ekf->implausible, -1, -1};
+                              y, ekf->expected, out->verdict, ekf->implausible, -1, -1, {0, 0}, 0};
 #else
-  supervisor_evidence seen = {0, 0, 0, 0, 0, 0, 0, 0, out->verdict, 0, -1, -1};
+  supervisor_evidence seen = {0, 0, 0, 0, 0, 0, 0, 0, out->verdict, 0, -1, -1, {0, 0}, 0};
 #endif
   /* single gaps are bridged, and no evidence; nor is a clock that goes back */
   const int judged = state->stalls > CONTROLLER_STALLS || !(out->anomalies & CONTROLLER_MISSED_CALLS);
   if (cg_finite(&in->elapsed, 1) && in->elapsed > 0 && judged) seen.elapsed = in->elapsed / o->period;
-  seen.distance = controller_distance(o, in, y);
+  controller_compare(state, o, in, y, &seen);
   supervisor_judge(&state->supervisor, &o->supervisor, &seen, &out->supervisor);
   return out->supervisor.health != SUPERVISOR_TRIPPED;
 }
+
+#if CONTROLLER_ESTIMATES
+/* Why a tip stays away from its setpoint: where the last plan ends, and what holds it there. */
+static int controller_cause(const controller_state *state, controller_work *work, const controller_settings *o,
+                            const controller_input *in, const controller_output *out)
+{
+  const int tip = o->supervisor.tip, last = RTI_N * RTI_NR + o->supervisor.setpoint;
+  real z[EKF_NZ], squares = 0;
+  memcpy(z, state->plan.x[RTI_N], EKF_NX * sizeof *z);
+  memcpy(z + EKF_NX, state->ekf.z + EKF_NX, (EKF_NZ - EKF_NX) * sizeof *z);
+  const real *arg[] = {z, state->plan.u[RTI_N - 1], state->p};
+  real *res[] = {work->ekf.y, work->ekf.H};
+  estimator_outputs(arg, res);
+  for (int row = 0; row < EKF_NY; ++row)
+    for (int k = 0; k < 2; ++k) {
+      const real off = work->ekf.y[row] - in->setpoints[last + k];
+      if (o->ekf.mixing[row][tip + k] > 0) squares += off * off;
+    }
+  /* half of what is measured, or less, does not explain it */
+  if (!(4 * squares > out->supervisor.offset * out->supervisor.offset)) return SUPERVISOR_UNEXPECTED;
+  int limited = out->rti.violation > 0;
+  for (int j = 0; j < RTI_NU; ++j) {
+    const real margin = (real)1e-3 * (o->rti.u_max[j] - o->rti.u_min[j]), u = state->plan.u[RTI_N - 1][j];
+    /* the greatest: of tendons that pull against each other one rests at its least tension anyway */
+    limited |= u > o->rti.u_max[j] - margin || (o->rti.u_min[j] < 0 && u < o->rti.u_min[j] + margin);
+  }
+  return limited ? SUPERVISOR_LIMITED : SUPERVISOR_UNREACHED;
+}
+#endif
 
 /* Worth of the estimate after a call. */
 static int controller_sight(const controller_state *state, const controller_settings *o, const supervisor_report *report)
@@ -402,6 +444,10 @@ int controller_step(controller_state *state, controller_work *work, const contro
     planned = controller_plan(state, work, settings, input, output);
     if (!planned) output->anomalies |= CONTROLLER_NOT_SOLVED;
   }
+#if CONTROLLER_ESTIMATES
+  if (planned && output->supervisor.offset > 0)
+    output->supervisor.cause = controller_cause(state, work, settings, input, output);
+#endif
   output->sight = controller_sight(state, settings, &output->supervisor);
   if (!planned) output->status = state->planned ? CONTROLLER_PREVIOUS_PLAN : CONTROLLER_SAFE_RAMP;
   if (output->status == CONTROLLER_SAFE_RAMP) {

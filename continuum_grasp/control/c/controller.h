@@ -125,6 +125,7 @@ typedef struct {
   int started, planned;       /* whether there is a plan */
   int blind;                  /* calls since something was measured */
   int pending;                /* iterations of its start that are left */
+  real aim[2];                /* setpoint of the tip where it stands */
   real stalls;                /* leaky count of gaps between calls */
 #ifdef RTI_CHECKS_GAPS
   int unchecked, gaps;        /* calls since its gaps were checked, how often in a row they were too large */

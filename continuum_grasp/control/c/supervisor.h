@@ -14,6 +14,7 @@
  *                              or for a drive that follows its command late
  *  3 SUPERVISOR_FROZEN         a reading has not moved for a window and the delay while the command did: missing until it moves
  *  4 SUPERVISOR_TRIPPED        the command goes to the safe input and stays there
+ *  5 SUPERVISOR_OFFSET         the measured tip stays away from a setpoint that stands, for longer than the loop needs
  *
  * reason of a trip             when
  * ---------------------------- -----------------------------------------------------------------------------------
@@ -24,6 +25,12 @@
  *  5 SUPERVISOR_UNANSWERED     the drives move, and a sensor that should show it shows noise, so that the estimator takes
  *                              their motion for a disturbance
  *  6 SUPERVISOR_IMPLAUSIBLE    an estimated disturbance stays at a limit of what it can be
+ *
+ * cause of an offset           when (found by the controller, which has the plan)
+ * ---------------------------- -----------------------------------------------------------------------------------
+ *  1 SUPERVISOR_UNEXPECTED     the plan ends at the setpoint: what the sensor shows is not what the model moves
+ *  2 SUPERVISOR_UNREACHED      the plan ends away from it too, and no limit is why
+ *  3 SUPERVISOR_LIMITED        the same, with an input at its limit or a constraint that is left
  *
  * The thresholds come from trials with 26 wrong plants and 16 faults: in 240,000 nominal and mildly mismatched steps
  * the mismatch stayed below 2.3. Activity alone triggers nothing.
@@ -37,7 +44,9 @@
 
 #define SUPERVISOR_SIZE(n) ((n) > 0 ? (n) : 1)
 
-enum { SUPERVISOR_OK = 0, SUPERVISOR_MISMATCH = 1, SUPERVISOR_DETUNED = 2, SUPERVISOR_FROZEN = 3, SUPERVISOR_TRIPPED = 4 };
+enum { SUPERVISOR_OK = 0, SUPERVISOR_MISMATCH = 1, SUPERVISOR_DETUNED = 2, SUPERVISOR_FROZEN = 3, SUPERVISOR_TRIPPED = 4,
+       SUPERVISOR_OFFSET = 5 };
+enum { SUPERVISOR_UNEXPECTED = 1, SUPERVISOR_UNREACHED = 2, SUPERVISOR_LIMITED = 3 };
 enum {
   SUPERVISOR_SWINGING = 1,
   SUPERVISOR_CONTRADICTED = 2,
@@ -61,6 +70,8 @@ typedef struct {
   real change[RTI_NU];        /* of the command per call at activity 1 */
   int tip, setpoint;          /* first of two measurements and of two setpoints of the tip; -1: none */
   real far;                   /* distance from the setpoint beyond which a tip is away [m] */
+  int settling;               /* calls that a loop needs for a setpoint that stands */
+  real offset;                /* mean distance from it beyond which a tip is off [m]; 0: not tested */
 } supervisor_settings;
 
 typedef struct {
@@ -84,6 +95,8 @@ typedef struct {
   int swinging, contradicted, away, unseen, implausible;    /* calls in a row */
   int tripped, trips, since_rearmed;    /* reason of the latched trip, or 0 */
   int suspect;                /* device of the trip */
+  int stood, off;             /* calls since the setpoint moved; whether the tip stays away from it */
+  real mean[2], offset;       /* of the tip about it [m]; evidence that it stays away, in windows */
 } supervisor_state;
 
 typedef struct {
@@ -93,6 +106,8 @@ typedef struct {
   int implausible;            /* whether a disturbance was clipped to a limit beyond which it means nothing */
   real elapsed;               /* time since the last call in periods; below 0: unknown */
   real distance;              /* of the measured tip from its setpoint; below 0: unknown */
+  real from[2];               /* measured tip minus setpoint [m], where the distance is known */
+  int moves;                  /* whether that setpoint moves, now or over the horizon */
 } supervisor_evidence;
 
 typedef struct {
@@ -103,7 +118,9 @@ typedef struct {
   int rung;
   int contradicts;            /* whether that device contradicts the model now, whatever the health */
   int ahead;                  /* 1: a drive runs ahead of the model's, -1: it falls behind, 0: nothing shows either */
+  int cause;                  /* of an offset, or 0 */
   real mismatch, activity;
+  real offset;                /* distance at which the tip stays from its setpoint [m], or 0 */
 } supervisor_report;
 
 /* Replace readings at rest in y by NaN. */

@@ -25,7 +25,15 @@ enum {
   <<P>>_HEALTH_MISMATCH = 1, /* a sensor contradicts the model */
   <<P>>_HEALTH_DETUNED = 2, /* the same with an active command, or a drive is late: the weight of its rate is raised */
   <<P>>_HEALTH_FROZEN = 3, /* a reading does not move: it counts as missing until it does */
-  <<P>>_HEALTH_TRIPPED = 4 /* the command goes to <<loop.safe>> until <<p>>_controller_rearm */
+  <<P>>_HEALTH_TRIPPED = 4, /* the command goes to <<loop.safe>> until <<p>>_controller_rearm */
+  <<P>>_HEALTH_OFFSET = 5 /* the measured tip stays away from a setpoint that stands */
+};
+/* Why it does. */
+enum {
+  <<P>>_OFFSET_NONE = 0,
+  <<P>>_OFFSET_UNEXPECTED = 1, /* the plan ends at the setpoint: camera (scale, shift, turn), load or stiffness are not as the model has them */
+  <<P>>_OFFSET_UNREACHED = 2, /* the plan ends away from it too: the inputs do not lead the tip there, or other weights do not let them */
+  <<P>>_OFFSET_LIMITED = 3 /* the same, by a limit of an input or a constraint */
 };
 /* What contradicts the model. */
 enum {
