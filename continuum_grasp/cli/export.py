@@ -107,8 +107,10 @@ def _export(output: Output, to: str, options: dict[str, Any], clock: str | None)
         with output.busy(kind.preparing):
             scene = named_value(kind.prepare)(scene, options.get("finger"))
         output.pairs(scene.pairs())
-    with output.busy("writing"):
-        written = target.write(scene, output.out, **options)
+    with output.busy("writing") as report:
+        # What takes long reports how far it is.
+        more = {"progress": report} if "progress" in inspect.signature(target.write).parameters else {}
+        written = target.write(scene, output.out, **options, **more)
     target.report(written, output, *rates)
 
 

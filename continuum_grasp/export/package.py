@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,10 @@ from continuum_grasp.export.layer import Contents, abi_of, add_sizes, library_fi
 from continuum_grasp.export.manifest import Package, manifest, write_package
 from continuum_grasp.export.part import Vectors
 from continuum_grasp.export.parts import OF_LOOPS, PARTS
+from continuum_grasp.export.readme import readme
 from continuum_grasp.export.source import Given, ModelSource, known_parts, parts_of, prefix_of, source_of
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
-from continuum_grasp.export.targets import example_files, measure, measured_core, readme, target_of
+from continuum_grasp.export.targets import example_files, measure, measured_core, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 from continuum_grasp.results import check_folder
 from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
@@ -66,6 +67,7 @@ def export_c(
     error: float | None = None,
     measured: bool = False,
     finger: str | None = None,
+    progress: Callable[[float, str], None] | None = None,
 ) -> Package:
     """Write the functions of a finger, or a solver, as a self-contained C99 package.
 
@@ -102,6 +104,8 @@ def export_c(
         Run the package on the emulated target and put sizes, stack and instruction counts into README and manifest.
     finger : str, optional
         Name of the finger whose package it is, of a mission of several.
+    progress : callable, optional
+        Called with the share of the work that is done, 0 to 1, and with what is going on.
 
     Returns
     -------
@@ -141,7 +145,7 @@ def export_c(
         measured=measured,
         finger=finger,
     )
-    files, values = _package(given, options)
+    files, values = _package(given, options, progress or (lambda share, text: None))
     return write_package(Path(folder), files, values)
 
 
@@ -178,7 +182,9 @@ class PackageOptions:
         prefix_of(self.prefix)
 
 
-def _package(given: Given, options: PackageOptions) -> tuple[dict[str, str], dict[str, Any]]:
+def _package(
+    given: Given, options: PackageOptions, report: Callable[[float, str], None]
+) -> tuple[dict[str, str], dict[str, Any]]:
     """Files of a package by path, and its manifest."""
     # 1e-2: greatest relative error of single precision by default
     limit = 1e-2 if options.error is None else options.error
@@ -187,16 +193,25 @@ def _package(given: Given, options: PackageOptions) -> tuple[dict[str, str], dic
     source = source_of(given, kind, options.finger)
     names = parts_of(options.what, source)
     solver = {"what": "a predictive controller"} if source.model is None else {}
+    # Shares of the time that a mission takes; one with the part dynamics alone has few vectors and is done sooner.
+    report(0.0, "writing the code")
     contents = contents_of(subject_of(source, names, kind, options), names, source.title, **solver)
-    vectors, files, errors = _checked(contents, limit)
+    vectors, files, errors = _checked(contents, limit, lambda share, text: report(0.3 + 0.6 * share, text))
+    report(0.9, "writing the files")
     files |= _further_files(contents, target, vectors)
-    report = Report({v.name: v.count for v in vectors}, errors, measure(files, target) if options.measured else None)
-    files["README.md"] = readme(contents, report, source=source.name, wasm=target == "wasm")
-    return files, manifest(contents, report, target=target, files=files, configuration=source.configuration)
+    checked = Report({v.name: v.count for v in vectors}, errors, measure(files, target) if options.measured else None)
+    files["README.md"] = readme(
+        contents,
+        checked,
+        header=files[f"include/{options.prefix}.h"],
+        source=source.name,
+        wasm=target == "wasm",
+    )
+    return files, manifest(contents, checked, target=target, files=files, configuration=source.configuration)
 
 
 def _checked(
-    contents: Contents, limit: float
+    contents: Contents, limit: float, report: Callable[[float, str], None]
 ) -> tuple[list[Vectors], dict[str, str], dict[str, tuple[OutputError, ...]]]:
     """Test vectors, files of the library, and rounding errors in single precision, which the ``limit`` may refuse."""
     subject, double, errors = contents.subject, None, dict[str, tuple[OutputError, ...]]()
@@ -210,7 +225,7 @@ def _checked(
     if contents.stateful:
         add_sizes(contents)
     files = library_files(contents)
-    vectors, more = stateful_vectors(contents, double, files)
+    vectors, more = stateful_vectors(contents, double, files, report)
     check_errors(subject, more, limit)
     return [*vectors_of(subject, contents.calls), *vectors], files, errors | more
 

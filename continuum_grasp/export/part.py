@@ -30,30 +30,75 @@ class Code(IntEnum):
     """Zero: done; above: the output is good, with a warning; below: the output was not touched."""
 
     text: str
+    advice: str
 
-    def __new__(cls, value: int, text: str) -> Code:
-        """Make a code with its explanation."""
+    def __new__(cls, value: int, text: str, advice: str) -> Code:
+        """Make a code with its explanation, and what a caller does about it."""
         made = int.__new__(cls, value)
         made._value_ = value
-        made.text = text
+        made.text, made.advice = text, advice
         return made
 
-    OK = 0, "done"
-    WARN_COARSE_STEP = 1, "done; the step is stable but too long to be accurate"
-    WARN_LEFT_RANGE = 2, "done; the state (of a step: the next one) is out of range, and no step will take it"
-    WARN_ITERATION_LIMIT = 3, "done; the command is of a new plan that was not solved to its tolerance"
-    WARN_BOUND_LEFT = 4, "done; the command is of a new plan that leaves a soft bound"
-    WARN_PREVIOUS_PLAN = 5, "no new plan; the command is of the last one"
-    WARN_SAFE_RAMP = 6, "no plan; the command is en route to the safe one"
-    WARN_ESTIMATE_RESTARTED = 7, "the estimate was not finite or out of its range; the estimator started again"
-    WARN_BEYOND_LIMIT = 8, "done; the command is on its way to a limit that it is beyond, as fast as its rate allows"
-    ERR_NULL = -1, "a pointer is null"
-    ERR_NON_FINITE = -2, "an input or a parameter is NaN or infinite"
-    ERR_RANGE = -3, "an input or a parameter is out of its range"
-    ERR_STEP = -4, "the step is not above zero or too long to be stable"
-    ERR_RESULT = -5, "the result is not finite"
-    ERR_ABI = -6, "what is passed was not initialized, or by another version of this library"
-    ERR_CONFIGURATION = -7, "the library was made from another configuration than its caller was compiled for"
+    OK = 0, "done", "use the output"
+    WARN_COARSE_STEP = 1, "done; the step is stable but too long to be accurate", "take shorter steps"
+    WARN_LEFT_RANGE = (
+        2,
+        "done; the state (of a step: the next one) is out of range, and no step will take it",
+        "do not go on from this state",
+    )
+    WARN_ITERATION_LIMIT = (
+        3,
+        "done; the command is of a new plan that was not solved to its tolerance",
+        "apply the command; where it is so in most calls, raise `controller.iterations` of the scene",
+    )
+    WARN_BOUND_LEFT = (
+        4,
+        "done; the command is of a new plan that leaves a soft bound",
+        "apply the command; the plan returns to the bound as soon as it can",
+    )
+    WARN_PREVIOUS_PLAN = (
+        5,
+        "no new plan; the command is of the last one",
+        "apply the command, and log why (diagnosis); single calls are no harm",
+    )
+    WARN_SAFE_RAMP = (
+        6,
+        "no plan; the command is en route to the safe one",
+        "apply the command, stop what the finger was doing, and find the cause (diagnosis) before it goes on",
+    )
+    WARN_ESTIMATE_RESTARTED = (
+        7,
+        "the estimate was not finite or out of its range; the estimator started again",
+        "do not act on the estimate until it has settled",
+    )
+    WARN_BEYOND_LIMIT = (
+        8,
+        "done; the command is on its way to a limit that it is beyond, as fast as its rate allows",
+        "apply the command",
+    )
+    ERR_NULL = -1, "a pointer is null", "correct the call: outputs were left alone"
+    ERR_NON_FINITE = (
+        -2,
+        "an input or a parameter is NaN or infinite",
+        "hold the last command; correct what is not finite",
+    )
+    ERR_RANGE = (
+        -3,
+        "an input or a parameter is out of its range",
+        "hold the last command; bring the number into its range",
+    )
+    ERR_STEP = -4, "the step is not above zero or too long to be stable", "take a step within the table below"
+    ERR_RESULT = -5, "the result is not finite", "do not go on from this state"
+    ERR_ABI = (
+        -6,
+        "what is passed was not initialized, or by another version of this library",
+        "initialize it; compile caller and library with the same header",
+    )
+    ERR_CONFIGURATION = (
+        -7,
+        "the library was made from another configuration than its caller was compiled for",
+        "compile caller and library from the same package",
+    )
 
 
 @dataclass(frozen=True)

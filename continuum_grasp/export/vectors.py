@@ -218,7 +218,8 @@ def _table(vectors: Vectors, real: Real) -> dict[str, object]:
     }
     return {
         "name": vectors.name,
-        **{name: [map(real.hexadecimal, row) for row in rows] for name, rows in numbers.items()},
+        # A text per row: a template that goes through single numbers takes 2 s for the vectors of a mission.
+        **{name: [", ".join(map(real.hexadecimal, row)) for row in rows] for name, rows in numbers.items()},
         "codes": vectors.codes,
         # One at least, as C has no empty array.
         "bad": [(b.row, b.entry, _bits(b.value, real), int(b.code)) for b in vectors.bad] or [(-1, 0, 0, 0)],

@@ -8,7 +8,9 @@ import sys
 
 import pytest
 
-from tests.export_cases import ROOT, needs, run
+from continuum_grasp.export import export_c
+from tests.export_cases import ROOT, loop_scene, needs, run
+from tests.mission_cases import carried
 
 PAGE = (ROOT / "docs/c_packages.md").read_text()
 
@@ -27,6 +29,54 @@ def after_all_commands(tmp_path_factory):
                 "env", f"PYTHONPATH={ROOT}", "sh", "-c", line, cwd=place
             )
     return place, said
+
+
+def functions_in(package):
+    """What a program can call, by the header without its comments; not what stands behind a macro."""
+    header = re.sub(r"/\*.*?\*/", "", (package / "include/finger.h").read_text(), flags=re.DOTALL)
+    return {name for name in re.findall(r"\b(finger_\w+)\(", header) if not name.endswith(("_abi", "_built"))} | {
+        "finger_abi"
+    }
+
+
+def table_in(package, heading):
+    """First and other cells of the rows of a table of the README that has a heading."""
+    rows = (package / "README.md").read_text().split(f"\n| {heading}", 1)[1].split("\n\n")[0].splitlines()[2:]
+    return {
+        cells[0].strip("`"): cells[1:] for cells in ([c.strip() for c in row.strip("|").split("|")] for row in rows)
+    }
+
+
+@pytest.mark.parametrize("name", ["arcs", "observed", pytest.param("mission", marks=pytest.mark.deep)])
+def test_the_page_of_a_package_has_every_function(name, packages, tmp_path):
+    if name == "mission":
+        export_c(carried("mug"), package := tmp_path)
+    else:
+        package = packages(name, "double")
+    functions = table_in(package, "function |")
+    assert set(functions) == functions_in(package)
+    assert all(text and "/*" not in text for text, _ in functions.values())
+    codes = re.findall(r"FINGER_((?:WARN|ERR)_\w+|OK) += +(-?\d+)", (package / "include/finger.h").read_text())
+    assert {(row[0], code) for code, row in table_in(package, "code |").items()} == {*codes}
+    assert all(advice for *_, advice in table_in(package, "code |").values())
+    if name == "mission":
+        numbers = {int(k) for row in table_in(package, "number |") for k in row.split(",")}
+        phases = re.findall(r"FINGER_PHASE_\w+ = (\d+)", (package / "include/finger.h").read_text())
+        assert numbers == {int(k) for k in phases}
+        assert "examples/mission_loop.c" in (package / "README.md").read_text()
+    if name != "arcs":
+        sizes = re.findall(r"FINGER_(\w+)_BYTES (\d+)", (package / "include/finger.h").read_text())
+        memory = {row.removeprefix("finger_").upper(): cells[0] for row, cells in table_in(package, "memory |").items()}
+        assert memory == dict(sizes)
+
+
+def test_an_export_says_how_far_it_is(tmp_path):
+    said = []
+    export_c(loop_scene(8), tmp_path, prefix="loop", progress=lambda share, text: said.append((share, text)))
+    shares, texts = zip(*said, strict=True)
+    assert shares == tuple(sorted(shares))
+    assert (shares[0], texts[0], texts[-1]) == (0.0, "writing the code", "writing the files")
+    assert "computing test vectors of mpc" in texts
 
 
 @pytest.mark.deep

@@ -172,12 +172,20 @@ class Loop(ControlParts):
 
     def measured(self, z: Array, u: Array) -> Array:
         """Measurements of states, and disturbances, under a command (ny), without noise."""
-        e = self.estimation
-        if e is None:
+        if self._measured is None:
             return z
-        # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
-        measurement: Array = np.linalg.pinv(e.mixing) @ np.array(e.outputs(z, u, self.stages.p_nominal)[0]).ravel()
+        measurement: Array = np.array(self._measured(z, u, self.stages.p_nominal)).ravel()
         return measurement
+
+    @cached_property
+    def _measured(self) -> ca.Function | None:
+        """Function of measurements, without the derivatives that the filter's function of them has."""
+        if self.estimation is None:
+            return None
+        outputs, mixing = self.estimation.outputs, self.estimation.mixing
+        at = [ca.SX.sym(name, *outputs.size_in(k)) for k, name in enumerate("zup")]
+        # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
+        return ca.Function("measured", at, [ca.DM(np.linalg.pinv(mixing)) @ outputs(*at)[0]])
 
     @cached_property
     def known(self) -> Struct | None:

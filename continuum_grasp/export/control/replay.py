@@ -31,6 +31,8 @@ _EPISODES = 3
 """Episodes of a record, each with harder knocks than the last; from the second on, applied commands differ too."""
 _HELD = 20
 """Calls for which setpoints stay."""
+_ENDED = 5
+"""Calls in the last phase of a mission, in which nothing happens any more."""
 _DECIDED = 0.02
 """Share of the usual calls in which rounding may decide which of several plans follows. Of 11 to 1,991 usual calls of
 18 controllers it was none to 1.4 %; all others agreed to 5e-5."""
@@ -106,10 +108,18 @@ class _Record:
     """
 
     def __init__(
-        self, loop: Loop, builds: tuple[_Host, _Host | None], function: Stateful, outputs: int, close: int
+        self,
+        loop: Loop,
+        builds: tuple[_Host, _Host | None],
+        function: Stateful,
+        report: Callable[[float], None],
+        outputs: int,
+        close: int,
+        most: int,
     ) -> None:
         self._host, self._double = builds
         self._function, self._outputs, self._close = function, outputs, close
+        self._report, self._most = report, most
         self._limits = np.concatenate([loop.stages.u_min, loop.stages.u_max])
         self._rows, self._calls, self._exact = list[Array](), list[_Call](), list[_Call]()
 
@@ -120,6 +130,7 @@ class _Record:
             self._double.copy_memory(self._host)
             self._exact.append(self._in_double(self._double, row))
         self._rows.append(row)
+        self._report(len(self._rows) / self._most)
         self._calls.append(self._host.run(self._function.name, row, self._outputs))
         return self._calls[-1]
 
@@ -262,13 +273,13 @@ def _target(loop: Loop, rng: np.random.Generator) -> Array:
     return setpoints
 
 
-_Begin = Callable[[int, int], _Record]
-"""Begins a record of a function by the number of its outputs, and of those that must agree."""
+_Begin = Callable[[int, int, int], _Record]
+"""Begins a record of a function by the number of its outputs, of those that must agree, and of rows at most."""
 
 
 def _controller_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
     rng, nu = np.random.default_rng(0), loop.command.size
-    record = begin(nu + loop.start.size + 5, nu)
+    record = begin(nu + loop.start.size + 5, nu, _EPISODES * _EPISODE)
     limits = np.clip((loop.stages.u_min, loop.stages.u_max), -UNLIMITED, UNLIMITED)
     for episode in range(_EPISODES):
         finger, u, planned = ReplayedFinger(loop, rng), loop.before.copy(), False
@@ -298,7 +309,7 @@ def _controller_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, li
 def _estimator_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
     rng, nz = np.random.default_rng(1), loop.estimate.size
     low, high = loop.stages.u_min, loop.stages.u_max
-    record = begin(2 * nz + 1, nz)
+    record = begin(2 * nz + 1, nz, _EPISODES * _EPISODE)
     for episode in range(_EPISODES):
         finger, u = ReplayedFinger(loop, rng), loop.before.copy()
         for k in range(_EPISODE):
@@ -321,13 +332,14 @@ def _estimator_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, lis
 def _mission_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
     """All phases in turn; missions that let go after the lift, are aborted in the squeeze, are blind from there on."""
     rng, nu = np.random.default_rng(2), loop.command.size
-    record = begin(nu + loop.start.size + 3, nu)
     phases = [] if loop.phases is None else [*loop.phases.names]
     numbers = {} if loop.phases is None else loop.phases.members
     begins, last = np.asarray(numbers["begin"]), float(np.sum(numbers["length"]))
     lifted, squeezed = (begins[phases.index(name)] for name in ("hold", "squeeze"))
-    for ends, asked in ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2), (squeezed + 0.5 * last, 3)):
-        finger, u = ReplayedFinger(loop, rng), loop.before.copy()
+    courses = ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2), (squeezed + 0.5 * last, 3))
+    record = begin(nu + loop.start.size + 3, nu, sum(math.ceil(ends / loop.period) for ends, _ in courses))
+    for ends, asked in courses:
+        finger, u, ended = ReplayedFinger(loop, rng), loop.before.copy(), 0
         opens = round((lifted if asked == 1 else squeezed) / loop.period) + 10
         for k in range(math.ceil(ends / loop.period)):
             flags = (k == 0, asked == 1 and k == opens, asked == 2 and k == opens, 1 if k == 0 else 0)
@@ -340,6 +352,9 @@ def _mission_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[
             sinks = -1e-3 * (1 + 4 * asked) * min(max(k * loop.period - lifted, 0.0) / 0.2, 1.0)
             height = [sinks] if loop.phases and loop.phases.watches else []
             code, out = record.call(flags, y, [reported if loop.phases and loop.phases.reported else 0], height)
+            ended += bool(phases) and int(out[-3]) == len(phases) - 1
+            if ended == _ENDED:
+                break
             u = out[:nu].astype(float) if code >= 0 else u
             finger.advance(u)
     return record, []
@@ -349,7 +364,7 @@ _ROWS = {"mpc": _controller_rows, "estimator_step": _estimator_rows, "mission_st
 
 
 def stateful_vectors(
-    contents: Contents, double: Contents | None, files: Mapping[str, str]
+    contents: Contents, double: Contents | None, files: Mapping[str, str], report: Callable[[float, str], None]
 ) -> tuple[list[Vectors], dict[str, tuple[OutputError, ...]]]:
     """Vectors of all such functions by a build on this machine, and their rounding errors.
 
@@ -360,11 +375,17 @@ def stateful_vectors(
     loop, real = contents.subject.loop, contents.subject.real
     if loop is None or not contents.stateful:
         return [], {}
+    report(0.0, "compiling the code for its test vectors")
     builds = _Host(contents, files), None if double is None else _Host(double, library_files(double))
     structs = {struct.name: struct for part in contents.parts for struct in part.structs}
     vectors, errors = list[Vectors](), dict[str, tuple[OutputError, ...]]()
-    for function in contents.stateful:
-        record, bad = _ROWS[function.name](loop, real, partial(_Record, loop, builds, function))
+    for k, function in enumerate(contents.stateful):
+
+        def vectors_of(share: float, done: int = k, name: str = function.name) -> None:
+            # 0.3: compiling takes about as long as 40 % of the rows
+            report(0.3 + 0.7 * (done + share) / len(contents.stateful), f"computing test vectors of {name}")
+
+        record, bad = _ROWS[function.name](loop, real, partial(_Record, loop, builds, function, vectors_of))
         vectors.append(record.vectors(bad))
         if double is not None:
             errors[function.name] = record.errors(structs[function.output])

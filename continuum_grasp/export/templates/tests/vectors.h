@@ -14,10 +14,10 @@ typedef struct {
 } bad_input;
 
 <<for table in tables|\n>>static const <<p>>_real <<table.name>>_inputs[] = {
-<<for row in table.inputs|,\n>>  <<for value in row|, >><<value>><<end>><<end>>
+<<for row in table.inputs|,\n>>  <<row>><<end>>
 };
 static const <<p>>_real <<table.name>>_outputs[] = {
-<<for row in table.outputs|,\n>>  <<for value in row|, >><<value>><<end>><<end>>
+<<for row in table.outputs|,\n>>  <<row>><<end>>
 };
 static const signed char <<table.name>>_codes[] = {<<for code in table.codes|, >><<code>><<end>>};
 static const bad_input <<table.name>>_bad[] = {
