@@ -72,7 +72,7 @@ def test_the_page_of_a_package_has_every_function(name, packages, tmp_path):
 
 def test_an_export_says_how_far_it_is(tmp_path):
     said = []
-    export_c(loop_scene(8), tmp_path, prefix="loop", progress=lambda share, text: said.append((share, text)))
+    export_c(loop_scene(8), tmp_path, progress=lambda share, text: said.append((share, text)))
     shares, texts = zip(*said, strict=True)
     assert shares == tuple(sorted(shares))
     assert (shares[0], texts[0], texts[-1]) == (0.0, "writing the code", "writing the files")
