@@ -65,6 +65,8 @@ def test_the_page_of_a_package_has_every_function(name, packages, tmp_path):
         assert numbers == {int(k) for k in phases}
         assert "examples/mission_loop.c" in (package / "README.md").read_text()
     if name != "arcs":
+        health = re.findall(r"FINGER_HEALTH_(\w+) = (\d+)", (package / "include/finger.h").read_text())
+        assert set(table_in(package, "`health`")) == {f"{number} {state}" for state, number in health}
         sizes = re.findall(r"FINGER_(\w+)_BYTES (\d+)", (package / "include/finger.h").read_text())
         memory = {row.removeprefix("finger_").upper(): cells[0] for row, cells in table_in(package, "memory |").items()}
         assert memory == dict(sizes)
