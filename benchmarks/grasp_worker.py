@@ -23,7 +23,6 @@ def main() -> None:
     """Answer lines until there are none."""
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # solvers print
-    os.environ["CONTINUUM_GRASP_BACKGROUND"] = "0"  # compiling for later processes would disturb the next scene
 
     import continuum_grasp as cg
 

@@ -29,9 +29,6 @@ ROOT = Path(__file__).parents[1]
 CONFIGS = ROOT / "configs"
 Contestant = Callable[[int], Any]
 
-# What is compiled for the next process would disturb the next measurement.
-os.environ.setdefault("CONTINUUM_GRASP_BACKGROUND", "0")
-
 CFLAGS = ("-O3", "-march=native", "-fPIC")
 
 

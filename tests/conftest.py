@@ -21,12 +21,9 @@ from tests.tiers import (  # noqa: F401 - hooks of pytest, found here by their n
 # Small dense problems stall where several processes run the threads of one linear algebra library each.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Controllers compile in a tenth of the time. ``CONTINUUM_GRASP_QUICK_COMPILE=0`` tests what users have by default;
+# Controllers compile in a tenth of the time. ``CONTINUUM_GRASP_QUICK_COMPILE=0`` tests optimized code;
 # ``.ci/run`` does so with some tests of core and controllers.
 os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
-
-# No test leaves a process behind that compiles the equations of its grasps.
-os.environ.setdefault("CONTINUUM_GRASP_BACKGROUND", "0")
 
 _UNUSED_DAYS = 7.0
 """After which compiled code of earlier runs is removed [days]: it is stored by content, so old code is never used."""

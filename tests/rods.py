@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from continuum_grasp.core import Compiler, core
+from continuum_grasp.core import Compiler, code, core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import initial_state
@@ -32,7 +32,7 @@ WEIGHT = 9.81
 def without_compiler(monkeypatch):
     """Run on CasADi's virtual machine, which starts at once and gives the same numbers."""
     monkeypatch.setenv("CC", "")
-    monkeypatch.setattr(core, "_WARNED", {Compiler.why_none()})
+    monkeypatch.setattr(code, "_WARNED", {Compiler.why_none()})
 
 
 def rod_scene(

@@ -27,6 +27,7 @@ def mpc(
     trials: str | None = option(
         "Carry a mission out on N plants that differ at random (all: as many as it says).", metavar="N|all"
     ),
+    times: bool = option("Measure the controller's times, with optimized code.", default=False),
     jobs: int | None = option("Processes for --trials (default: all cores).", metavar="N", min=1),
 ) -> None:
     """Control a finger in closed loop with a finer model of it.
@@ -48,18 +49,18 @@ def mpc(
         raise InputError("is for one mission, not for --trials", key="--animate")
     output.check_folder()
     if isinstance(scene, ControlScene):
-        _control(scene, output)
+        _control(scene, output, times)
     elif trials is None:
         _carry_out(scene, output)
     else:
         _try_out(_with_trials(trials, seed, output), jobs, output)
 
 
-def _control(scene: ControlScene, output: Output) -> None:
+def _control(scene: ControlScene, output: Output, times: bool) -> None:
     """Run a closed loop: saves it, prints how well it went, draws it; exit status 1 if it ended badly."""
     from continuum_grasp.closed_loop import run_closed_loop
 
-    run, files = output.run("controlling", lambda report: run_closed_loop(scene, progress=report))
+    run, files = output.run("controlling", lambda report: run_closed_loop(scene, progress=report, times=times))
     output.warn(run.warnings)
     output.say(run.report())
     output.conclude(run, files, status=run.outcome, duration=run.t[-1], metrics=asdict(run.metrics()))

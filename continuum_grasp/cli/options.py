@@ -19,7 +19,7 @@ def option(explained: str, *names: str, default: Any = None, **more: Any) -> Any
     return typer.Option(default, *names, help=explained, **more)
 
 
-OF_RUNS = ("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+OF_RUNS = ("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", "optimize")
 """Shared arguments and options of verbs that save a run and draw it."""
 _FIRST = ("config", "out", "changes", "animation")
 """Shared arguments and options that `--help` lists before those of the verb alone; the others come after them."""

@@ -102,9 +102,17 @@ class Output:
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")] = False
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")] = False
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics too.")] = False
+    optimize: Annotated[
+        bool,
+        typer.Option("--optimize", help="Compile all code optimized now: for loops that run again and again."),
+    ] = False
     verb: str = ""
 
     def __post_init__(self) -> None:
+        if self.optimize:
+            from continuum_grasp.core import force_optimized
+
+            force_optimized()
         if self.quiet and (self.as_json or self.verbose):
             raise InputError("--quiet cannot be combined with --json or --verbose")
         if self.animation == "mp4" and shutil.which("ffmpeg") is None:
@@ -236,7 +244,7 @@ class Output:
         self.pairs(
             {
                 **(pairs or {}),
-                **{key: text for key, text in result.statistics.items() if key == "fidelity"},
+                **{key: text for key, text in result.statistics.items() if key in ("fidelity", "code")},
                 "saved in": self.folder,
                 "pictures" if drawn else "files": ", ".join(file.name for file in files) or "none",
             }

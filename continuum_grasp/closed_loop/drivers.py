@@ -37,8 +37,8 @@ class SimulatedBench:
     ----------
     plant : Plant
         It moves on in the rest of each period.
-    compiled : bool
-        Whether its integrator is.
+    code : CodeKind
+        Kind of code of its integrator.
     """
 
     @check_arguments
@@ -46,7 +46,7 @@ class SimulatedBench:
         scene = scene_of(scene, ControlScene)
         true = scene.plant.replaced(mounting=scene.bench_mounting)
         self.plant = Plant(scene.replaced(mounting=None, plant=true))
-        self.compiled = SharedPlant((self.plant,)).compiled  # before a clock runs
+        self.code = SharedPlant((self.plant,)).prepare()  # before a clock runs
         self._u: ArrayLike = self.plant.model.rest_input
 
     def read(self) -> Array:

@@ -11,20 +11,34 @@ from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control import load_library
-from continuum_grasp.core import HalfStepSignal, Rollouts, filled, generated, pointer, step_function, template
+from continuum_grasp.core import (
+    Backend,
+    CodeKind,
+    HalfStepSignal,
+    Rollouts,
+    filled,
+    generated,
+    kind_of_source,
+    pointer,
+    step_function,
+    template,
+)
 from continuum_grasp.model import Remade
 
 
 class Integration(Remade):
     """Integrates a plant, or several that touch one object, over periods of constant input.
 
-    By a method of ``INTEGRATORS``; ``compiled`` says whether its steps are.
+    By a method of ``INTEGRATORS``.
     """
 
     def __init__(self, model: PlantModel | SharedModel, method: str) -> None:
         self._model = model
-        self.run = Rollouts.of(step_function(model, method), what="the plant")
-        self.compiled = self.run.compiled
+        self.run = Rollouts(step_function(model, method), Backend(what="the plant"))
+
+    def prepare(self, steps: float) -> CodeKind:
+        """Compile the steps, if so many pay for it; return the kind of their code."""
+        return self.run.code.expect(steps).kind
 
     def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:
         """Compute the states (substeps + 1, nx) at equal instants of a period [s], from x (nx) with constant u (nu).
@@ -60,9 +74,15 @@ class ChainIntegration(Integration):
 
     def __init__(self, model: PlantModel | SharedModel) -> None:
         self._chains = model if isinstance(model, SharedModel) else SharedModel([model])
-        self._run_steps = load_library(chain_source(self._chains), "a plant of plant.guides").chain_steps
+        source = chain_source(self._chains)
+        self._kind = kind_of_source(source)
+        quick = self._kind is CodeKind.QUICK
+        self._run_steps = load_library(source, "a plant of plant.guides", quick=quick).chain_steps
         self._run_steps.restype = ctypes.c_longlong
-        self.compiled = True
+
+    def prepare(self, steps: float) -> CodeKind:
+        """Return the kind of code, compiled already."""
+        return self._kind
 
     def _steps(self, x: Array, u: Array, start: float, step: float, count: int) -> tuple[Array, int, str]:
         model = self._chains

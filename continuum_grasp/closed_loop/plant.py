@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -15,6 +16,7 @@ from continuum_grasp.closed_loop.plant_model import GUIDES, PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.closed_loop.wiring import Wiring
 from continuum_grasp.control import Prediction
+from continuum_grasp.core import CodeKind
 from continuum_grasp.scene import ControlScene
 
 
@@ -153,10 +155,9 @@ class SharedPlant:
         integration: Integration = model.integrations[method]
         return integration
 
-    @property
-    def compiled(self) -> bool:
-        """Whether the integrator is compiled."""
-        return self._integration.compiled
+    def prepare(self, periods: float = math.inf) -> CodeKind:
+        """Compile the integrator, if so many periods pay for it; return the kind of its code."""
+        return self._integration.prepare(periods * self.plants[0].method.substeps)
 
     def advance(self, commands: Sequence[ArrayLike]) -> list[Array]:
         """Apply the command (nu) of each finger for one period as `Plant.advance` does; return the states of each."""

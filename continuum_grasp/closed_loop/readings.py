@@ -176,7 +176,7 @@ class Metrics:
     def time_rows(self) -> list[tuple[str, str, str, str]]:
         """Return the rows of that table which say how long the phases of a step and the whole step took."""
         rows = [(t.name, amount(t.median, "s"), amount(t.p99, "s"), amount(t.max, "s")) for t in self.times]
-        return [("time", "median", "99 %", "max"), *rows]
+        return [("time", "median", "99 %", "max"), *rows] if rows else []
 
     def pairs(self) -> dict[str, str]:
         """Single values by name."""
@@ -186,7 +186,7 @@ class Metrics:
             "closed-loop cost": f"{self.cost:.6g}",
             "effort": f"{amount(self.effort_rms, self.input_unit)} r.m.s.",
             "input rate": f"{amount(self.rate_rms, self.input_unit + '/s')} r.m.s.",
-            "late": f"{self.late}",
+            "late": f"{self.late}" if self.times else "not measured",
             **words,
             "mismatch": f"{self.mismatch:.2g} at most",
         }

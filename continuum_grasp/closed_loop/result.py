@@ -15,6 +15,7 @@ from continuum_grasp.base import Array, amount_text, columns, name_of, unit_of
 from continuum_grasp.closed_loop.readings import Bound, Metrics, PhaseTimes, Readings, violation_of
 from continuum_grasp.closed_loop.tracking import Tracked, amount, missed_setpoints, rms, tracked_groups, tracking_of
 from continuum_grasp.control import Adapted, ControlLog, spread
+from continuum_grasp.core import CodeKind
 from continuum_grasp.results import Dimension, File, MotionResult, Picture, Stored
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.simulation import ContactHistory
@@ -97,7 +98,7 @@ class ControlRun(MotionResult):
         Picture("tracking", "continuum_grasp.plotting.control:plot_tracking"),
         Picture("error", "continuum_grasp.plotting.control:plot_tracking_error"),
         Picture("bounds", "continuum_grasp.plotting.control:plot_bounds"),
-        Picture("times", "continuum_grasp.plotting.control:plot_controller_times"),
+        Picture("times", "continuum_grasp.plotting.control:plot_controller_times", needs="timed_phases"),
         Picture("disturbances", "continuum_grasp.plotting.control:plot_disturbances", needs="disturbance_names"),
     )
     frames: ClassVar[str] = "continuum_grasp.plotting.control:control_frames"
@@ -167,6 +168,7 @@ class ControlRun(MotionResult):
         }
         total = 1e3 * self.phase_times.sum(axis=1)
         times = f"{np.median(total):.3g} ms in the median, {total.max():.3g} ms at most" if total.size else "none"
+        times = times if self.timed_phases else "not measured"
         counts = metrics.pairs()
         return {
             "time": f"{self.t[-1]:g} s in {len(self.u)} periods of {1e3 * self.period:g} ms",
@@ -175,6 +177,17 @@ class ControlRun(MotionResult):
             **{key: counts[key] for key in ("late", "status", "health") if key in counts},
             **{name: str(value) for name, value in self.adapted.items()},
         }
+
+    @property
+    def timed_phases(self) -> tuple[str, ...]:
+        """Phases of a step whose times count: none of a controller that was compiled quickly."""
+        return () if self.statistics.get("controller_code", "") == CodeKind.QUICK else self.phase_names
+
+    @property
+    def code(self) -> str:
+        """Code that ran controller and plant, in words."""
+        kinds = {part: self.statistics.get(f"{part}_code", "") for part in ("controller", "plant")}
+        return ", ".join(f"{part} {kind}" for part, kind in kinds.items() if kind)
 
     @property
     def command_times(self) -> Array:
@@ -209,8 +222,8 @@ class ControlRun(MotionResult):
         inputs = [names.index(name) for name in map(name_of, self.u_names) if name in names]
         away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
         held = np.vstack([u[:1], u[:-1]])
-        steps = self.phase_times.sum(axis=1)
-        durations = dict(zip((*self.phase_names, "step"), (*self.phase_times.T, steps), strict=True))
+        steps = self.phase_times.sum(axis=1) if self.timed_phases else np.zeros(0)
+        durations = zip((*self.phase_names, "step"), (*self.phase_times.T, steps), strict=True)
         return Metrics(
             tracking=tuple(tracking_of(group, error) for group in self.tracked_groups),
             cost=float(0.5 * self.period * np.sum(self.weights * error[:-1] ** 2)),
@@ -218,7 +231,7 @@ class ControlRun(MotionResult):
             rate_rms=rms(np.linalg.norm(u - held, axis=1) / self.period),
             input_unit=unit_of(self.u_names[0]),
             violations=tuple(map(violation_of, self.bounds)),
-            times=tuple(PhaseTimes(name, **spread(column)) for name, column in durations.items()) if steps.size else (),
+            times=tuple(PhaseTimes(name, **spread(column)) for name, column in durations) if steps.size else (),
             late=int(np.sum(steps > self.deadline)),
             statuses=dict(Counter(self.status)),
             anomalies=dict(Counter(word for words in self.anomalies for word in words)),
@@ -359,7 +372,7 @@ class ControlRun(MotionResult):
         """The table as text."""
         metrics = self.metrics()
         time = f"{self.t[-1]:g} s in {len(self.u)} periods of {1e3 * self.period:g} ms"
-        pairs = metrics.pairs() | {name: str(value) for name, value in self.adapted.items()}
+        pairs = metrics.pairs() | {name: str(value) for name, value in self.adapted.items()} | {"code": self.code}
         head = [self.name or "closed loop", f"{self.outcome}: {time}", ""]
         return "\n".join([*head, *columns(metrics.rows()), "", *columns(list(pairs.items()), (0, 1)), ""])
 

@@ -68,6 +68,7 @@ def run_closed_loop(
     plant: Plant | None = None,
     functions: Mapping[str, Callable[[float], ArrayLike]] | None = None,
     progress: Callable[[float], None] | None = None,
+    times: bool = False,
 ) -> ControlRun:
     """Let a controller move a plant.
 
@@ -84,6 +85,9 @@ def run_closed_loop(
         Functions of time in place of references of the scene; see ``setpoints``.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
+    times : bool
+        True: optimize the controller's code, so that the times of its steps are those of a controller in use. Else few
+        steps run in code that is compiled quickly, and the metrics have no times.
 
     Returns
     -------
@@ -108,11 +112,12 @@ def run_closed_loop(
     """
     scene = scene_of(scene, ControlScene)
     began = perf_counter()
-    control: Controls = Controller(scene, deadline=math.inf) if controller is None else controller
-    model = control.prediction
-    tried = Plant(scene, model, control.period) if plant is None else plant
     if scene.duration is None:
         raise InputError("a closed loop needs a duration [s]", key="duration")
+    steps = math.inf if times else scene.duration / scene.controller.step
+    control: Controls = Controller(scene, deadline=math.inf, steps=steps) if controller is None else controller
+    model = control.prediction
+    tried = Plant(scene, model, control.period) if plant is None else plant
     rows = Setpoints.of(Outputs.of(scene.controller.cost, model), scene.reference, functions).rows
     loop = FingerLoop(scene, control, tried, rows)
     (run,), error = run_fingers([loop], scene.duration, progress, began=began)
@@ -163,17 +168,17 @@ def run_fingers(
     shared = SharedPlant([loop.plant for loop in loops], joint)
     for loop in loops:
         loop.control.reset(u=loop.plant.model.rest_input)
-    compiled = shared.compiled  # which makes what integrates the plants
+    count = round(duration / loops[0].control.period)
+    code = shared.prepare(count)
     made_s = perf_counter() - started
     steps: list[list[_Step]] = []
     first = [(loop.plant.t, loop.plant.x) for loop in loops]
-    count = round(duration / loops[0].control.period)
     error = _loop(loops, shared, steps, count, progress or (lambda share: None))
     with interrupts_held(quietly=True) as pressed:
         known = [_result(loop, first[k], [of[k] for of in steps], error is None) for k, loop in enumerate(loops)]
         runs = []
         for run, off in zip(known, _plant_errors(shared, known), strict=True):
-            of_plant = {"plant_compiled": compiled, "plant_error_m": off, "made_s": made_s}
+            of_plant = {"plant_code": str(code), "plant_error_m": off, "made_s": made_s}
             runs.append(replace(run, statistics={**run.statistics, **of_plant}))
     if pressed() and error is None:
         error = Interrupted("interrupted after the end of the run")
@@ -257,6 +262,7 @@ def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], fi
             "plant_substeps": plant.method.substeps,
             "plant_fastest_rate": plant.method.radius,
             "controller": dict(control.statistics),
+            "controller_code": str(control.code) if isinstance(control, Controller) else "",
         },
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import math
 import re
 import struct
 
@@ -13,7 +14,7 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.iteration import source as rti
 from continuum_grasp.control.members import REPORTED
 from continuum_grasp.control.parts import ControlParts, Settings, is_whole
-from continuum_grasp.core import in_lanes, plain_source
+from continuum_grasp.core import CodeKind, in_lanes, kind_of_source, plain_source
 
 
 def estimator_source(parts: ControlParts, real: str) -> str:
@@ -124,13 +125,21 @@ class Compiled:
     """An object of a C source that defines ``cg_size``, ``cg_settings`` and ``cg_start``, its state first.
 
     A call reads the vectors ``given`` and writes those of ``parts``, each named with its size, one after the other.
-    Messages call it ``what``.
+    Messages call it ``what``; ``passes`` through its code that are expected decide how it is compiled.
     """
 
     def __init__(
-        self, source: str, settings: Settings, given: dict[str, int], parts: dict[str, int], what: str
+        self,
+        source: str,
+        settings: Settings,
+        given: dict[str, int],
+        parts: dict[str, int],
+        what: str,
+        passes: float = math.inf,
     ) -> None:
-        self.library = rti.load_library(source, what)
+        # Each line of the source runs once in a pass.
+        self.code = kind_of_source(source, passes * source.count("\n"))
+        self.library = rti.load_library(source, what, quick=self.code is CodeKind.QUICK)
         for name in ("cg_size", "cg_state_size"):
             getattr(self.library, name).restype = ctypes.c_size_t
         # The memory's layout depends on the source, what a state means on the settings too.

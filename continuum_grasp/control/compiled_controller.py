@@ -21,7 +21,7 @@ from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import ControlParts, Settings
 from continuum_grasp.control.status import Anomaly, CommandStatus, Statistics
-from continuum_grasp.core import precision_of
+from continuum_grasp.core import CodeKind, precision_of
 from continuum_grasp.model import Remade
 
 _STATUS = tuple(CommandStatus)
@@ -50,8 +50,8 @@ class CompiledController(Remade, Summarized):
     _called: Mapping[str, str] = MappingProxyType({})
     """Arguments of a step by another name."""
 
-    def _compile(self, parts: ControlParts, precision: str, deadline: float) -> None:
-        """Compile from parts, whose commands are late after ``deadline`` [s]."""
+    def _compile(self, parts: ControlParts, precision: str, deadline: float, steps: float = math.inf) -> None:
+        """Compile from parts, whose commands are late after ``deadline`` [s], for so many steps."""
         s, n, estimation = parts.stages, parts.stages.stages, parts.estimation
         self.parts, self.stages, self.period, self.precision = parts, s, parts.calls.period, precision_of(precision)
         self.measurement_names = parts.measurement_names
@@ -66,7 +66,8 @@ class CompiledController(Remade, Summarized):
         sizes |= {"excess": s.nc, "then": nz, "upper": nz * nz, "diagonal": nz}
         sizes |= {"innovation": ny, "innovation_variance": ny}
         sizes |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
-        self._c = Compiled(controller_source(parts, self.precision), self._settings, inputs, sizes, self._what)
+        source = controller_source(parts, self.precision)
+        self._c = Compiled(source, self._settings, inputs, sizes, self._what, steps * (n + 1))
         self._measurement, self._p, self._applied, rows, self._elapsed, self._age = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.library.cg_controller_step
@@ -236,6 +237,11 @@ class CompiledController(Remade, Summarized):
     def statistics(self) -> dict[str, Any]:
         """Counts of statuses, anomalies, fallbacks and late steps since the last reset; durations of phases [s]."""
         return self._counts.as_dict()
+
+    @property
+    def code(self) -> CodeKind:
+        """Kind of its code: optimized, or compiled quickly for few steps."""
+        return self._c.code
 
     def save_state(self) -> bytes:
         """Return all that the next command depends on, but for what ``change`` and ``reference`` have set."""

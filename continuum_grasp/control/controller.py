@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cached_property
 from os import PathLike
@@ -34,6 +35,8 @@ class Controller(CompiledController):
     deadline : float, optional
         Duration of ``step`` after which its command counts as late [s], so that the next one is of the previous plan;
         by default that of the scene, else its period. ``math.inf``: never.
+    steps : float
+        Steps that are expected. The code is optimized where they pay for compiling it, and compiled quickly else.
 
     Attributes
     ----------
@@ -93,15 +96,16 @@ class Controller(CompiledController):
         *,
         precision: str = "double",
         deadline: float | None = None,
+        steps: float = math.inf,
     ) -> None:
         self.scene = scene_of(scene, ControlScene)
         # No path for a copy, since its file may change.
-        self._arguments = (self.scene,), {"precision": precision, "deadline": deadline}
+        self._arguments = (self.scene,), {"precision": precision, "deadline": deadline, "steps": steps}
         self.prediction = Prediction(self.scene)
         self.setpoints()  # those that are wrong are refused before anything is compiled
         parts = ControlParts.of_scene(self.scene, self.prediction)
         wanted = self.scene.controller.deadline or self.scene.controller.step if deadline is None else deadline
-        self._compile(parts, precision, wanted)
+        self._compile(parts, precision, wanted, steps)
         self.estimation, self.sensor_names, self.estimated_names = (
             parts.estimation,
             parts.sensor_names,

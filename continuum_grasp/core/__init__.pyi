@@ -7,6 +7,11 @@ from .calls import call as call
 from .calls import calls_source as calls_source
 from .calls import straight_function as straight_function
 from .calls import straight_functions as straight_functions
+from .code import Backend as Backend
+from .code import CodeKind as CodeKind
+from .code import force_optimized as force_optimized
+from .code import forced as forced
+from .code import kind_of_source as kind_of_source
 from .compiler import TIMEOUT as TIMEOUT
 from .compiler import CompileError as CompileError
 from .compiler import Compiler as Compiler

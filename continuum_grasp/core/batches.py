@@ -6,30 +6,23 @@ Rows may be strided arrays of doubles, so that what is broadcast is not copied.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
-from functools import cached_property
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array
 from continuum_grasp.core.caller import pointers
+from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.source import batch_source, scan_source
-
-Load = Callable[[Callable[[], str]], ctypes.CDLL | None]
-"""Gives the library of a source, which is written only where there is a compiler."""
 
 
 class Batch:
     """A function applied to many rows."""
 
-    def __init__(self, function: ca.Function, load: Load) -> None:
+    def __init__(self, function: ca.Function, backend: Backend) -> None:
         self.function = function
-        self._load = load
-
-    @cached_property
-    def _library(self) -> ctypes.CDLL | None:
-        return self._load(lambda: batch_source(self.function))
+        self.code = FunctionCode(function, lambda: batch_source(function), backend)
 
     def __call__(self, count: int, rows: Sequence[Array]) -> list[Array]:
         """Outputs (count, nonzeros) of inputs (count, size), or (size,) for all rows."""
@@ -37,7 +30,7 @@ class Batch:
         outputs = [np.empty((count, function.nnz_out(k))) for k in range(function.n_out())]
         if not count:
             return outputs
-        library = self._library
+        library = self.code.library(count)
         if library is None:
             # CasADi maps over columns, and its matrices are column-major.
             columns = [np.broadcast_to(row, (count, row.shape[-1])).T for row in rows]
@@ -59,13 +52,9 @@ class Scan:
     there are steps, if that is a divisor: each then holds for several steps, and a row of a result is a sum over them.
     """
 
-    def __init__(self, function: ca.Function, load: Load) -> None:
+    def __init__(self, function: ca.Function, backend: Backend) -> None:
         self.function = function
-        self._load = load
-
-    @cached_property
-    def _library(self) -> ctypes.CDLL | None:
-        return self._load(lambda: scan_source(self.function))
+        self.code = FunctionCode(function, lambda: scan_source(function), backend)
 
     def __call__(self, steps: int, given: Sequence[Array], rows: Sequence[int], back: bool = False) -> list[Array]:
         """The carry before and after every step (count, steps + 1, size), and the results (count, rows, size).
@@ -78,7 +67,7 @@ class Scan:
         outputs = [np.zeros((len(start), time, n)) for time, n in zip([steps + 1, *rows], sizes, strict=True)]
         if not len(start):
             return outputs
-        library = self._library
+        library = self.code.library(steps * len(start))
         if library is None:
             self._on_virtual_machine(steps, start, signals, outputs, back)
             return outputs

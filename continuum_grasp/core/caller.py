@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from threading import Lock
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError, real_array
+from continuum_grasp.core.code import FunctionCode
 from continuum_grasp.model import MATRICES, FingerModel
 from continuum_grasp.scene import SAME
 
@@ -25,12 +26,12 @@ class Caller:
     def __init__(
         self,
         function: ca.Function,
-        load: Callable[[], ctypes.CDLL | None],
+        code: FunctionCode,
         nominal: Array,
         check: Callable[[Sequence[Any]], None] | None = None,
     ) -> None:
         self.function = function
-        self._load = load
+        self.code = code
         self._check = check
         self.names = function.name_in()
         sizes = [function.nnz_in(k) for k in range(function.n_in())]
@@ -52,16 +53,18 @@ class Caller:
             0,
         )
         self._lock = Lock()
-
-    @cached_property
-    def _code(self) -> Callable[..., int] | None:
-        library = self._load()
-        return getattr(library, self.function.name()) if library is not None else None
+        self._call: Callable[..., int] | None = None
 
     def prepare(self) -> Caller:
-        """Compile now what would be compiled with the first call."""
-        _ = self._code
+        """Compile now what would be compiled once calls have paid for it."""
+        self.code.expect(math.inf)
         return self
+
+    def _compiled(self) -> Callable[..., int] | None:
+        """The compiled function; None while the virtual machine runs it."""
+        if self._call is None and (library := self.code.library()) is not None:
+            self._call = getattr(library, self.function.name())
+        return self._call
 
     def __call__(self, *arguments: ArrayLike | None, **named: ArrayLike | None) -> Any:
         values = [*arguments, *[None] * (len(self.names) - len(arguments))]
@@ -124,14 +127,15 @@ class Caller:
 
     def call(self, rows: Sequence[Any]) -> list[Array]:
         """Evaluate on one row per input; None stands for the default."""
-        if self._code is None:
+        compiled = self._compiled()
+        if compiled is None:
             arguments = [d if row is None else row for row, d in zip(rows, self._defaults, strict=True)]
             results = self.function.call([ca.DM(row) for row in arguments])
             return [np.array(r.nonzeros()) for r in results]
         with self._lock:  # the buffers belong to all threads, and ctypes releases the interpreter's lock
             for buffer, row, default in zip(self._inputs, rows, self._defaults, strict=True):
                 buffer[:] = default if row is None else row
-            self._code(*self._arguments)
+            compiled(*self._arguments)
             return [buffer.copy() for buffer in self._outputs]
 
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 from continuum_grasp.base import ContinuumGraspError
@@ -80,20 +80,27 @@ class Compiler:
         why = "; ".join(str(why) for _, why in _tried())
         return f"no C compiler: CC={named}: {why} (nothing else is tried while CC is set)"
 
-    def library(self, source: str, what: str = "code") -> Path:
+    def is_known(self, source: str, *, quick: bool | None = None) -> bool:
+        """Whether the library of a C source is in the cache."""
+        quick = quick_compile() if quick is None else quick
+        return Cache().known(self.identity(source, quick=quick)) is not None
+
+    def library(self, source: str, what: str = "code", *, quick: bool | None = None) -> Path:
         """The shared library of a C source, compiled unless it is in the cache; the log calls it ``what``.
 
+        ``quick``: without optimizing long functions; as the environment asks where not given.
         CompileError if the compiler refuses the source, OSError if no folder can be written or the disk is full.
         """
+        is_quick = quick_compile() if quick is None else quick
 
         def build(work: Path) -> Path:
             code, built = work / "code.c", work / "code.so"
             code.write_text(source, encoding="utf-8")
-            self.build(code, built, what)
+            self.build(code, built, what, quick=is_quick)
             built.chmod(0o700)
             return built
 
-        return Cache().entry(self.identity(source), build, self.version)
+        return Cache().entry(self.identity(source, quick=is_quick), build, self.version)
 
     @staticmethod
     def portable_level(lines: int) -> str:
@@ -102,14 +109,13 @@ class Compiler:
             return "-O0"
         return "-O1" if lines > LONG else "-O2"
 
-    def flags(self, unit: str) -> tuple[str, ...]:
+    def flags(self, unit: str, *, quick: bool = False) -> tuple[str, ...]:
         """Compiler flags for a translation unit.
 
-        With ``CONTINUUM_GRASP_QUICK_COMPILE=1`` in the environment long functions are not optimized: the controller and
-        plant of ``configs/mpc/steady_tip.yaml`` compile in 3 s instead of 29 s; its loop takes 2.7 s instead of 1.5 s.
+        ``quick``: long functions are not optimized, which takes a tenth of the time.
         """
         common = (*_COMMON, *((_NATIVE,) if _takes(self.command, _NATIVE) else ()))
-        if quick_compile():
+        if quick:
             # 300: lines of a unit's longest function up to which a quick build optimizes it, by -O1: what runs often is
             # short
             return (*common, "-O1" if longest_function(unit) <= 300 else "-O0")
@@ -118,32 +124,32 @@ class Compiler:
         of_gcc = (*_SPILLS, *(_GCC if unit.count("\n") <= _SHORT else ()))
         return (*common, *level, *(of_gcc if is_gcc else ()))
 
-    def identity(self, source: str) -> str:
+    def identity(self, source: str, *, quick: bool = False) -> str:
         """Everything that a compiled source depends on; this file decides on flags and translation units."""
-        rules = f"quick {quick_compile()}", Path(__file__).read_text(encoding="utf-8")
+        rules = f"quick {quick}", Path(__file__).read_text(encoding="utf-8")
         return "\0".join((*self.command, self.version, self.machine, *rules, source))
 
-    def build(self, source: Path, library: Path, what: str = "code") -> None:
+    def build(self, source: Path, library: Path, what: str = "code", *, quick: bool = False) -> None:
         """Compile a source file to a shared library; long functions apart, on all processors.
 
         What takes long is logged under ``continuum_grasp``, at its start and at its end.
         """
-        units = translation_units(source.read_text(encoding="utf-8"), LONG)
-        with _logged(what, units):
+        units = translation_units(source.read_text(encoding="utf-8"), LONG, quick=quick)
+        with _logged(what, units, quick):
             if len(units) == 1:
-                self.run([*self.flags(units[0]), "-shared", str(source), "-o", str(library), "-lm"])
+                self.run([*self.flags(units[0], quick=quick), "-shared", str(source), "-o", str(library), "-lm"])
             else:
                 objects = [str(source.with_suffix(f".{k}.o")) for k in range(len(units))]
                 with ThreadPoolExecutor(os.cpu_count()) as pool:
-                    list(pool.map(self._compile, units, objects))
+                    list(pool.map(partial(self._compile, quick=quick), units, objects))
                 self.run(["-shared", *objects, "-o", str(library), "-lm"])
         if not library.exists():
             raise CompileError(f"{shlex.join(self.command)}: no library was written")
 
-    def _compile(self, unit: str, to: str) -> None:
+    def _compile(self, unit: str, to: str, *, quick: bool) -> None:
         file = Path(to).with_suffix(".c")
         file.write_text(unit, encoding="utf-8")
-        self.run([*self.flags(unit), "-c", str(file), "-o", to])
+        self.run([*self.flags(unit, quick=quick), "-c", str(file), "-o", to])
 
     def run(self, arguments: Sequence[str], folder: Path | None = None) -> None:
         """Run the compiler, in a folder; CompileError if it fails, OSError where the disk is full."""
@@ -160,10 +166,10 @@ class Compiler:
 
 
 @contextmanager
-def _logged(what: str, units: Sequence[str]) -> Iterator[None]:
+def _logged(what: str, units: Sequence[str], quick: bool) -> Iterator[None]:
     """Log what is compiled and about how long that takes, and afterwards how long it took."""
     lines = [unit.count("\n") for unit in units]
-    per_line = _PER_LINE_QUICK if quick_compile() else _PER_LINE
+    per_line = _PER_LINE_QUICK if quick else _PER_LINE
     seconds = per_line * max(max(lines), sum(lines) / (os.cpu_count() or 1))
     level, start = logging.INFO if seconds > _ANNOUNCED else logging.DEBUG, time.monotonic()
     about = f"{float(f'{seconds:.1g}'):g}"
@@ -256,7 +262,7 @@ def longest_function(source: str) -> int:
     return max(function.count("\n") for function in _END.split(source))
 
 
-def translation_units(source: str, limit: int) -> list[str]:
+def translation_units(source: str, limit: int, *, quick: bool = False) -> list[str]:
     """Split a source into units that are compiled separately and linked: functions longer than ``limit`` lines apart.
 
     The source is one unit as the generators of this package write it: a function ends with a brace in the first column,
@@ -279,7 +285,7 @@ def translation_units(source: str, limit: int) -> list[str]:
             continue
         declared = f"{_HIDDEN if is_static else ''}{signature}"
         body = piece[head.end() :]
-        units.append(f"{before}{declared}\n{{\n{body if quick_compile() else _single_assignment(body)}")
+        units.append(f"{before}{declared}\n{{\n{body if quick else _single_assignment(body)}")
         whole += f"{lead}{declared};\n"
         before += f"{declared};\n"
     return [whole, *units]

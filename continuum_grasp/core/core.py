@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
-import warnings
+import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
@@ -24,15 +23,12 @@ from continuum_grasp.base import (
 )
 from continuum_grasp.core.batches import Batch
 from continuum_grasp.core.caller import Caller, check_moment, finite, section_check, shaped
-from continuum_grasp.core.compiler import CompileError, Compiler
+from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import HalfStepSignal, Rollouts, row
-from continuum_grasp.core.source import generated, rollout_source, rollouts_source
+from continuum_grasp.core.source import generated
 from continuum_grasp.model import FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
-
-_WARNED: set[str] = set()
-"""Reports of missing or failing compilers so far."""
 
 
 @check_arguments
@@ -98,13 +94,11 @@ class Core(Remade, Summarized):
     def __init__(self, model: FingerModel | System, *, compiled: bool = True) -> None:
         self._names = type(model).function_names()
         self.model: Any = model
-        self._compiler: Compiler | None = Compiler.find() if compiled else None
+        self.backend = Backend(compiled)
         self._callers: dict[str, Caller] = {}
         self._batches: dict[str, Batch] = {}
         self._rollouts: dict[tuple[str, bool], Rollouts] = {}
         self._steps: dict[str, ca.Function] = {}
-        if compiled and self._compiler is None:
-            _warn(Compiler.why_none())
 
     def headline(self) -> str:
         """Backend that the core runs on."""
@@ -117,7 +111,7 @@ class Core(Remade, Summarized):
     @property
     def compiled(self) -> bool:
         """Whether the code is compiled."""
-        return self._compiler is not None
+        return self.backend.compiler is not None
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name.startswith("_"):  # copy and pickle ask for private names before there are any functions
@@ -144,7 +138,8 @@ class Core(Remade, Summarized):
             function = getattr(self.model, name)
             nominal = np.array(self.model.p_nominal)
             source = partial(generated, function.name(), function)
-            self._callers[name] = Caller(function, partial(self.library, source), nominal, self.check_of(name))
+            code = FunctionCode(function, source, self.backend, from_python=True)
+            self._callers[name] = Caller(function, code, nominal, self.check_of(name))
         return self._callers[name]
 
     def check_of(self, name: str) -> Callable[[Sequence[Any]], None] | None:
@@ -184,7 +179,7 @@ class Core(Remade, Summarized):
             raise InputError(f"{name}: one number of states expected, got {sorted(counts)}")
         count = counts.pop()
         if name not in self._batches:
-            self._batches[name] = Batch(function, self.library)
+            self._batches[name] = Batch(function, self.backend)
         outputs = self._batches[name](count, rows)
         results = tuple(shaped(function, k, out) for k, out in enumerate(outputs))
         return results[0] if len(results) == 1 else results
@@ -267,7 +262,7 @@ class Core(Remade, Summarized):
         self.check_moment(inputs.rows)
         forces = HalfStepSignal.of("w", w, model.nw, rows, None if single else len(start))
         parameters = row("p", model.p_nominal if p is None else p, model.np)
-        run = self.prepare_rollout(method, single)
+        run = self.rollouts(method, single)
         states, valid = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
         if np.any(valid < steps):
             first = int(np.argmin(valid))
@@ -283,31 +278,15 @@ class Core(Remade, Summarized):
             )
         return states[0] if single else states
 
-    def prepare_rollout(self, method: str = "rk4", single: bool = True) -> Rollouts:
-        """Compile the rollouts of a method, from one state or from many, and give their caller."""
+    def rollouts(self, method: str = "rk4", single: bool = True) -> Rollouts:
+        """Caller of the rollouts of a method, from one state or from many."""
         step = self.step_function(method)
         if (method, single) not in self._rollouts:
-            library = self.library(partial(rollout_source if single else rollouts_source, step))
-            self._rollouts[method, single] = Rollouts(step, library, single)
+            self._rollouts[method, single] = Rollouts(step, self.backend, single)
         return self._rollouts[method, single]
 
-    def library(self, source: Callable[[], str]) -> ctypes.CDLL | None:
-        """The compiled library of a source, which is written only if there is a compiler."""
-        if self._compiler is None:
-            return None
-        try:
-            return ctypes.CDLL(str(self._compiler.library(source(), "the model")))
-        except (CompileError, OSError) as error:
-            _warn(f"compiling failed ({error})")
-            self._compiler = None  # what failed once would fail, and take its time, with every function
-            return None
-
-
-def _warn(why: str) -> None:
-    if why not in _WARNED:
-        _WARNED.add(why)
-        warnings.warn(
-            f"{why}: running on CasADi's virtual machine, which gives the same numbers 20 to 50 times slower",
-            RuntimeWarning,
-            stacklevel=4,  # the line of the user that made the core
-        )
+    def prepare_rollout(self, method: str = "rk4", single: bool = True, steps: float = math.inf) -> Rollouts:
+        """Compile the rollouts of a method, if so many steps pay for it, and give their caller."""
+        rollouts = self.rollouts(method, single)
+        rollouts.code.expect(steps)
+        return rollouts

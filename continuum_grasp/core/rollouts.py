@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array, InputError, real_array
 from continuum_grasp.core.caller import finite, pointer, pointers
-from continuum_grasp.core.compiler import CompileError, Compiler
-from continuum_grasp.core.source import rollout_source
+from continuum_grasp.core.code import Backend, FunctionCode
+from continuum_grasp.core.source import rollout_source, rollouts_source
 
 _CHUNK = 256
 """Steps per call of the virtual machine, so that Ctrl-C and a state that is not finite end the run soon [1]."""
@@ -53,29 +54,20 @@ class HalfStepSignal:
 class Rollouts:
     """Many steps from one state, or from many, in one call."""
 
-    def __init__(self, step: ca.Function, library: ctypes.CDLL | None, single: bool) -> None:
+    def __init__(self, step: ca.Function, backend: Backend, single: bool = True) -> None:
         self._step = step
         self._single = single
-        self._code = None
         self._chains: dict[int, ca.Function] = {}
-        if library is not None:
-            self._code = getattr(library, f"{step.name()}_{'levels' if single else 'rollouts'}")
-            self._code.restype = None
+        self.code = FunctionCode(step, partial(rollout_source if single else rollouts_source, step), backend)
 
-    @classmethod
-    def of(cls, step: ca.Function, compiled: bool = True, what: str = "the model") -> Rollouts:
-        """Rollouts from one state, in C where there is a compiler; the virtual machine gives the same numbers."""
-        compiler = Compiler.find() if compiled else None
-        library = None
-        if compiler is not None:
-            with suppress(CompileError, OSError):
-                library = ctypes.CDLL(str(compiler.library(rollout_source(step), what)))
-        return cls(step, library, True)
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the code is compiled."""
-        return self._code is not None
+    def _compiled(self, steps: int) -> Any:
+        """The compiled function for so many steps; None where the virtual machine takes them."""
+        library = self.code.library(steps)
+        if library is None:
+            return None
+        function = getattr(library, f"{self._step.name()}_{'levels' if self._single else 'rollouts'}")
+        function.restype = None
+        return function
 
     def __call__(
         self, x0: Array, keep: int, sub: int, h: float, u: HalfStepSignal, w: HalfStepSignal, p: Array
@@ -86,7 +78,8 @@ class Rollouts:
             return trajectory[None], valid
         states = np.full((len(x0), keep + 1, x0.shape[1]), np.nan)
         valid = np.zeros(len(x0), dtype=np.int64)
-        if self._code is None:
+        compiled = self._compiled(len(x0) * keep * sub)
+        if compiled is None:
             for r, start in enumerate(x0):
                 # One signal for all rollouts, or one each.
                 signals = u.rows[r % len(u.rows)], w.rows[r % len(w.rows)]
@@ -98,7 +91,7 @@ class Rollouts:
         own_w = (pointer(w.rows), whole(w.in_time), whole(w.per_rollout))
         integers, work = self._scratch()
         tail = (pointer(p), _whole_numbers(integers), pointer(work), pointer(states), _whole_numbers(valid))
-        self._code(*begin, *own_u, *own_w, *tail)
+        compiled(*begin, *own_u, *own_w, *tail)
         return states, valid
 
     def levels(
@@ -123,7 +116,8 @@ class Rollouts:
         counts = [keep if r == 1 else keep // every for r in ratios]
         states = [np.full((count + 1, x0.shape[1]), np.nan) for count in counts]
         valid = np.zeros(len(states), dtype=np.int64)
-        if self._code is None:
+        compiled = self._compiled(sum(keep * sub // r for r in ratios))
+        if compiled is None:
             for k, (r, count) in enumerate(zip(ratios, counts, strict=True)):
                 substeps = sub if r == 1 else sub * every // r
                 us, ws = (course.rows[0][:: r if course.in_time else 1] for course in (u, w))
@@ -136,7 +130,7 @@ class Rollouts:
         signals = (pointer(u.rows), whole(u.in_time), pointer(w.rows), whole(w.in_time))
         integers, work = self._scratch()
         tail = (pointer(p), _whole_numbers(integers), pointer(work), pointers(states), _whole_numbers(valid))
-        self._code(*begin, pointer(start), *signals, *tail)
+        compiled(*begin, pointer(start), *signals, *tail)
         return states, valid
 
     def _scratch(self) -> tuple[NDArray[np.int64], Array]:

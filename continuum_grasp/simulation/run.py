@@ -120,7 +120,7 @@ class _Run:
             "start_substeps": used.start.substeps,
             "steps_taken": self._stepper.taken,
             "spectral_radius": used.radius,
-            "compiled": self._core.compiled,
+            "code": str(self._stepper.code(used)),
             "integration_s": took,
             "real_time_factor": (len(states) - 1) * self._time.step / max(took, 1e-12),
             "total_s": perf_counter() - started,

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array, Interrupted, NumericalError, interrupts_held
-from continuum_grasp.core import Core, HalfStepSignal
+from continuum_grasp.core import CodeKind, Core, HalfStepSignal
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.contacts import greatest_motion
@@ -139,7 +139,12 @@ class Stepper:
         # Before the motion is timed; the positions' function is compiled by its first call.
         self._ends(np.zeros((1, self._model.nx)), np.zeros((1, self._model.nu)))
         if plan.method != "reference":
-            self.core.prepare_rollout(plan.method)
+            steps = self.steps * plan.substeps
+            self.core.prepare_rollout(plan.method, steps=sum(steps / ratio for ratio in (1, *plan.ratios)))
+
+    def code(self, plan: SteppingPlan) -> CodeKind:
+        """Kind of code that takes the steps of a plan."""
+        return CodeKind.INTERPRETED if plan.method == "reference" else self.core.rollouts(plan.method).code.kind
 
     def run(self, x0: Array, plan: SteppingPlan) -> Motion:
         """Integrate until the end, an error, Ctrl-C, or a time error beyond the plan's tolerance."""
@@ -206,7 +211,7 @@ class Stepper:
             HalfStepSignal.of("w", w, self.core.model.nw, rows, None),
         )
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
-        run = self.core.prepare_rollout(plan.method)
+        run = self.core.rollouts(plan.method)
         p = np.array(self.core.model.p_nominal, dtype=float)
         states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
         self.taken += sum(count * plan.substeps // ratio for ratio in ratios)

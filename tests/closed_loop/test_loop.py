@@ -328,6 +328,7 @@ def test_metrics_by_hand():
         bounds=(Bound("wall", "m", np.array([-1e-3] * 8 + [2e-3] * 2), 0.18),),
         phase_names=("estimate", "feedback"),
         phase_times=np.stack([np.full(10, 1e-5), [*np.linspace(1e-5, 9e-5, 9), 0.02]], axis=1),
+        statistics={"controller_code": "optimized"},
         status=("solved",) * 9 + ("safe_ramp",),
         anomalies=((),) * 9 + (("late", "outlier"),),
         health=("ok",) * 8 + ("mismatch",) * 2,

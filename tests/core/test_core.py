@@ -22,10 +22,12 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.base import InputError, NumericalError
 from continuum_grasp.core import (
+    Backend,
     CompileError,
     Compiler,
     Scan,
     cache,
+    code,
     core,
     step_function,
 )
@@ -253,7 +255,7 @@ def test_a_recursion_without_a_compiler_is_that_of_its_steps(back):
     """Three rows of a signal hold for two steps each, two rows of a result are sums over three."""
     carry, signal = ca.SX.sym("carry"), ca.SX.sym("signal")
     function = ca.Function("f", [carry, signal], [carry + signal, carry * signal])
-    scan, given = Scan(function, lambda source: None), np.array([1.0, 2.0, 4.0])
+    scan, given = Scan(function, Backend(compiled=False)), np.array([1.0, 2.0, 4.0])
     found, sums = scan(6, [np.array([[0.5]]), given.reshape(1, 3, 1)], [2], back)
     way = -1 if back else 1
     each = np.repeat(given, 2)[::way]
@@ -426,7 +428,7 @@ MISSING = {
 def test_without_a_compiler_all_runs_on_the_virtual_machine(name, monkeypatch, tmp_path):
     model, compiled = small()
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(core, "_WARNED", set())
+    monkeypatch.setattr(code, "_WARNED", set())
     MISSING[name](monkeypatch, tmp_path)
     x0, steps = state(model, 0.3).x, 6
     u, w = signals(model, 2 * steps * 2 + 1, 0.01)
@@ -479,7 +481,7 @@ def test_why_there_is_no_compiler(name, monkeypatch):
         monkeypatch.setenv("CC", named)
     assert Compiler.find() is None
     assert words in Compiler.why_none()
-    monkeypatch.setattr(core, "_WARNED", set())
+    monkeypatch.setattr(code, "_WARNED", set())
     with pytest.warns(RuntimeWarning, match="virtual machine") as caught:
         cg.compile(small()[0], ())
     assert words in str(caught[0].message)
@@ -488,7 +490,7 @@ def test_why_there_is_no_compiler(name, monkeypatch):
 def test_divergence_without_a_compiler(monkeypatch):
     model, compiled = small()
     monkeypatch.setenv("CC", "no-such-compiler")
-    monkeypatch.setattr(core, "_WARNED", {Compiler.why_none()})
+    monkeypatch.setattr(code, "_WARNED", {Compiler.why_none()})
     results = []
     for c in (cg.compile(model), compiled):
         with pytest.raises(NumericalError) as caught:
@@ -500,7 +502,7 @@ def test_divergence_without_a_compiler(monkeypatch):
 
 @needs_compiler
 def test_with_a_compiler_nothing_is_said(monkeypatch):
-    monkeypatch.setattr(core, "_WARNED", set())
+    monkeypatch.setattr(code, "_WARNED", set())
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert cg.compile(small()[0]).compiled
@@ -519,9 +521,9 @@ def builds(monkeypatch, tmp_path):
     made: list[Path] = []
     build = Compiler.build
 
-    def counted(self, source, library, what):
+    def counted(self, source, library, what, *, quick):
         made.append(library)
-        return build(self, source, library, what)
+        return build(self, source, library, what, quick=quick)
 
     monkeypatch.setattr(Compiler, "build", counted)
     return made
@@ -670,7 +672,7 @@ def test_a_refused_source_leaves_nothing(builds):
 @pytest.mark.deep
 @needs_compiler
 def test_processes_may_build_the_same_at_once(builds):
-    code = (
+    program = (
         "import ctypes;"
         "from continuum_grasp.core import Compiler;"
         f"path = Compiler.find().library({SOURCE!r});"
@@ -678,7 +680,7 @@ def test_processes_may_build_the_same_at_once(builds):
     )
     running = [
         subprocess.Popen(
-            [sys.executable, "-c", code],
+            [sys.executable, "-c", program],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

@@ -10,7 +10,6 @@ import os
 import pickle
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -144,7 +143,6 @@ def test_one_process_at_a_time_compiles(folder):
 
 def test_without_a_compiler_equations_are_built(folder, loads, monkeypatch):
     monkeypatch.setenv("CC", "")
-    monkeypatch.setattr(problem, "_compile_later", pytest.fail)
     problem.compile_equations([small()])
     assert problem.equations(small()).layout.x.size == problem.expressions(small()).x.size
     assert not loads
@@ -152,19 +150,15 @@ def test_without_a_compiler_equations_are_built(folder, loads, monkeypatch):
 
 
 @needs_compiler
-@pytest.mark.parametrize("usable", [True, False])
-def test_what_is_compiled_later_is_what_was_built(usable, folder, monkeypatch):
-    monkeypatch.setenv("CONTINUUM_GRASP_BACKGROUND", "1")
-    monkeypatch.setattr(problem, "_wanted", {})
-    asked = []
-    monkeypatch.setattr(problem.atexit, "register", asked.append)
-    if not usable:
-        folder.write_text("a file in its place")
-    specs = [replace(small(), wrenches=count) for count in range(problem._MOST + 2)]
-    for spec in specs:
-        problem._compile_later(spec)
-    assert list(problem._wanted) == (specs[: problem._MOST] if usable else [])
-    assert asked == [problem._start_compiling] * usable
+def test_only_where_optimized_code_is_asked_for_are_equations_compiled(folder, loads, monkeypatch):
+    """And at once, in the process that asks."""
+    monkeypatch.delenv("CONTINUUM_GRASP_QUICK_COMPILE", raising=False)
+    problem.equations(small())
+    assert not list(folder.glob("*.so"))
+    monkeypatch.setenv("CONTINUUM_GRASP_QUICK_COMPILE", "0")
+    problem.equations(small())
+    assert len(list(folder.glob("*.so"))) == 1
+    assert loads == [small()]
 
 
 def test_libraries_used_last_stay(folder):
@@ -180,8 +174,8 @@ def test_libraries_used_last_stay(folder):
 
 @pytest.mark.deep
 @needs_compiler
-def test_the_next_process_finds_the_same_grasp_from_compiled_equations(tmp_path):
-    env = {**os.environ, "CONTINUUM_GRASP_CACHE": str(tmp_path), "CONTINUUM_GRASP_BACKGROUND": "1"}
+def test_compiled_equations_find_the_same_grasp(tmp_path):
+    env = {**os.environ, "CONTINUUM_GRASP_CACHE": str(tmp_path)}
 
     def solved():
         command = [sys.executable, "-c", SOLVE, str(CONFIGS / "mug.yaml")]
@@ -190,9 +184,8 @@ def test_the_next_process_finds_the_same_grasp_from_compiled_equations(tmp_path)
 
     loaded, plain = solved()
     assert not loaded
-    until = time.monotonic() + 600.0
-    while not list((tmp_path / problem.KIND).glob("*.json")) and time.monotonic() < until:
-        time.sleep(0.2)
-    loaded, compiled = solved()
-    assert loaded
-    assert compiled == plain
+    env["CONTINUUM_GRASP_QUICK_COMPILE"] = "0"
+    for _ in range(2):  # compiled, then from the cache
+        loaded, compiled = solved()
+        assert loaded
+        assert compiled == plain

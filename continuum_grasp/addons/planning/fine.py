@@ -15,7 +15,7 @@ from continuum_grasp.addons.planning.result import Deviation, MotionPlan, PlanSt
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.control import Prediction
-from continuum_grasp.core import HalfStepSignal, Rollouts, step_function
+from continuum_grasp.core import Backend, HalfStepSignal, Rollouts, step_function
 from continuum_grasp.scene import INTEGRATORS
 
 PARTS = 64
@@ -111,9 +111,9 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
         scaled = slowed(model.x * units, *inputs[1:], part) / units
         implicit = ca.Function("implicit", [*inputs, part], [ca.cse(scaled)], [*names, "part"], ["k"])
         functions.implicit = lambda: implicit
-    # Four evaluations per step of rk4.
-    # 20_000_000: instructions of a whole motion from which on it is compiled
-    return Rollouts.of(step_function(functions, method), 4 * dynamics.n_instructions() * steps > 20_000_000)
+    rollouts = Rollouts(step_function(functions, method), Backend())
+    rollouts.code.expect(steps)
+    return rollouts
 
 
 def places(model: Prediction, x: Array, u: Array) -> Array:

@@ -161,13 +161,13 @@ def scenario_settings(stages: Stages) -> dict[str, NDArray[np.float64]]:
     return {"share": weights, "scale": scale if none is None else none, "shift": shift if none is None else none}
 
 
-def load_library(source: str, what: str) -> ctypes.CDLL:
+def load_library(source: str, what: str, *, quick: bool | None = None) -> ctypes.CDLL:
     """Compile a C source, or find it in the cache, and load it; messages call it ``what``."""
     compiler = Compiler.find()
     if compiler is None:
         raise InputError(f"{what} needs a C compiler: {Compiler.why_none()}")
     try:
-        return ctypes.CDLL(str(compiler.library(source, what)))
+        return ctypes.CDLL(str(compiler.library(source, what, quick=quick)))
     except (CompileError, OSError) as error:
         raise InputError(f"{what} needs a C compiler, and compiling failed: {error}") from error
 

@@ -1,19 +1,14 @@
-"""The equations of a grasp problem: from its expressions, or compiled after an earlier process had used them.
+"""The equations of a grasp problem: from its expressions, or from a library that was compiled on request.
 
-Expressions and derivatives take 0.1 to 0.3 s, a compiled library of them some milliseconds. Another process makes it
-when the one that built the equations ends: at ``-O0`` and without fused operations, so that a grasp is the same to the
-last bit. Compiling takes 2 s of four elements; with ``-O1`` it would take 8 s, for a Jacobian of 60 in place of 80 us.
+Expressions and derivatives take 0.1 to 0.3 s, a compiled library of them some milliseconds. It is compiled where
+optimized code is asked for, at ``-O0`` and without fused operations, so that a grasp is the same to the last bit.
+Compiling takes 2 s of four elements; with ``-O1`` it would take 8 s, for a Jacobian of 60 in place of 80 us.
 """
 
 from __future__ import annotations
 
-import atexit
 import ctypes
 import json
-import os
-import pickle
-import subprocess
-import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.core import Cache, CompileError, Compiler, externals_source
+from continuum_grasp.core import Cache, CodeKind, CompileError, Compiler, externals_source, forced
 from continuum_grasp.grasp.problem.points import BACKBONE_POINTS
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -39,9 +34,6 @@ _LIBRARIES = Cache(KIND)
 _CODE = ("grasp/problem", "model", "nlp", "scene")
 """Packages whose code decides on the equations."""
 _FLAGS = ("-std=gnu11", "-O0", "-ffp-contract=off", "-fPIC", "-w")
-_MOST = 8
-"""Structures that are compiled after a process has used them, 2 to 10 s each: a search of many random scenes does not
-leave an hour of it."""
 _VALUES = ("nlp_f", "nlp_g", "values", "places")
 _DERIVATIVES = {"grad_f": "nlp_grad_f", "jac_g": "nlp_jac_g", "hess_lag": "nlp_hess_l", "slope": "nlp_slope"}
 """Names of a library's functions."""
@@ -58,14 +50,15 @@ class GraspEquations:
 
 
 def equations(spec: ProblemSpec) -> GraspEquations:
-    """The equations of a structure; those of expressions are compiled when this process ends, for the next one."""
+    """The equations of a structure, from its library where that is in the cache, or where all code is optimized."""
     compiler = Compiler.find()
     if compiler is not None:
+        if forced() is CodeKind.OPTIMIZED:
+            compile_equations([spec])
         library = _LIBRARIES.known(_identity(spec, compiler))
         if library is not None:
             with suppress(OSError, RuntimeError):  # of another C library, say
                 return _loaded(spec, library)
-        _compile_later(spec)
     return _built(spec)
 
 
@@ -97,37 +90,7 @@ def _identity(spec: ProblemSpec, compiler: Compiler) -> str:
     return "\0".join((repr(spec), *versions, compiler.identity(" ".join(_FLAGS))))
 
 
-# -- for the next process ----------------------------------------------------------------------------------------------
-
-_wanted: dict[ProblemSpec, None] = {}
-
-
-def _compile_later(spec: ProblemSpec) -> None:
-    """Compile a structure when this process ends."""
-    if os.environ.get("CONTINUUM_GRASP_BACKGROUND") == "0" or not _LIBRARIES.lasts:
-        return
-    if not _wanted:
-        atexit.register(_start_compiling)
-    if len(_wanted) < _MOST:
-        _wanted[spec] = None
-
-
-def _start_compiling() -> None:
-    """Start the process that compiles, which goes on alone."""
-    path = os.pathsep.join(part for part in sys.path if part)
-    with suppress(OSError, ValueError):
-        child = subprocess.Popen(
-            [sys.executable, "-m", "continuum_grasp.grasp.problem.equations"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": path},
-            start_new_session=True,
-        )
-        if child.stdin is not None:
-            child.stdin.write(pickle.dumps(list(_wanted)))
-            child.stdin.close()
-        child.returncode = 0  # else Python warns that it still runs
+# -- compiled libraries ------------------------------------------------------------------------------------------------
 
 
 def compile_equations(specs: Iterable[ProblemSpec]) -> None:
@@ -226,9 +189,3 @@ def point_reader(problem: GraspProblem) -> ca.Function:
         line = place.map(BACKBONE_POINTS, [False, True, True], [False])(along, mx, mp)
         out += [*values[shared + 5 * k : shared + 5 + 5 * k], line]
     return ca.Function("values", [mx, mp], out)
-
-
-if __name__ == "__main__":
-    if hasattr(os, "nice"):
-        os.nice(19)
-    compile_equations(pickle.load(sys.stdin.buffer))
