@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import eigh, eigvalsh
-from scipy.optimize import brentq
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model import Motor, Winch
@@ -95,6 +93,8 @@ class Links:
         A mode with damping d and stiffness k has the decay time d / k; it is the same in all where the damping goes
         with the stiffness. ``ratio`` is a factor of the stiffness.
         """
+        from scipy.linalg import eigh
+
         squares, modes = eigh(np.diag(ratio * self.stiffness), self.mass_matrix)
         decay = np.einsum("ka,k,ka->a", modes, self.damping, modes) / squares
         return np.sqrt(squares), decay
@@ -131,6 +131,9 @@ class Links:
         longest = float(np.min(decay + np.sqrt(decay**2 + 4.0 / pulsations**2)))
         if springs is None or not springs.any():
             return longest
+        from scipy.linalg import eigvalsh
+        from scipy.optimize import brentq
+
         # No modes of the damping any more: the same condition, of the matrices.
         mass, stiffness = 4.0 * self.mass_matrix, np.diag(ratio * self.stiffness) + springs
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from os import PathLike
 
 import numpy as np
-from scipy.optimize import brentq
 
 from continuum_grasp.addons.mission.assignment import LARGEST, Assignment
 from continuum_grasp.addons.mission.budget import (
@@ -230,6 +229,8 @@ class _OnPlant:
 
         def spare(share: float) -> float:
             return self._carried(share * self.friction) - self.mass
+
+        from scipy.optimize import brentq
 
         enough = next((share for share in 2.0 ** np.arange(20.0) if spare(share) >= 0.0), np.inf)
         return float(brentq(spare, 0.0, enough, xtol=1e-6)) if np.isfinite(enough) else float("inf")

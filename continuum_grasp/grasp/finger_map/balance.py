@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.finger_map.fill import FingerMap, conditions, is_sane, shape_limits
@@ -355,6 +354,8 @@ class ObjectBalance:
         *others, last = picks
         index = np.stack(np.meshgrid(*others, indexing="ij"), axis=-1).reshape(-1, count - 1)
         need = -(self._loads + sum(wrenches[k][index[:, k]] for k in range(count - 1)))
+        from scipy.spatial import cKDTree
+
         tree = cKDTree(wrenches[-1][last] / self.force)
         # 3: samples of the last finger per combination of the others
         nearest = min(3, len(last))

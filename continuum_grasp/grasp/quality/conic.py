@@ -10,7 +10,6 @@ from typing import Literal
 import clarabel
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csc_matrix, diags_array
 
 from continuum_grasp.base import Array, InputError
 
@@ -93,6 +92,8 @@ def solve_conic(
     nowhere = np.full(n, np.nan)
     if (low > high).any() or (low == np.inf).any() or (high == -np.inf).any():
         return ConicOutcome("infeasible", nowhere, float("nan"), float("nan"))
+    from scipy.sparse import csc_matrix, diags_array
+
     equal, most, least = low == high, (low < high) & np.isfinite(high), (low < high) & np.isfinite(low)
     curved, offsets = cones.rows() if cones is not None else (np.zeros((0, n)), np.zeros(0))
     matrix = np.concatenate([every[equal], every[most], -every[least], curved])
