@@ -26,6 +26,8 @@ from continuum_grasp.scene import (
 )
 from continuum_grasp.simulation import initial_state
 
+_OFFSET = "tip_offset [m]"
+"""Parameter that is the error of the measured tip across its path."""
 _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""
 
@@ -72,6 +74,7 @@ class Prediction(Remade):
         self.scene = scene
         finger, fidelity = scene.predicted_finger, scene.fidelity
         self._couple = "tip_moment" in scene.disturbances
+        self._offset = "tip_offset" in scene.disturbances
         tip_force = bool(scene.contacts) or "tip_force" in scene.disturbances
         moved = "object_position" in scene.disturbances
         stations = (*(f"{k + 1}" for k in range(len(scene.contacts))), "tip")
@@ -103,6 +106,8 @@ class Prediction(Remade):
         self.x_names = (*system.x_names, *lag_names)
         self.u_names = tuple(system.u_names[: len(scene.input_limits[0])])
         extra = {"missing_tip_moment [N m]": 0.0} if self._couple else {}
+        if self._offset:
+            extra[_OFFSET] = 0.0
         if self._own_lag is not None and _LAG in scene.model_parameters:
             extra[f"{_LAG} [s]"] = self._own_lag
         self.p_names = (*system.p_names, *system.w_names, *extra)
@@ -202,8 +207,14 @@ class Prediction(Remade):
 
     @cached_property
     def tip(self) -> ca.Function:
-        """World position of the tip, r (2) [m]."""
-        return self._function("tip", r=self.system.tip(*self._of_system))
+        """World position of the tip, r (2) [m], as a camera sees it that is off by the parameter ``tip_offset``."""
+        tip = self.system.tip(*self._of_system)
+        if self._offset:
+            # The path of a finger that bends evenly by phi is normal to 2/3 phi: a moment at the tip of a straight beam
+            # moves it by L phi / 2 aside and L phi^2 / 6 back. At 1.5 rad, 0.01 rad are left.
+            across = self.scene.finger.base.angle + ca.sum1(self.system.bending(*self._of_system)) * (2.0 / 3.0)
+            tip += self.p[self.p_names.index(_OFFSET)] * ca.vertcat(-ca.sin(across), ca.cos(across))
+        return self._function("tip", r=tip)
 
     def sections(self, at: tuple[float, ...]) -> ca.Function:
         """World positions r (2, K) [m] and angles (K) [rad] of the sections at positions along the finger [m]."""

@@ -246,7 +246,7 @@ class CommandedScene(FingerScene):
 
     @property
     def disturbances(self) -> frozenset[str]:
-        """Disturbances that are parameters of the model: tip_force, tip_moment, object_position, contact_friction."""
+        """Disturbances that are parameters of the model: tip_force, tip_moment, tip_offset, object_position, ..."""
         return frozenset()
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.estimation.adaptation import AdaptedState
+from continuum_grasp.control.estimation.detection import check_detectable
 from continuum_grasp.control.ocp.cost_terms import predicted
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core import call, differentiated_step, straight_function
@@ -28,6 +29,7 @@ _DISTURBANCES = (
     ("contact_friction", r"(contact_friction_\w+) \[1\]", r"unknown_\1 [1]"),
     ("object_position", r"(object_[xy]) \[m\]", r"\1_error [m]"),
     ("tip_moment", r"missing_tip_moment \[N m\]", r"missing_tip_moment [N m]"),
+    ("tip_offset", r"tip_offset \[m\]", r"tip_offset_error [m]"),
     ("bending_stiffness", r"bending_stiffness \[.+\]", r"bending_stiffness_error [1]"),
     ("tendon_friction", r"tendon_friction \[1\]", r"tendon_friction_error [1]"),
     ("tip_mass", r"tip_mass \[kg\]", r"tip_mass_error [kg]"),
@@ -124,13 +126,15 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     by_d = ca.mtimes(ca.jacobian(rate, p), ca.substitute(ca.jacobian(full, d), p, nominal))
     derivatives = {"rate": rate, "jacobian": ca.horzcat(ca.jacobian(rate, model.x), by_d)}
     slope = straight_function("estimator_slope", inputs | {"nominal": nominal}, derivatives)
+    outputs_of = function("estimator_outputs", inputs, y=outputs, H=ca.jacobian(outputs, z))
+    check_detectable(model, [disturbance.name for disturbance in disturbances], slope, outputs_of)
     step, flow, single = _steps(slope, parameters, method)
     z_names = (*model.x_names, *(disturbance.name for disturbance in disturbances))
     return Estimation(
         step=step,
         flow=flow,
         single=single if INTEGRATORS[method].stable is None else None,
-        outputs=function("estimator_outputs", inputs, y=outputs, H=ca.jacobian(outputs, z)),
+        outputs=outputs_of,
         parameters=parameters,
         contact_forces=_contact_forces(model, disturbances),
         nx=model.nx,

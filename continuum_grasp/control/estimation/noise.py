@@ -35,6 +35,8 @@ the model's series are accurate within its range only."""
 _SEEN = 10.0
 """Greatest distance of an object from the base that a camera may show, in finger lengths [1]: far out of reach, but not
 in millimeters."""
+_SEEN_OFF = 0.1
+"""Greatest error of a measured tip across its path, in finger lengths [1]: a camera that is turned by 6 degrees."""
 _FORCES = 100.0
 """Greatest unknown force as a multiple of EI/L2 [1]: 2.5 EI/L2 buckles a clamped rod, so this is far beyond any
 touch."""
@@ -172,6 +174,7 @@ def _unknown_range(model: Prediction, stages: Stages, name: str) -> tuple[float,
         "bending_stiffness": (-0.9, 9.0),  # from a tenth to ten times the nominal one
         "tendon_friction": (-1.0, 9.0),  # from none to ten times the nominal one
         "object_": (-rod.length, rod.length),
+        "tip_offset": (-_SEEN_OFF * rod.length, _SEEN_OFF * rod.length),
         "unknown_contact_friction": (-1.0, 1.0),  # of its limit
     }
     greatest = _greatest_unknown(model, name)
@@ -229,7 +232,7 @@ def _parameter_range(model: Prediction, name: str, nominal: float) -> tuple[floa
         greatest = _KNOWN * _greatest_unknown(model, name)
         return (-greatest, greatest)
     # Of either sign, or nominally zero.
-    if name.startswith(("gravity", "base_", "rest_curvature", "object_")):
+    if name.startswith(("gravity", "base_", "rest_curvature", "object_", "tip_offset")):
         return (-UNLIMITED, UNLIMITED)
     # Stiffness, masses and the like are positive; one that is nominally zero has no scale of its own.
     return (1e-3 * nominal, 1e3 * nominal) if nominal > 0.0 else (0.0, UNLIMITED)

@@ -1,0 +1,72 @@
+"""Whether the sensors of a finger at rest tell its disturbances apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from continuum_grasp.base import Array, InputError
+from continuum_grasp.control.prediction import Prediction
+
+_SHAPES = 8
+"""Shapes at which it is tested [1]; one is enough, since a straight finger shows no stiffness."""
+_ZERO = 1e-9
+"""Singular value that counts as zero, as a share of the greatest, and part of a vector of length 1 [1]: rounding leaves
+1e-16, and the least of shipped loops is 7e-8 (configs/mpc/spirob.yaml)."""
+_AT_REST = ("missing_tip_moment", "unknown_tip_", "bending_stiffness_error", "tip_offset_error")
+"""Beginnings of the names of disturbances that a finger at rest, without contact, shows."""
+
+
+def check_detectable(model: Prediction, names: Sequence[str], slope: ca.Function, outputs: ca.Function) -> None:
+    """Refuse a ``tip_offset`` beside disturbances from which no sensor tells it.
+
+    A filter that ends without an offset needs disturbances d that are detectable: [A B; C D] of x' = A x + B d and
+    y = C x + D d has full column rank (G. Pannocchia, J. B. Rawlings, doi:10.1002/aic.690490213, proposition 1; of
+    nonlinear models U. Maeder, F. Borrelli, M. Morari, doi:10.1016/j.automatica.2009.05.007, at the setpoint). Here no
+    vector of its null space may have a part in d, at one of some shapes.
+
+    Parameters
+    ----------
+    model : Prediction
+    names : sequence of str
+        Disturbances with their units.
+    slope : casadi.Function
+        (z, u, p, p) -> x', [A B].
+    outputs : casadi.Function
+        (z, u, p) -> y, [C D].
+
+    Raises
+    ------
+    InputError
+        If at no shape they are detectable.
+    """
+    if not any(name.startswith("tip_offset") for name in names):
+        return
+    shown = [k for k, name in enumerate(names) if name.startswith(_AT_REST)]
+    columns = [*range(model.nx), *(model.nx + k for k in shown)]
+    least, most = (np.array(limit) for limit in model.scene.input_limits)
+    u, p = 0.7 * least + 0.3 * most, np.array(model.p_nominal)
+    for shape in model.shapes(_SHAPES):
+        z = np.concatenate([model.at_rest(shape, u), np.zeros(len(names))])
+        rows = np.vstack([np.array(slope(z, u, p, p)[1]), np.array(outputs(z, u, p)[1])])[:, columns]
+        if np.all(np.isfinite(rows)) and _tells(rows, model.nx):
+            return
+    words = ", ".join(names[k].split(" ")[0] for k in shown)
+    raise InputError(
+        f"at rest, sensors do not tell {words} apart: expected tip_offset with one disturbance that moves the tip "
+        "along its path (tip_moment or bending_stiffness), or more sensors, such as bending",
+        key="estimator.disturbances",
+    )
+
+
+def _tells(rows: Array, nx: int) -> bool:
+    """Whether the null space has no part beyond the first nx entries; rows and columns are brought to one size."""
+    scaled = rows.copy()
+    for axis in (0, 1, 0, 1):
+        size = np.linalg.norm(scaled, axis=axis, keepdims=True)
+        scaled = scaled / np.where(size > 0.0, size, 1.0)
+    _, sizes, vectors = np.linalg.svd(scaled)
+    sizes = np.concatenate([sizes, np.zeros(vectors.shape[0] - sizes.size)])
+    return bool(np.all(np.abs(vectors[sizes <= _ZERO * sizes[0], nx:]) <= _ZERO))

@@ -1,0 +1,104 @@
+"""The error of a measured tip across its path: its direction, what it costs a setpoint, and what sensors tell."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from continuum_grasp.base import InputError
+from continuum_grasp.closed_loop import SimulatedBench
+from continuum_grasp.control import Controller, Estimator, Prediction
+from continuum_grasp.core import Compiler
+from continuum_grasp.scene import load
+
+pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
+
+SCENE = "configs/mpc/steady_tip.yaml"
+SETPOINT = np.array([-0.0827, 0.1515])
+LENGTH = 0.18
+
+
+def arc_tip(bend: float) -> np.ndarray:
+    """Tip of an arc from the origin along y."""
+    return LENGTH / bend * np.array([math.cos(bend) - 1.0, math.sin(bend)])
+
+
+@lru_cache
+def prediction() -> Prediction:
+    return Prediction(load(SCENE, ["fidelity.family=arc"]))
+
+
+@pytest.mark.parametrize("bend", [-1.5, -0.4, 0.1, 0.8, 1.5])
+def test_the_offset_is_across_the_path_of_an_even_bend(bend):
+    """The path of an arc's tip, by differences of its closed form."""
+    model = prediction()
+    p = np.array(model.p_nominal)
+    state = model.at_rest([bend / model.system.finger_model.n] * model.system.finger_model.n, [1.0, 1.0])
+    tip = [np.array(model.tip(state, [1.0, 1.0], p + offset * np.eye(len(p))[-1])).ravel() for offset in (0.0, 1e-3)]
+    across = (tip[1] - tip[0]) / 1e-3
+    along = arc_tip(bend + 1e-4) - arc_tip(bend - 1e-4)
+    assert np.linalg.norm(across) == pytest.approx(1.0)
+    assert across @ along / np.linalg.norm(along) == pytest.approx(0.0, abs=0.03)
+    assert across[1] > 0.0
+
+
+CAMERAS = {
+    "as it is": lambda tip: tip,
+    "scale + 1 %": lambda tip: 1.01 * tip,
+    "scale - 1 %": lambda tip: 0.99 * tip,
+    "turned by 1 degree": lambda tip: np.array([tip[0] - 0.01745 * tip[1], tip[1] + 0.01745 * tip[0]]),
+    "shifted": lambda tip: tip + np.array([0.0, 1e-3]),
+}
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_a_setpoint_is_met_in_what_is_measured_as_far_as_the_path_leads(camera):
+    """What stays is across the path of the tip, and no more than the camera is off."""
+    scene = load(SCENE)
+    control, bench = Controller(scene, deadline=math.inf), SimulatedBench(scene)
+    tips, seen = [], []
+    for _ in range(500):
+        y = np.array(bench.read(), dtype=float)
+        tips.append(y[:2].copy())
+        y[:2] = CAMERAS[camera](y[:2])
+        seen.append(y[:2].copy())
+        bench.write(control.step(y))
+        bench.idle()
+    tip, measured = np.mean(tips[-150:], axis=0), np.mean(seen[-150:], axis=0)
+    bend = 2.0 * math.atan2(-tip[0], tip[1])
+    along = arc_tip(bend + 1e-4) - arc_tip(bend - 1e-4)
+    off = measured - SETPOINT
+    assert abs(off @ along / np.linalg.norm(along)) < 0.5e-3
+    assert np.linalg.norm(off) < np.linalg.norm(measured - tip) + 0.5e-3
+
+
+@pytest.mark.parametrize(
+    ("disturbances", "words"),
+    [
+        ("{tip_force: 0.1, tip_offset: 0.001}", "unknown_tip_x, unknown_tip_y, tip_offset_error"),
+        ("{tip_moment: 0.01, tip_force: 0.1, tip_offset: 0.001}", "missing_tip_moment"),
+        ("{tip_moment: 0.01, tip_offset: 0.001}", ""),
+        ("{tip_offset: 0.001}", ""),
+        ("{bending_stiffness: 0.1, tip_offset: 0.001}", ""),
+        ("{tip_moment: 0.01, bending_stiffness: 0.1, tip_offset: 0.001}", "bending_stiffness_error"),
+    ],
+)
+def test_what_sensors_do_not_tell_apart_is_refused(disturbances, words):
+    changes = [f"estimator.disturbances={disturbances}"]
+    if "stiffness" in disturbances:
+        changes.append("parameters=[bending_stiffness]")
+    scene = load(SCENE, changes)
+    if not words:
+        assert "tip_offset_error [m]" in Estimator(scene).names
+        return
+    with pytest.raises(InputError, match=f"do not tell .*{words}.* apart.*tip_moment or bending_stiffness"):
+        Estimator(scene)
+
+
+def test_an_offset_needs_a_camera():
+    with pytest.raises(InputError, match="tip_offset: needs a camera that sees the tip"):
+        load(SCENE, ["estimator.measured={bending: {at: [0.18], std: 0.003}}"])
