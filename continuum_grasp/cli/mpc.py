@@ -51,7 +51,7 @@ def mpc(
     if isinstance(scene, ControlScene):
         _control(scene, output, times)
     elif trials is None:
-        _carry_out(scene, output)
+        _carry_out(scene, output, times)
     else:
         _try_out(_with_trials(trials, seed, output), jobs, output)
 
@@ -79,12 +79,14 @@ def _with_trials(trials: str, seed: int | None, output: Output) -> Any:
     return replace(output, changes=[*(output.changes or ()), *count, *seeding]).scene(MissionScene)
 
 
-def _carry_out(scene: MissionScene, output: Output) -> None:
+def _carry_out(scene: MissionScene, output: Output, times: bool) -> None:
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if it failed."""
     from continuum_grasp.addons.mission import run_mission
 
     grasp = _grasp(scene, output)
-    run, files = output.run("carrying it out", lambda report: run_mission(scene, grasp=grasp, progress=report))
+    run, files = output.run(
+        "carrying it out", lambda report: run_mission(scene, grasp=grasp, progress=report, times=times)
+    )
     said = {limit.text for limit in run.exceeded}  # before the run
     output.warn(text for text in run.warnings if text not in said)
     output.pairs(run.verdict.pairs())
@@ -93,10 +95,14 @@ def _carry_out(scene: MissionScene, output: Output) -> None:
     metrics = {name: finger.metrics() for name, finger in run.fingers.items()}
     for name, finger_metrics in metrics.items():
         output.say("" if run.run is not None else f"\nfinger {name}")
-        output.table(*finger_metrics.time_rows())
-        output.say("")
+        if finger_metrics.times:
+            output.table(*finger_metrics.time_rows())
+            output.say("")
         pairs = finger_metrics.pairs()
-        output.pairs({key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")})
+        output.pairs(
+            {key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")}
+            | {"code": run.fingers[name].code}
+        )
     counted = {name: asdict(finger_metrics) for name, finger_metrics in metrics.items()}
     of_run = counted if run.run is None else next(iter(counted.values()))
     output.conclude(run, files, **run.findings(), pulls=run.pulls, metrics=of_run)

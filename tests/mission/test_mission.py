@@ -604,7 +604,7 @@ def test_the_command_of_many_plants_fails_with_one(monkeypatch, held, tmp_path):
 
 def test_trials_stop_on_the_keyboard_with_what_was_done(assignment, grasp, monkeypatch):
     class Runner:
-        def __init__(self, assignments):
+        def __init__(self, assignments, runs):
             self.count = 0
 
         def run(self, variation):

@@ -13,7 +13,7 @@ from continuum_grasp.addons.mission.from_grasp import assign
 from continuum_grasp.addons.mission.lift import LiftCheck
 from continuum_grasp.addons.mission.on_pads import reserved
 from continuum_grasp.addons.mission.outcomes import Outcome, TrialsResult
-from continuum_grasp.addons.mission.plant import MissionPlant, PlantVariation, mission_plant_model
+from continuum_grasp.addons.mission.plant import MissionPlant, PlantVariation, Timetable, mission_plant_model
 from continuum_grasp.addons.mission.precheck import admit, admitted, exceeded_by_trials
 from continuum_grasp.addons.mission.result import MissionRun
 from continuum_grasp.addons.mission.scene import MissionScene, Trials
@@ -44,6 +44,7 @@ def run_mission(
     grasp: GraspResult | None = None,
     variation: PlantVariation | None = None,
     progress: Progress | None = None,
+    times: bool = False,
 ) -> MissionRun:
     """Optimize a grasp, and carry it out in closed loop.
 
@@ -57,6 +58,8 @@ def run_mission(
         How the plant differs from the mission's own.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
+    times : bool
+        Whether to optimize the controllers' code and measure the times of their steps, as in ``run_closed_loop``.
 
     Returns
     -------
@@ -75,24 +78,26 @@ def run_mission(
 
     Examples
     --------
-    The controller of a mission takes half a minute to compile where it is not in the cache:
+    The controller of a mission takes some seconds to compile where it is not in the cache:
 
     >>> import continuum_grasp as cg
     >>> run = cg.run_mission("configs/mission/mug.yaml")  # doctest: +SKIP
     >>> run.verdict.held  # doctest: +SKIP
     True
     """
-    return MissionRunner(admitted(scene_of(scene, MissionScene), grasp, variation)).run(variation, progress)
+    assignments = admitted(scene_of(scene, MissionScene), grasp, variation)
+    return MissionRunner(assignments, math.inf if times else 1).run(variation, progress)
 
 
 class MissionRunner:
-    """Controllers and plant of a mission, made once for any number of runs."""
+    """Controllers and plant of a mission, made once for any number of runs; ``runs`` of them are expected."""
 
-    def __init__(self, assignments: Sequence[Assignment]) -> None:
+    def __init__(self, assignments: Sequence[Assignment], runs: float = 1) -> None:
         self.assignments, mission = tuple(assignments), assignments[0].mission
         # Without a deadline of its own a mission never drops a command for being late.
         deadline = mission.controller.deadline or math.inf
-        self._controllers = [Controller(assignment.control, deadline=deadline) for assignment in assignments]
+        steps = runs * Timetable(assignments[0]).duration / assignments[0].control.controller.step
+        self._controllers = [Controller(each.control, deadline=deadline, steps=steps) for each in assignments]
         self._models = [mission_plant_model(assignment) for assignment in assignments]
         self._shared = SharedModel(self._models) if len(assignments) > 1 else None
 
@@ -221,12 +226,12 @@ def _outcomes(
     assignments: Sequence[Assignment], drawn: list[PlantVariation], jobs: int
 ) -> Iterator[tuple[int, Outcome]]:
     """Number and outcome of each plant, in the order in which they end."""
-    first = MissionRunner(assignments)  # compiles once what all processes then load
+    first = MissionRunner(assignments, len(drawn))  # compiles once what all processes then load
     if jobs == 1:
         yield from ((k, _outcome(first, variation)) for k, variation in enumerate(drawn))
         return
     # Each worker makes its controllers and plant once, from compiled code that is in the cache by now.
-    pool, finished = ProcessPool(jobs, _start, assignments), False
+    pool, finished = ProcessPool(jobs, _start, assignments, len(drawn)), False
     try:
         for k, future in pool.as_completed(_run, drawn):
             lost = pool.lost(future)
@@ -247,8 +252,8 @@ _own: list[MissionRunner] = []
 """Controllers and plant of a worker process."""
 
 
-def _start(assignments: Sequence[Assignment]) -> None:
-    _own.append(MissionRunner(assignments))
+def _start(assignments: Sequence[Assignment], runs: int) -> None:
+    _own.append(MissionRunner(assignments, runs))
 
 
 def _run(variation: PlantVariation) -> Outcome:
