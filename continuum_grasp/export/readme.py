@@ -17,7 +17,7 @@ from continuum_grasp.export.parts.model import moment_note
 from continuum_grasp.export.subject import Subject
 
 _COMMENT_OR_FUNCTION = r"^/\* (?P<comment>.*?) ?\*/|^(?:#define |(?:\w+_API )?(?:const )?\w+ \*?)(?P<name>{p}_\w+)\("
-"""What begins a line of a header: a comment, a function, or the macro by which one is called, of a prefix."""
+"""Pattern of comments, of functions, and of the macros by which these are called, at the begin of a header's line."""
 
 
 def functions_of(header: str, prefix: str) -> dict[str, str]:
@@ -114,7 +114,7 @@ _OF_PHASES = {
     "release": ("opens", "keep the arm still until it has"),
     "end": ("stays open", "the arm may leave; a next mission begins with `_start` or `_init`"),
 }
-"""What a finger does in a phase, and what its host does, by the first word of the phase's name."""
+"""Texts on what a finger does in a phase, and on what its host does, by the first word of the phase's name."""
 
 
 def _phase_rows(loop: Loop) -> list[tuple[str, str, str, str, str]]:

@@ -18,7 +18,7 @@ _ROUNDING = 1e-6
 
 
 class Reach:
-    """Where goals and setpoints of a finger can lie, however it bends.
+    """Limits of goals and setpoints that a finger can meet, however it bends.
 
     A section of an inextensible rod is as far from its base as it is along the rod, or nearer. An object is touched
     where it is as far as the tip, or farther by its own extent and half the finger's thickness. Contacts push.

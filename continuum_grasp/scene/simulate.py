@@ -214,7 +214,7 @@ class FingerScene(Configuration, Surroundings):
         *,
         moves: bool = True,
     ) -> Reach:
-        """Where goals and setpoints of the finger can lie, to be compared with these."""
+        """Limits of goals and setpoints that the finger can meet."""
         return Reach(self.finger, at, body, ranges, touching, moves)
 
     @property

@@ -225,7 +225,7 @@ class Outputs:
 
     @property
     def reach(self) -> Reach:
-        """What the finger can meet."""
+        """Limits of setpoints that the finger can meet."""
         scene, shape = self.model.scene, self.cost.shape
         return scene.reach(
             () if shape is None else shape.at,
