@@ -1,4 +1,4 @@
-"""Which code runs a function: interpreted by CasADi's virtual machine, or machine code, compiled where that pays.
+"""Code that runs a function: interpreted by CasADi's virtual machine, or machine code, compiled where that pays.
 
 How often a function is called is announced before it starts, or counted. It is compiled when interpreting the calls
 so far and those announced takes longer than compiling it and running the result: whatever follows, a run takes at most
@@ -123,7 +123,7 @@ def kind_of_source(source: str, instructions: float = math.inf) -> CodeKind:
 
 
 class Backend:
-    """What runs the functions of a model: a compiler, until it fails, and the virtual machine without one.
+    """Runner of the functions of a model: a compiler, until it fails, and the virtual machine without one.
 
     ``what`` is what the log calls their code.
     """

@@ -164,7 +164,9 @@ class GraspSearch:
         maps = SceneMaps(self.scene)
         starts = [start for mode in contact_modes(self.scene) for start in maps.settled(mode)]
         self.start_seconds += time.perf_counter() - began
-        self.settled = [Basin(start) for start in sorted(starts, key=lambda start: start.estimate)]
+        # Those that hold nearly come last.
+        ranked = sorted(starts, key=lambda start: (start.imbalance >= BALANCED, start.estimate))
+        self.settled = [Basin(start) for start in ranked]
         for basin in self.settled[: self._effort.settled]:
             if self.budget.over or self._promised(basin) > SURE:
                 return

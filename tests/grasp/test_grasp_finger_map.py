@@ -68,8 +68,8 @@ def test_a_rod_is_the_solution_of_its_equations():
     finger = finger_of(grasp_scene("mug"))
     z = bent(0, 4)
     at = finger.traced(z)
-    *_, tip = at.touches()
-    found = np.stack([tip.place[0].value, tip.place[1].value, at.missing_moment.value, tip.force[0].value], axis=1)
+    tip = [part.value[:, -1] for part in (*at.touches.place, at.touches.force[0])]
+    found = np.stack([*tip[:2], at.conditions.value[:, 0] / rod.FORCE, tip[2]], axis=1)
     expected = np.array([end_of(finger, row) for row in z])
     assert found[:, :3] == pytest.approx(expected[:, :3], abs=4e-3)
     assert found[:, 3] == pytest.approx(expected[:, 3], abs=3e-2)
@@ -81,8 +81,8 @@ def test_rods_converge_with_the_square_of_the_step():
     expected = np.array([end_of(finger, row)[:2] for row in z])
     for steps in (40, 80):
         finger.struct.steps = steps
-        *_, tip = finger.traced(z, slopes=False).touches()
-        errors.append(np.abs(np.stack([part.value for part in tip.place], axis=1) - expected).max())
+        places = finger.traced(z, slopes=False).touches.place
+        errors.append(np.abs(np.stack([part.value[:, -1] for part in places], axis=1) - expected).max())
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.4)
 
 
@@ -106,11 +106,9 @@ def test_samples_touch_as_they_should():
     finger = finger_of(grasp_scene("oval_flask"))
     samples = fill.FingerMap.of(finger).samples
     assert len(samples) > 100
-    for touch in samples.touches():
-        assert np.abs(touch.gap.value).max() < 2e-3
-        if not touch.is_tip:
-            assert np.abs(touch.lean.value).max() < 5e-3
-    assert np.abs(samples.missing_moment.value).max() < 2e-2
+    assert np.abs(samples.touches.gap.value).max() < 2e-3
+    assert np.abs(samples.touches.lean.value[:, 0]).max() < 5e-3
+    assert np.abs(samples.conditions.value[:, 0]).max() < 2e-3
 
 
 @pytest.mark.deep

@@ -9,12 +9,12 @@ from __future__ import annotations
 import cmath
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 
 from continuum_grasp.base import Numbers as Array
-from continuum_grasp.grasp.finger_map.fill import FingerMap, conditions, is_sane, shape_limits
+from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.finger_map.jets import Jet
 from continuum_grasp.grasp.finger_map.rod import MapFinger, Traced
 from continuum_grasp.grasp.starts.supports import support_contacts
@@ -87,8 +87,8 @@ class Settled:
     @staticmethod
     def of(balance: ObjectBalance, reached: _Reached) -> Settled:
         traced = balance.traced(reached.x, slopes=False)
-        parts = [[part.value * at.finger.length for touch in at.touches() for part in touch.place] for at in traced]
-        places = np.stack([part for finger in parts for part in finger], axis=1)
+        parts = [part.value * at.finger.length for at in traced for part in at.touches.place]
+        places = np.concatenate(parts, axis=1)
         tension = np.sum([at.tension for at in traced], axis=0)
         return Settled(reached.x, np.abs(reached.wrong).max(axis=1), tension, places)
 
@@ -108,15 +108,12 @@ class Settled:
 
 
 @dataclass(frozen=True)
-class _Contact:
-    """A contact of B combinations, in SI units and world axes."""
+class ObjectContacts:
+    """C contacts of B combinations, in SI units and world axes: those of fingers, then those with supports."""
 
-    name: str
     point: tuple[Jet, Jet]
     normal: tuple[Jet, Jet]
     force: tuple[Jet, Jet]  # on the finger or support
-    friction: float
-    greatest: float
 
 
 class ObjectBalance:
@@ -140,6 +137,10 @@ class ObjectBalance:
         self.first_lift = int(self.at[-1]) + 2 * len(self.supports)
         self.numbers = self.first_lift + (contacts if self.lift else 0)
         self.greatest = sum(f.setup.max_tension for f in fingers)
+        frictions = [[f.friction] * len(names) for f, names in zip(fingers, self.names, strict=True)]
+        forces = [[f.setup.normal_force_max] * len(names) for f, names in zip(fingers, self.names, strict=True)]
+        self._frictions = np.array([*chain(*frictions), *map(scene.held_friction, self._places)])
+        self._greatest_forces = np.array([*chain(*forces), *map(scene.normal_force_max, self._places)])
         bends = [0.02 * f.greatest_moment * f.moment / self.size for f in fingers]
         self.force = max(float(np.abs(self.weight).max()), self.lift, sum(bends))
 
@@ -151,81 +152,70 @@ class ObjectBalance:
             f.traced(x[:, a:b], slopes=slopes) for f, a, b in zip(self.fingers, self.at[:-1], self.at[1:], strict=True)
         ]
 
-    def _wide(self, k: int, jet: Jet) -> Jet:
+    def _wide(self, k: int, jet: Jet, unit: float = 1.0) -> Jet:
         """A jet of a finger's numbers as one of all."""
-        slope = np.zeros((len(jet.value), self.numbers))
-        slope[:, self.at[k] : self.at[k + 1]] = jet.slope
-        return Jet(jet.value, slope)
+        return (jet * unit).among(int(self.at[k]), self.numbers)
 
-    def _pair(self, k: int, pair: tuple[Jet, Jet], unit: float) -> tuple[Jet, Jet]:
-        return self._wide(k, pair[0] * unit), self._wide(k, pair[1] * unit)
+    def _numbers(self, x: Array, places: slice) -> Jet:
+        """Forces among the unknowns (B, C)."""
+        slope = np.broadcast_to(
+            self.force * np.eye(self.numbers)[places], (len(x), *np.eye(self.numbers)[places].shape)
+        )
+        return Jet(self.force * x[:, places], slope)
 
-    def _number(self, x: Array, k: int, unit: float) -> Jet:
-        slope = np.zeros(x.shape)
-        slope[:, k] = unit
-        return Jet(unit * x[:, k], slope)
-
-    def contacts(self, x: Array, traced: list[Traced]) -> list[_Contact]:
+    def contacts(self, x: Array, traced: list[Traced]) -> ObjectContacts:
         """All contacts that are on."""
-        out = []
+        parts = list[tuple[Jet, ...]]()
         for k, (finger, at) in enumerate(zip(self.fingers, traced, strict=True)):
-            touches = [touch for touch in at.touches() if not touch.is_tip or finger.tip]
-            for name, touch in zip(self.names[k], touches, strict=True):
-                out.append(
-                    _Contact(
-                        name,
-                        self._pair(k, touch.skin, finger.length),
-                        self._pair(k, touch.normal, 1.0),
-                        self._pair(k, touch.force, finger.force),
-                        finger.friction,
-                        finger.setup.normal_force_max,
-                    )
+            on, touches = finger.middles + finger.tip, at.touches
+            units = (finger.length, finger.length, 1.0, 1.0, finger.force, finger.force)
+            pairs = (*touches.skin, *touches.normal, *touches.force)
+            parts.append(
+                tuple(
+                    self._wide(k, Jet(jet.value[:, :on], jet.slope[:, :on]), unit)
+                    for jet, unit in zip(pairs, units, strict=True)
                 )
-        still = np.zeros(x.shape)
-        for j, (name, (point, normal)) in enumerate(self._places.items()):
+            )
+        if self._places:
+            point, normal = (np.array([place[k] for place in self._places.values()]) for k in (0, 1))
+            still = np.zeros((len(x), len(point), self.numbers))
+            fixed = (
+                np.broadcast_to(part, still.shape[:2]) for part in (point.real, point.imag, normal.real, normal.imag)
+            )
+            first, end = int(self.at[-1]), self.first_lift
+            forces = self._numbers(x, slice(first, end, 2)), self._numbers(x, slice(first + 1, end, 2))
+            parts.append((*(Jet(part, still) for part in fixed), *forces))
+        px, py, nx, ny, normal_force, friction = (first.followed_by(*rest) for first, *rest in zip(*parts, strict=True))
+        return ObjectContacts((px, py), (nx, ny), (normal_force, friction))
 
-            def fixed(value: float) -> Jet:
-                return Jet(np.full(len(x), value), still)
-
-            first = int(self.at[-1]) + 2 * j
-            forces = self._number(x, first, self.force), self._number(x, first + 1, self.force)
-            place, facing = (fixed(point.real), fixed(point.imag)), (fixed(normal.real), fixed(normal.imag))
-            scene = self.scene
-            out.append(_Contact(name, place, facing, forces, scene.held_friction(name), scene.normal_force_max(name)))
-        return out
-
-    def residual(self, x: Array, traced: list[Traced]) -> tuple[list[Jet], list[Jet], Jet]:
+    def residual(self, x: Array, traced: list[Traced]) -> tuple[Jet, Jet, Jet]:
         """Constraints that vanish, those that are not above zero, scaled, and the tensions per their greatest."""
-        equal, below = list[Jet](), list[Jet]()
         tension = Jet(np.zeros(len(x)), np.zeros(x.shape))
         for k, (finger, at) in enumerate(zip(self.fingers, traced, strict=True)):
-            equal += [self._wide(k, row) for row in conditions(at)]
-            below += [self._wide(k, row) for row in shape_limits(at, 0.0)]
             # 1e-3: rounding of the greatest moment, else straight fingers stall
-            pull = self._wide(k, at.pull.size(1e-3))
-            tension += pull * ((finger.setup.max_tension - finger.least_tension) / self.greatest)
-        force = [Jet(np.full(len(x), w), np.zeros(x.shape)) for w in self.weight]
-        moment = Jet(np.zeros(len(x)), np.zeros(x.shape))
-        lift, tilt = moment - self.lift, [moment, moment]
-        for j, contact in enumerate(self.contacts(x, traced)):
-            (px, py), (nx, ny), (normal, along) = contact.point, contact.normal, contact.force
-            fx, fy = normal * nx - along * ny, normal * ny + along * nx
-            rx, ry = (px - self.center.real) * (1 / self.size), (py - self.center.imag) * (1 / self.size)
-            force = [force[0] - fx, force[1] - fy]
-            moment = moment - (rx * fy - ry * fx)
-            shear = [along]
-            if self.lift:
-                up = self._number(x, self.first_lift + j, self.force)
-                lift, tilt = lift + up, [tilt[0] + rx * up, tilt[1] + ry * up]
-                shear.append(up)
-            # 0.3: a force of the object's weight counts as much as so many lengths
-            cone = Jet.norm(shear, 1e-8 * self.force) - contact.friction * normal
-            below += [cone * (0.3 / self.force), -normal * (0.3 / self.force), normal * (1.0 / contact.greatest) - 1.0]
-        balance = [*force, moment]
+            share = (finger.setup.max_tension - finger.least_tension) / self.greatest
+            tension += self._wide(k, at.pull.size(1e-3), share)
+        contacts = self.contacts(x, traced)
+        (px, py), (nx, ny), (normal, along) = contacts.point, contacts.normal, contacts.force
+        fx, fy = normal * nx - along * ny, normal * ny + along * nx
+        rx, ry = (px - self.center.real) * (1 / self.size), (py - self.center.imag) * (1 / self.size)
+        # What the fingers bear acts on the object with the other sign.
+        balance = [-fx.summed() + self.weight[0], -fy.summed() + self.weight[1], (ry * fx - rx * fy).summed()]
+        shear = [along]
         if self.lift:
-            balance += [lift, *(tilt if self.scene.balances_tilt else [])]
-        equal += [row * (0.3 / self.force) for row in balance]
-        return equal, below, tension
+            up = self._numbers(x, slice(self.first_lift, self.numbers))
+            shear.append(up)
+            balance += [up.summed() - self.lift]
+            if self.scene.balances_tilt:
+                balance += [(rx * up).summed(), (ry * up).summed()]
+        # 0.3: a force of the object's weight counts as much as so many lengths
+        unit = 0.3 / self.force
+        cone = (Jet.norm(shear, 1e-8 * self.force) - self._frictions * normal) * unit
+        below = [cone, -normal * unit, normal * (1.0 / self._greatest_forces) - 1.0]
+        equal = [self._wide(k, at.conditions) for k, at in enumerate(traced)]
+        equal += [row.beside() * unit for row in balance]
+        shapes = [self._wide(k, at.shape_limits) for k, at in enumerate(traced)]
+        return equal[0].followed_by(*equal[1:]), shapes[0].followed_by(*shapes[1:], *below), tension
 
     def settle(self, x: Array) -> Settled:
         """Combinations (B, n) of least tension under all constraints, all at once: a penalty that grows, and damped
@@ -287,10 +277,11 @@ class ObjectBalance:
 
     def _reached(self, x: Array) -> _Reached:
         equal, below, tension = self.residual(x, self.traced(x))
-        value, slope = Jet.stacked([*equal, *below])
-        lost = ~is_sane(slope)
-        value[lost], slope[lost] = 1e3, 0.0  # as wrong as can be
-        return _Reached(x, value, slope, tension, np.arange(value.shape[1]) < len(equal))
+        rows = equal.followed_by(below)
+        # 1e6: of a rod that makes a few turns slopes are below 1e4; what coils up without end is as wrong as can be
+        lost = ~(np.abs(rows.slope) < 1e6).all(axis=(1, 2))
+        rows.value[lost], rows.slope[lost] = 1e3, 0.0
+        return _Reached(x, rows.value, rows.slope, tension, np.arange(rows.value.shape[1]) < equal.value.shape[1])
 
     # -- combining ---------------------------------------------------------------------------------------------
 
@@ -326,21 +317,17 @@ class ObjectBalance:
 
     def _wrench(self, k: int, at: Traced) -> Array:
         """Wrench of a finger on the object (B, 3): force, moment per size [N]."""
-        finger, out = self.fingers[k], np.zeros((len(at), 3))
-        for touch in at.touches():
-            if touch.is_tip and not finger.tip:
-                continue
-            nx, ny = (part.value for part in touch.normal)
-            normal, along = (part.value * finger.force for part in touch.force)
-            fx, fy = normal * nx - along * ny, normal * ny + along * nx
-            rx, ry = (
-                (part.value * finger.length - center) / self.size
-                for part, center in zip(touch.place, (self.center.real, self.center.imag), strict=True)
-            )
-            half = touch.half.value * finger.length / self.size
-            rx, ry = rx - half * nx, ry - half * ny
-            out -= np.column_stack([fx, fy, rx * fy - ry * fx])
-        return out
+        finger, touches = self.fingers[k], at.touches
+        on = finger.middles + finger.tip
+        nx, ny = (part.value[:, :on] for part in touches.normal)
+        normal, along = (part.value[:, :on] * finger.force for part in touches.force)
+        fx, fy = normal * nx - along * ny, normal * ny + along * nx
+        centers = self.center.real, self.center.imag
+        rx, ry = (
+            (part.value[:, :on] * finger.length - center) / self.size
+            for part, center in zip(touches.skin, centers, strict=True)
+        )
+        return np.asarray(-np.stack([fx, fy, rx * fy - ry * fx], axis=2).sum(axis=1))
 
     def _combined(self, wrenches: Sequence[Array]) -> Array:
         """Indices (B, fingers) of samples that may balance each other."""
@@ -395,11 +382,9 @@ class ObjectBalance:
         """Weight (B,) that the friction left over does not lift [N]."""
         carried = np.zeros(len(index))
         for k, (finger, one) in enumerate(zip(self.fingers, maps, strict=True)):
-            spare = np.zeros(len(one.samples))
-            for touch in one.samples.touches():
-                if not touch.is_tip or finger.tip:
-                    normal, along = (part.value * finger.force for part in touch.force)
-                    spare += np.sqrt(np.maximum((finger.friction * normal) ** 2 - along**2, 0.0))
+            on = finger.middles + finger.tip
+            normal, along = (part.value[:, :on] * finger.force for part in one.samples.touches.force)
+            spare = np.sqrt(np.maximum((finger.friction * normal) ** 2 - along**2, 0.0)).sum(axis=1)
             carried += spare[index[:, k]]
         for j, name in enumerate(self._places):
             normal, along = forces[:, 2 * j], forces[:, 2 * j + 1]
@@ -410,16 +395,13 @@ class ObjectBalance:
         """The best that differ: by places of contacts, direction of tips, forces."""
         columns = []
         for k, one in enumerate(maps):
-            parts = []
-            for touch in one.samples.touches():
-                x, y = (part.value for part in touch.place)
-                nx, ny = (part.value for part in touch.normal)
-                turn = np.arctan2(ny, nx)
-                force = 0.3 * np.arcsinh(0.3 * touch.force[0].value)
-                parts += [3.0 * x, 3.0 * y, force]
-                if touch.is_tip:
-                    parts += [0.7 * np.cos(turn), 0.7 * np.sin(turn)]
-            columns.append(np.stack(parts, axis=1)[index[:, k]])
+            touches = one.samples.touches
+            nx, ny = (part.value[:, -1:] for part in touches.normal)
+            turn = 0.7 * np.concatenate([nx, ny], axis=1) / np.hypot(nx, ny)
+            force = 0.3 * np.arcsinh(0.3 * touches.force[0].value)
+            columns.append(
+                np.concatenate([*(3.0 * part.value for part in touches.place), force, turn], axis=1)[index[:, k]]
+            )
         order = np.argsort(score, kind="stable")[:20_000]
         place, chosen = np.concatenate(columns, axis=1), list[int]()
         while len(order) and len(chosen) < CANDIDATES // len(WEIGHTS):

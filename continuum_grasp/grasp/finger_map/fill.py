@@ -14,14 +14,13 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.finger_map.jets import Jet
-from continuum_grasp.grasp.finger_map.rod import MapFinger, RodContact, Traced
+from continuum_grasp.grasp.finger_map.rod import FORCE, MapFinger, Touches, Traced
 
 PLACE, TENSION, FRICTION, TURN = 0.06, 0.06, 0.4, 0.5
 """Size of a cell: places per length of the finger, tension per its greatest, friction per normal force and coefficient,
 angle of the tip [rad]."""
-ENTERED, LOOSE = 0.005, 1.25
-"""Depth in obstacles [L] that samples may have, and bends of elements per the range: the finger's own elements bend
-otherwise than the exact rod."""
+ENTERED = 0.005
+"""Depth in obstacles [L] that samples may have: the finger's own elements bend otherwise than the exact rod."""
 LOWS, SEEDS, ONTO = 2500, 600, 40
 """Most rods with a middle contact that are given forces; most seeds that are brought onto the set, and in how many
 steps: of three fingers that wrap a jar, with 20 steps none leads to the part of the set with the least tension."""
@@ -33,67 +32,42 @@ MOST = 3000
 """Samples from which on a map is not filled further."""
 
 
-def conditions(at: Traced) -> list[Jet]:
-    """Residuals that vanish where a finger touches as it should."""
-    rows = [at.missing_moment * 0.1]
-    for touch in at.touches():
-        if not touch.is_tip:
-            rows += [touch.gap, touch.lean * 0.3]
-        elif at.finger.tip:
-            rows.append(touch.gap)
-        else:
-            rows += [part * 0.1 for part in touch.force]
-    return rows
-
-
-def shape_limits(at: Traced, entered: float) -> list[Jet]:
-    """Excesses of a finger's tensions and shape over their limits, not above zero within them; it may be ``entered``
-    deep [L] in obstacles.
-    """
-    finger = at.finger
-    left, right = finger.sides
-    # 0.1: a moment of the finger's greatest, or a bend, counts as much as so many lengths
-    rows = [0.1 * at.pull - (0.1 if left else 0.0), -0.1 * at.pull - (0.1 if right else 0.0)]
-    rows += [-clear - entered for clear in (*at.clear, at.clear_of_supports)]
-    rows.append(0.1 * at.strain * (1.0 / finger.strain) - 0.1)
-    rows += [0.1 * bend - 0.1 * LOOSE for bend in at.bends]
-    low, high = finger.place_bounds
-    touches = list(at.touches())
-    for before, touch in zip([None, *touches], touches, strict=False):
-        if not touch.is_tip:
-            rows += [low - touch.at if before is None else before.at + PLACE - touch.at, touch.at - high]
-        elif finger.tip:
-            rows.append(touch.lean * 0.3)
-    return rows
-
-
-def limits(at: Traced) -> list[Jet]:
-    """Excesses over all limits of a finger alone, those of its contacts' forces among them."""
-    finger, rows = at.finger, shape_limits(at, ENTERED)
-    for touch in at.touches():
-        if not touch.is_tip or finger.tip:
-            normal, along = touch.force
-            rows += [-0.1 * normal, 0.3 * (normal * (1.0 / finger.greatest_force) - 1.0)]
-            rows.append((along.size(1e-9) - finger.friction * normal.excess()) * 0.1)
-    return rows
+def _use(finger: MapFinger, touches: Touches) -> tuple[Array, Array]:
+    """Friction per normal force and coefficient (B, C), and normal forces that are not zero."""
+    normal, along = (force.value for force in touches.force)
+    # 0.05: normal force [E I / L^2] that is as good as none
+    size = np.abs(normal) + 0.05
+    return along / (max(finger.friction, 1e-9) * size), size
 
 
 def features(at: Traced) -> Array:
     """Cells (B, F), as fractions."""
-    finger = at.finger
+    finger, touches = at.finger, at.touches
+    used = finger.middles + finger.tip
+    columns = [at.pull.value[:, None] / TENSION, *(place.value / PLACE for place in touches.place)]
+    columns.append(np.clip(_use(finger, touches)[0][:, :used], -2.0, 2.0) / FRICTION)
+    if finger.tip:
+        nx, ny = (part.value[:, -1:] for part in touches.normal)
+        columns.append(np.arctan2(ny, nx) / TURN)
+    return np.concatenate(columns, axis=1)
 
-    def use(touch: RodContact) -> Array:
-        normal, along = (force.value for force in touch.force)
-        return np.clip(along / (finger.friction * (np.abs(normal) + 0.05)), -2.0, 2.0) / FRICTION
 
-    columns = [at.pull.value / TENSION]
-    for touch in at.touches():
-        columns += [place.value / PLACE for place in touch.place]
-        if not touch.is_tip:
-            columns.append(use(touch))
-        elif finger.tip:
-            columns += [np.arctan2(touch.normal[1].value, touch.normal[0].value) / TURN, use(touch)]
-    return np.stack(columns, axis=1)
+def _feature_slopes(at: Traced) -> Array:
+    """Slopes (B, F, n) of the cells."""
+    finger, touches = at.finger, at.touches
+    used = finger.middles + finger.tip
+    rows = [at.pull.beside() * (1.0 / TENSION), *(place * (1.0 / PLACE) for place in touches.place)]
+    share, size = _use(finger, touches)
+    normal, along = touches.force
+    turned = (share * finger.friction * np.sign(normal.value))[..., None] * normal.slope
+    slope = (along.slope - turned) / size[..., None] / (finger.friction * FRICTION)
+    slope = np.where((np.abs(share) < 2.0)[..., None], slope, 0.0)
+    rows.append(Jet(share[:, :used], slope[:, :used]))
+    if finger.tip:
+        nx, ny = (Jet(part.value[:, -1:], part.slope[:, -1:]) for part in touches.normal)
+        turn = nx.value[..., None] * ny.slope - ny.value[..., None] * nx.slope
+        rows.append(Jet(nx.value, turn / TURN))
+    return rows[0].followed_by(*rows[1:]).slope
 
 
 @dataclass(frozen=True)
@@ -115,17 +89,6 @@ class FingerMap:
         if not len(seeds):
             return FingerMap(finger, finger.traced(np.zeros((0, finger.numbers))))
         return FingerMap(finger, _filled(finger, seeds))
-
-
-def steps_of(z: Array) -> Array:
-    """Steps (B, n) of the numbers of equilibria that change them alike."""
-    steps = np.empty(z.shape)
-    steps[:, 0], steps[:, 3] = 0.35, 1.5
-    steps[:, 1:3] = np.maximum(0.3, 0.25 * np.hypot(z[:, 1], z[:, 2]))[:, None]
-    for first in range(4, z.shape[1], 3):
-        steps[:, first] = 0.04
-        steps[:, first + 1 : first + 3] = np.maximum(0.3, 0.25 * np.abs(z[:, first + 1]))[:, None]
-    return steps
 
 
 def _grid(finger: MapFinger) -> tuple[tuple[int, int, int], Array]:
@@ -165,10 +128,9 @@ def _seeds(finger: MapFinger) -> Array:
     plain = finger.with_middles(0)
     shape, z = _grid(finger)
     if not finger.middles:
-        traced = plain.traced(z, slopes=False)
-        (tip,) = traced.touches()
-        pairs = _edges(shape, tip.gap.value, around=1)
-        return _between(z[pairs[:, 0]], z[pairs[:, 1]], tip.gap.value[pairs[:, 0]], tip.gap.value[pairs[:, 1]])
+        gap = finger.touching(z)[:, -1]
+        first, second = _edges(shape, gap, around=1).T
+        return _between(z[first], z[second], gap[first], gap[second])
     seeds = z
     for contact in range(finger.middles):
         before = plain if contact == 0 else finger.with_middles(contact)
@@ -207,10 +169,10 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
     if not len(z):
         return z
     if not finger.tip:
-        traced = finger.traced(z, slopes=False)
+        touches = finger.traced(z, slopes=False).touches
         # What is left at the tip is the contact's.
-        *_, middle, tip = traced.touches()
-        left = _complex(tip.force) * _complex(tip.normal) * np.conj(_complex(middle.normal))
+        force, normal = (pair[0].value + 1j * pair[1].value for pair in (touches.force, touches.normal))
+        left = force[:, -1] * normal[:, -1] * np.conj(normal[:, -2])
         z = z.copy()
         z[:, -2], z[:, -1] = left.real, left.imag
         return z
@@ -222,8 +184,7 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
     each[..., -2] = sizes[None, :, None]
     each[..., -1] = sizes[None, :, None] * uses[None, None]
     flat = each.reshape(-1, z.shape[1])
-    *_, tip = finger.traced(flat, slopes=False).touches()
-    gap = tip.gap.value
+    gap = finger.touching(flat)[:, -1]
     index = np.arange(len(flat)).reshape(len(z), normals, shares)
     pairs = []
     for a, b in ((index[:, :-1], index[:, 1:]), (index[:, :, :-1], index[:, :, 1:])):
@@ -233,66 +194,22 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
     return _between(flat[first], flat[second], gap[first], gap[second])
 
 
-def _complex(pair: tuple[Jet, Jet]) -> Array:
-    return np.asarray(pair[0].value + 1j * pair[1].value)
-
-
-def _residual(at: Traced, hinges: bool) -> tuple[Array, Array]:
-    rows = conditions(at)
-    if hinges:
-        rows += [row.excess() for row in limits(at)]
-    return Jet.stacked(rows)
-
-
-def is_sane(slope: Array) -> Array:
-    """Mask (B,) of rods that have slopes (B, m, n) that say anything: those that coil up without end have none."""
-    # 1e6: of a rod that makes a few turns they are below 1e4
-    return np.asarray((np.abs(slope) < 1e6).all(axis=(1, 2)))
-
-
 def _onto(finger: MapFinger, z: Array) -> Array:
     """The seeds nearest to the set, brought onto it within the limits."""
     z = z.copy()
-    z[:, 3] = finger.traced(z, slopes=False).missing_moment.value
-    at = finger.traced(z, slopes=False)
-    order = np.argsort(np.abs(_residual(at, True)[0]).max(axis=1), kind="stable")
+    z[:, 3] = finger.touching(z)[:, 0] / FORCE
+    at = finger.traced(z, slopes=False, entered=ENTERED)
+    order = np.argsort(np.maximum(np.abs(at.conditions.value).max(axis=1), at.excess), kind="stable")
     # The nearest of each few cells: else those of one part of the set crowd out others.
     cells = np.round(features(at)[order] / 3.0)
-    z = z[order[np.sort(np.unique(cells, axis=0, return_index=True)[1])[:SEEDS]]]
-    landed, damping = [z[:0]], np.full(len(z), 1e-3)
-    value, slope = _residual(finger.traced(z), True)
-    # Damped steps of Gauss and Newton, each as long as it leads nearer.
-    for _ in range(ONTO):
-        off = np.abs(value).max(axis=1)
-        going = is_sane(slope) & (off >= ON_SET)
-        landed.append(z[off < ON_SET])
-        z, value, slope, damping = z[going], value[going], slope[going], damping[going]
-        steps = steps_of(z)
-        scaled = slope * steps[:, None]
-        across = scaled.transpose(0, 2, 1)
-        square = across @ scaled + damping[:, None, None] * np.eye(z.shape[1])
-        move = -np.linalg.solve(square, across @ value[..., None])[..., 0]
-        move *= np.minimum(1.0, 1.5 / np.maximum(np.abs(move).max(axis=1), 1e-12))[:, None]
-        trial = z + move * steps
-        new_value, new_slope = _residual(finger.traced(trial), True)
-        nearer = is_sane(new_slope) & ((new_value**2).sum(axis=1) < (value**2).sum(axis=1))
-        z = np.where(nearer[:, None], trial, z)
-        value = np.where(nearer[:, None], new_value, value)
-        slope = np.where(nearer[:, None, None], new_slope, slope)
-        damping = np.clip(np.where(nearer, 0.2 * damping, 5.0 * damping), 1e-7, 1e3)
-    landed.append(z[np.abs(value).max(axis=1) < ON_SET])
-    return np.concatenate(landed)
-
-
-def _within(at: Traced, slack: float) -> Array:
-    """Mask (B,) of equilibria that are within the limits, but for a slack."""
-    return np.asarray(np.stack([row.value for row in limits(at)]).max(axis=0) <= slack)
+    near = order[np.sort(np.unique(cells, axis=0, return_index=True)[1])[:SEEDS]]
+    return finger.onto(z[near], ONTO, ENTERED, ON_SET)
 
 
 def _filled(finger: MapFinger, seeds: Array) -> Traced:
     """All equilibria, one per cell, that steps of a cell along the set reach from the seeds."""
     known = set[bytes]()
-    directions = _directions(finger.numbers - len(conditions(finger.traced(seeds[:1]))))
+    directions = _directions(finger.numbers - finger.conditions)
 
     def fresh(at: Traced) -> Traced:
         cells = np.round(features(at)).astype(np.int32)
@@ -306,10 +223,9 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
     front = fresh(finger.traced(seeds))
     found = [front]
     while len(front) and len(known) < MOST:
-        z = _neighbors(finger, front, directions)
-        at = finger.traced(z, slopes=False)
-        off = np.abs(Jet.stacked(conditions(at))[0]).max(axis=1)
-        good = (off < ON_SET) & _within(at, 0.01)
+        at = finger.traced(_neighbors(finger, front, directions), slopes=False, entered=ENTERED)
+        # 0.01: excess over limits that a sample may have
+        good = (np.abs(at.conditions.value).max(axis=1) < ON_SET) & (at.excess < 0.01)
         front = finger.traced(fresh(at.take(good)).z)
         found.append(front)
     return Traced.joined(found)
@@ -326,9 +242,8 @@ def _directions(size: int) -> Array:
 
 def _neighbors(finger: MapFinger, front: Traced, directions: Array) -> Array:
     """Equilibria about a cell away from others, along the set (N, n)."""
-    z, steps = front.z, steps_of(front.z)
-    slope = Jet.stacked(conditions(front))[1]
-    slope = slope * steps[:, None]
+    z, steps = front.z, finger.scales(front.z)
+    slope = front.conditions.slope * steps[:, None]
     count = slope.shape[1]
     _, _, across = np.linalg.svd(slope)
     null = across[:, count:].transpose(0, 2, 1)  # (B, n, d)
@@ -340,34 +255,5 @@ def _neighbors(finger: MapFinger, front: Traced, directions: Array) -> Array:
     move = np.einsum("bij,cj->cbi", ways, directions)
     move *= np.minimum(1.0, 3.0 / np.maximum(np.abs(move).max(axis=2, keepdims=True), 1e-12))
     out = (z[None] + move * steps[None]).reshape(-1, z.shape[1])
-    back = np.tile(back, (len(directions), 1, 1))
-    steps = np.tile(steps, (len(directions), 1))
     # 3: corrections by the slopes of where the step began
-    for _ in range(3):
-        off = Jet.stacked(conditions(finger.traced(out, slopes=False)))[0]
-        out -= np.clip(np.einsum("bij,bj->bi", back, off), -1.0, 1.0) * steps
-    return np.asarray(out)
-
-
-def _feature_slopes(at: Traced) -> Array:
-    """Slopes (B, F, n) of the cells."""
-    finger = at.finger
-
-    def use(touch: RodContact) -> Jet:
-        normal, along = touch.force
-        size = np.abs(normal.value) + 0.05
-        share = along.value / size
-        inside = np.abs(share) < 2.0 * finger.friction
-        slope = (along.slope - (share * np.sign(normal.value))[:, None] * normal.slope) / size[:, None]
-        return Jet(share, np.where(inside[:, None], slope, 0.0) / (finger.friction * FRICTION))
-
-    rows = [at.pull * (1.0 / TENSION)]
-    for touch in at.touches():
-        rows += [place * (1.0 / PLACE) for place in touch.place]
-        if not touch.is_tip:
-            rows.append(use(touch))
-        elif finger.tip:
-            nx, ny = touch.normal
-            turn = nx.value[:, None] * ny.slope - ny.value[:, None] * nx.slope
-            rows += [Jet(nx.value, turn / TURN), use(touch)]
-    return Jet.stacked(rows)[1]
+    return finger.corrected(out, 3, np.tile(back, (len(directions), 1, 1)), np.tile(steps, (len(directions), 1)))

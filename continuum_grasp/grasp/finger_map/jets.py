@@ -12,10 +12,11 @@ from continuum_grasp.base import Numbers as Array
 
 @dataclass(frozen=True)
 class Jet:
-    """Values (B,) and their slopes (B, n)."""
+    """Values (B, ...) and their slopes (B, ..., n)."""
 
     value: Array
     slope: Array
+    __array_ufunc__ = None  # arrays leave products with jets to these
 
     def __add__(self, other: Jet | float | Array) -> Jet:
         if isinstance(other, Jet):
@@ -35,21 +36,17 @@ class Jet:
 
     def __mul__(self, other: Jet | float | Array) -> Jet:
         if isinstance(other, Jet):
-            slope = self.value[:, None] * other.slope + other.value[:, None] * self.slope
+            slope = self.value[..., None] * other.slope + other.value[..., None] * self.slope
             return Jet(self.value * other.value, slope)
-        factor = np.broadcast_to(np.asarray(other, dtype=float), self.value.shape)
-        return Jet(self.value * factor, self.slope * factor[:, None])
+        if isinstance(other, np.ndarray):
+            return Jet(self.value * other, self.slope * other[..., None])
+        return Jet(self.value * other, self.slope * other)
 
     __rmul__ = __mul__
 
     def of(self, value: Array, slope: Array) -> Jet:
-        """A function of it, by the function's values and slopes (B,)."""
-        return Jet(value, slope[:, None] * self.slope)
-
-    def excess(self) -> Jet:
-        """Excess above zero."""
-        above = self.value > 0.0
-        return Jet(np.where(above, self.value, 0.0), np.where(above[:, None], self.slope, 0.0))
+        """A function of it, by the function's values and slopes (B, ...)."""
+        return Jet(value, slope[..., None] * self.slope)
 
     def size(self, rounded: float = 0.0) -> Jet:
         """Absolute value, near zero ``rounded``."""
@@ -59,11 +56,40 @@ class Jet:
     @staticmethod
     def norm(parts: Sequence[Jet], rounded: float) -> Jet:
         """Root of the sum of squares, near zero ``rounded``."""
-        value = np.sqrt(sum((part.value**2 for part in parts), np.full(len(parts[0].value), rounded**2)))
-        slope = sum((part.value[:, None] * part.slope for part in parts), np.zeros(parts[0].slope.shape))
-        return Jet(value, slope / value[:, None])
+        value = np.sqrt(sum((part.value**2 for part in parts), np.full(parts[0].value.shape, rounded**2)))
+        slope = sum((part.value[..., None] * part.slope for part in parts), np.zeros(parts[0].slope.shape))
+        return Jet(value, slope / value[..., None])
 
-    @staticmethod
-    def stacked(rows: Sequence[Jet]) -> tuple[Array, Array]:
-        """Values (B, m) and slopes (B, m, n) of several."""
-        return np.stack([row.value for row in rows], axis=1), np.stack([row.slope for row in rows], axis=1)
+    # -- several beside each other: values (B, C, ...) -----------------------------------------------------------
+
+    def taken(self, k: int) -> Jet:
+        """One of the last axis of the values."""
+        return Jet(self.value[..., k], self.slope[..., k, :])
+
+    def grouped(self, groups: int) -> Jet:
+        """Values (B, C) as (B, groups, C / groups)."""
+        batch, count = self.value.shape
+        shape = batch, groups, count // groups
+        return Jet(self.value.reshape(shape), self.slope.reshape(*shape, self.slope.shape[-1]))
+
+    def followed_by(self, *others: Jet) -> Jet:
+        """Values (B, C) and those of others (B, D)."""
+        parts = self, *others
+        return Jet(
+            np.concatenate([part.value for part in parts], axis=1),
+            np.concatenate([part.slope for part in parts], axis=1),
+        )
+
+    def summed(self) -> Jet:
+        """Sums (B,) of values (B, C)."""
+        return Jet(self.value.sum(axis=1), self.slope.sum(axis=1))
+
+    def beside(self) -> Jet:
+        """Values (B,) as (B, 1)."""
+        return Jet(self.value[:, None], self.slope[:, None])
+
+    def among(self, first: int, count: int) -> Jet:
+        """A jet of more unknowns, of which those from the ``first`` on are its own."""
+        slope = np.zeros((*self.slope.shape[:-1], count))
+        slope[..., first : first + self.slope.shape[-1]] = self.slope
+        return Jet(self.value, slope)

@@ -2,7 +2,8 @@
 
    Units: lengths L, forces E I / L^2, moments E I / L of the finger. Numbers z of an equilibrium: curvature at the base,
    internal force there (2), moment of the tendons at the base; per middle contact its place, normal force and friction.
-   A dual number has a value, and slopes by each of these numbers. `rod.py` calls these. */
+   A dual number has a value, and slopes by each of these numbers. `touching.c`, which follows this file, exports what
+   `rod.py` calls. */
 
 #include <math.h>
 
@@ -10,8 +11,24 @@
 #define LANES 8
 #endif
 
-typedef double lanes __attribute__((vector_size(8 * LANES)));
-typedef struct { double v; lanes d; } dual;
+/* Slopes in registers of four, which compilers keep apart where they split longer vectors by memory. */
+typedef double four __attribute__((vector_size(32)));
+#if LANES == 16
+#define EACH(of) of(0) of(1) of(2) of(3)
+typedef struct { four d0, d1, d2, d3; } slopes;
+#elif LANES == 8
+#define EACH(of) of(0) of(1)
+typedef struct { four d0, d1; } slopes;
+#else
+#define EACH(of)
+typedef struct { char none; } slopes;
+#endif
+typedef struct { double v; slopes d; } dual;
+
+/* Most middle contacts, numbers, and nodes of a segment; what is farther than all that matters, in lengths of the
+   finger. */
+enum { MOST_CONTACTS = 4, NUMBERS = 4 + 3 * MOST_CONTACTS, STEPS = 64 };
+#define FAR 9.0
 
 /* Columns of the table along the rod. */
 enum { STIFFNESS, REST, TENDON, HALF, WEIGHT, COLUMNS };
@@ -19,7 +36,10 @@ enum { STIFFNESS, REST, TENDON, HALF, WEIGHT, COLUMNS };
 typedef struct {
     int steps, contacts, tip; /* tip: whether it touches */
     int nodes, masses, walls, pegs, width, height;
-    double base[3], gravity[2], tip_load[2], friction, pose[3], corner[2], per_cell;
+    double base[3], gravity[2], tip_load[2], tendon_friction;
+    double pose[4], corner[2], per_cell; /* of the object: place, cosine and sine of its angle; of the table */
+    /* Limits; bend: greatest length times curvature per segment. */
+    double pulls[2], moment, strain, bend[MOST_CONTACTS + 1], places[2], friction, force;
     const double *table;    /* (nodes, COLUMNS) */
     const double *mass;     /* (masses, 3): place, weight x, y */
     const double *wall;     /* (walls, 4): normal, point */
@@ -30,12 +50,31 @@ typedef struct {
 typedef struct { dual s, x, y, angle, sine, cosine, moment, fx, fy, turned, bent; } State;
 typedef struct { dual gap, nx, ny; } Place;
 
+/* p a + q b */
+static inline slopes sum_of(double p, slopes a, double q, slopes b)
+{
+    slopes sum = {0};
+#define OF(k) sum.d##k = p * a.d##k + q * b.d##k;
+    EACH(OF)
+#undef OF
+    return sum;
+}
+
+static inline slopes part_of(double p, slopes a)
+{
+    slopes part = {0};
+#define OF(k) part.d##k = p * a.d##k;
+    EACH(OF)
+#undef OF
+    return part;
+}
+
 static inline dual constant(double value) { return (dual){value}; }
-static inline dual plus(dual a, dual b) { return (dual){a.v + b.v, a.d + b.d}; }
-static inline dual minus(dual a, dual b) { return (dual){a.v - b.v, a.d - b.d}; }
-static inline dual scaled(double factor, dual a) { return (dual){factor * a.v, factor * a.d}; }
-static inline dual times(dual a, dual b) { return (dual){a.v * b.v, a.v * b.d + b.v * a.d}; }
-static inline dual with(dual a, double value, double slope) { return (dual){value, slope * a.d}; }
+static inline dual plus(dual a, dual b) { return (dual){a.v + b.v, sum_of(1.0, a.d, 1.0, b.d)}; }
+static inline dual minus(dual a, dual b) { return (dual){a.v - b.v, sum_of(1.0, a.d, -1.0, b.d)}; }
+static inline dual scaled(double factor, dual a) { return (dual){factor * a.v, part_of(factor, a.d)}; }
+static inline dual times(dual a, dual b) { return (dual){a.v * b.v, sum_of(a.v, b.d, b.v, a.d)}; }
+static inline dual with(dual a, double value, double slope) { return (dual){value, part_of(slope, a.d)}; }
 static inline dual size_of(dual a) { return a.v < 0.0 ? scaled(-1.0, a) : a; }
 static inline dual least(dual a, dual b) { return a.v < b.v ? a : b; }
 static inline dual greatest(dual a, dual b) { return a.v > b.v ? a : b; }
@@ -43,13 +82,13 @@ static inline dual greatest(dual a, dual b) { return a.v > b.v ? a : b; }
 static inline dual over(dual a, dual b)
 {
     const double inverse = 1.0 / b.v, q = a.v * inverse;
-    return (dual){q, inverse * (a.d - q * b.d)};
+    return (dual){q, sum_of(inverse, a.d, -q * inverse, b.d)};
 }
 
 static inline dual length_of(dual a, dual b)
 {
-    const double size = sqrt(a.v * a.v + b.v * b.v + 1e-30);
-    return (dual){size, (a.v * a.d + b.v * b.d) / size};
+    const double size = sqrt(a.v * a.v + b.v * b.v + 1e-30), inverse = 1.0 / size;
+    return (dual){size, sum_of(a.v * inverse, a.d, b.v * inverse, b.d)};
 }
 
 /* A column of the table at a place. */
@@ -77,12 +116,13 @@ typedef struct { double u, v, cu, cv, a, b, away; const double *at; } Cell;
 
 static inline Cell cell_of(const Rod *rod, double x, double y)
 {
-    const double c = cos(rod->pose[2]), s = sin(rod->pose[2]), dx = x - rod->pose[0], dy = y - rod->pose[1];
+    const double c = rod->pose[2], s = rod->pose[3], dx = x - rod->pose[0], dy = y - rod->pose[1];
     const double u = (c * dx + s * dy - rod->corner[0]) * rod->per_cell;
     const double v = (c * dy - s * dx - rod->corner[1]) * rod->per_cell;
     const double cu = fmin(fmax(u, 1.0), rod->width - 2.001), cv = fmin(fmax(v, 1.0), rod->height - 2.001);
+    const double du = u - cu, dv = v - cv;
     const int i = (int)cu, j = (int)cv;
-    return (Cell){u, v, cu, cv, cu - i, cv - j, hypot(u - cu, v - cv) / rod->per_cell, rod->distance + j * rod->width + i};
+    return (Cell){u, v, cu, cv, cu - i, cv - j, sqrt(du * du + dv * dv) / rod->per_cell, rod->distance + j * rod->width + i};
 }
 
 /* Distance of a point from the object, roughly: beyond the table it only has to be large, and to grow. */
@@ -105,6 +145,23 @@ static inline void cubic(double t, double w[3][4])
     w[2][0] = 2.0 - 3.0 * t, w[2][1] = -5.0 + 9.0 * t, w[2][2] = 4.0 - 9.0 * t, w[2][3] = -1.0 + 3.0 * t;
 }
 
+/* Distance of a point from the object, by values alone. */
+static inline double gap_at(const Rod *rod, double x, double y)
+{
+#if LANES > 0
+    const Cell at = cell_of(rod, x, y);
+    double wu[3][4], wv[3][4], gap = 0.7 * at.away;
+    cubic(at.a, wu), cubic(at.b, wv);
+    for (int j = 0; j < 4; ++j) {
+        const double *row = at.at + (j - 1) * rod->width - 1;
+        gap += wv[0][j] * (wu[0][0] * row[0] + wu[0][1] * row[1] + wu[0][2] * row[2] + wu[0][3] * row[3]);
+    }
+    return gap;
+#else
+    return rough_gap(rod, x, y);
+#endif
+}
+
 /* Distance of a point from the object, and the world normal of the object there. */
 static Place place(const Rod *rod, dual x, dual y)
 {
@@ -119,15 +176,15 @@ static Place place(const Rod *rod, dual x, dual y)
                 f[p][q] += wv[q][j] * line;
         }
     }
-    const double c = cos(rod->pose[2]), s = sin(rod->pose[2]), k = rod->per_cell, k2 = k * k;
+    const double c = rod->pose[2], s = rod->pose[3], k = rod->per_cell, k2 = k * k;
     const dual u = plus(scaled(c, x), scaled(s, y)), v = minus(scaled(c, y), scaled(s, x));
     const double gu = f[1][0] * k, gv = f[0][1] * k;
-    const dual p = {gu, k2 * (f[2][0] * u.d + f[1][1] * v.d)}, q = {gv, k2 * (f[1][1] * u.d + f[0][2] * v.d)};
+    const dual p = {gu, sum_of(k2 * f[2][0], u.d, k2 * f[1][1], v.d)}, q = {gv, sum_of(k2 * f[1][1], u.d, k2 * f[0][2], v.d)};
     const dual size = length_of(p, q), nu = over(p, size), nv = over(q, size);
     /* Beyond the table the distance only has to be large, and to grow. */
     const double beyond = at.away > 0.0 ? 0.7 / (at.away * k) : 0.0;
     const double fu = gu * (at.u == at.cu) + beyond * (at.u - at.cu), fv = gv * (at.v == at.cv) + beyond * (at.v - at.cv);
-    const dual gap = {f[0][0] + 0.7 * at.away, fu * u.d + fv * v.d};
+    const dual gap = {f[0][0] + 0.7 * at.away, sum_of(fu, u.d, fv, v.d)};
     return (Place){gap, minus(scaled(c, nu), scaled(s, nv)), plus(scaled(s, nu), scaled(c, nv))};
 }
 
@@ -135,9 +192,9 @@ static Place place(const Rod *rod, dual x, dual y)
 static inline dual curvature(const Rod *rod, const State *q, dual s, dual base)
 {
     dual tendon = times(along(rod, TENDON, s), base);
-    if (rod->friction != 0.0) {
-        const double factor = exp(-rod->friction * q->turned.v);
-        tendon = times(tendon, with(q->turned, factor, -rod->friction * factor));
+    if (rod->tendon_friction != 0.0) {
+        const double factor = exp(-rod->tendon_friction * q->turned.v);
+        tendon = times(tendon, with(q->turned, factor, -rod->tendon_friction * factor));
     }
     const dual moment = plus(q->moment, tendon);
     if (rod->nodes == 1) {
@@ -163,14 +220,15 @@ static inline State clamped(const Rod *rod, const dual *z)
 static inline dual bending(const State *q) { return plus(times(q->sine, q->fy), times(q->cosine, q->fx)); }
 
 /* One step of the leapfrog rule; the position by the rule of Euler and Maclaurin. */
-static inline void step(const Rod *rod, State *q, dual h, dual base)
+static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelfth, dual base)
 {
-    const dual half = scaled(0.5, h), k0 = q->bent, s0 = q->sine, c0 = q->cosine;
+    const dual k0 = q->bent, s0 = q->sine, c0 = q->cosine;
     const double before = q->s.v;
     q->moment = plus(q->moment, times(half, bending(q)));
     const dual k = curvature(rod, q, plus(q->s, half), base), turn = times(h, k);
     q->angle = plus(q->angle, turn);
-    q->turned = plus(q->turned, size_of(turn));
+    if (rod->tendon_friction != 0.0)
+        q->turned = plus(q->turned, size_of(turn));
     if (rod->gravity[0] != 0.0 || rod->gravity[1] != 0.0) {
         const dual weight = times(h, along(rod, WEIGHT, plus(q->s, half)));
         q->fx = minus(q->fx, scaled(rod->gravity[0], weight)), q->fy = minus(q->fy, scaled(rod->gravity[1], weight));
@@ -183,96 +241,118 @@ static inline void step(const Rod *rod, State *q, dual h, dual base)
     q->sine = with(q->angle, sine, cosine), q->cosine = with(q->angle, cosine, -sine);
     q->moment = plus(q->moment, times(half, bending(q)));
     q->bent = curvature(rod, q, q->s, base);
-    const dual twelfth = scaled(1.0 / 12.0, times(h, h));
     const dual dx = minus(times(q->bent, q->cosine), times(k0, c0)), dy = minus(times(q->bent, q->sine), times(k0, s0));
-    q->x = minus(q->x, plus(times(half, plus(s0, q->sine)), times(twelfth, dx)));
-    q->y = plus(q->y, minus(times(half, plus(c0, q->cosine)), times(twelfth, scaled(-1.0, dy))));
+    q->x = minus(q->x, minus(times(half, plus(s0, q->sine)), times(twelfth, dx)));
+    q->y = plus(q->y, plus(times(half, plus(c0, q->cosine)), times(twelfth, dy)));
+}
+
+static inline void step_by(const Rod *rod, State *q, double h, dual base)
+{
+    step(rod, q, constant(h), constant(0.5 * h), constant(h * h / 12.0), base);
 }
 
 /* How far a section is clear of the supports; before its first contact a finger may come out of one. */
-static inline dual clear_of_supports(const Rod *rod, const State *q, dual half, int emerging)
+static inline dual clear_of_supports(const Rod *rod, dual x, dual y, dual half, int emerging)
 {
-    dual clear = constant(9.0);
+    dual clear = constant(FAR);
     for (int k = 0; k < rod->walls; ++k) {
         const double *w = rod->wall + 4 * k;
         const double start = (rod->base[0] - w[2]) * w[0] + (rod->base[1] - w[3]) * w[1];
-        dual height = plus(scaled(w[0], q->x), scaled(w[1], q->y));
+        dual height = plus(scaled(w[0], x), scaled(w[1], y));
         height.v -= w[0] * w[2] + w[1] * w[3];
         const dual needed = emerging && start < half.v ? constant(fmin(start, 0.0)) : half;
         clear = least(clear, minus(height, needed));
     }
     for (int k = 0; k < rod->pegs; ++k) {
         const double *peg = rod->peg + 3 * k;
-        const dual off = length_of(minus(q->x, constant(peg[0])), minus(q->y, constant(peg[1])));
+        const dual off = length_of(minus(x, constant(peg[0])), minus(y, constant(peg[1])));
         clear = least(clear, minus(off, plus(constant(peg[2]), half)));
     }
     return clear;
 }
 
-/* Where a segment is nearest to the object: of samples and of the parabolas through three of their gaps, so that the
-   place changes smoothly with the numbers of the rod. */
-typedef struct { dual x, y, half; double gap; } Sample;
-typedef struct { double least; Sample at, last[2]; int count; } Lowest;
-static inline void found(Lowest *low, Sample at)
+/* A segment between contacts as integrated; its extremes are sought by values, and have slopes where they are. */
+typedef struct { dual begin, h, x[STEPS], y[STEPS], bent[STEPS]; int steps; } Segment;
+
+static inline dual place_of(const Segment *seg, int k) { return plus(seg->begin, scaled(k, seg->h)); }
+
+static inline dual blend(const double *w, const dual *three)
 {
-    if (at.gap < low->least)
-        low->least = at.gap, low->at = at;
+    return plus(plus(scaled(w[0], three[0]), scaled(w[1], three[1])), scaled(w[2], three[2]));
 }
 
-static inline dual blend(const double *w, dual a, dual b, dual c)
+/* Least clearance of the object: at an end, or at the bottom of a parabola through three gaps, so that its place changes
+   smoothly with the numbers of the rod. */
+static dual clear_of_object(const Rod *rod, const Segment *seg)
 {
-    return plus(plus(scaled(w[0], a), scaled(w[1], b)), scaled(w[2], c));
-}
-
-static inline void watch(const Rod *rod, Lowest *low, const State *q)
-{
-    const dual half = along(rod, HALF, q->s);
-    const double distance = LANES >= 8 ? place(rod, q->x, q->y).gap.v : rough_gap(rod, q->x.v, q->y.v);
-    const Sample now = {q->x, q->y, half, distance - half.v};
-    const Sample *a = low->last, *b = low->last + 1;
-    if (low->count > 1 && b->gap <= a->gap && b->gap < now.gap) {
-        const double at = 0.5 * (a->gap - now.gap) / (a->gap - 2.0 * b->gap + now.gap);
-        const double w[3] = {0.5 * at * (at - 1.0), 1.0 - at * at, 0.5 * at * (at + 1.0)};
-        found(low, (Sample){blend(w, a->x, b->x, now.x), blend(w, a->y, b->y, now.y), blend(w, a->half, b->half, now.half),
-                            b->gap - 0.25 * (a->gap - now.gap) * at});
+    double gap[STEPS], least_gap = FAR, off = 0.0;
+    int at = 1;
+    const int last = seg->steps - 1;
+    for (int k = 1; k <= last; ++k)
+        gap[k] = gap_at(rod, seg->x[k].v, seg->y[k].v) - along(rod, HALF, constant(place_of(seg, k).v)).v;
+    for (int k = 1; k <= last; ++k) {
+        const double before = k > 1 ? gap[k - 1] : FAR, after = k < last ? gap[k + 1] : FAR;
+        if (gap[k] > before || gap[k] >= after)
+            continue;
+        const int inner = k > 1 && k < last;
+        const double to = inner ? 0.5 * (before - after) / (before - 2.0 * gap[k] + after) : 0.0;
+        const double here = gap[k] - (inner ? 0.25 * (before - after) * to : 0.0);
+        if (here < least_gap)
+            least_gap = here, at = k, off = to;
     }
-    else if (low->count == 1 && b->gap < now.gap)
-        found(low, *b);
-    low->last[0] = *b, low->last[1] = now;
-    ++low->count;
+    const int first = at > 1 && at < last ? at - 1 : at == 1 ? 1 : last - 2, middle = at - first;
+    const double t = middle == 1 ? off : middle - 1.0;
+    const double w[3] = {0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)};
+    const dual s = plus(place_of(seg, at), scaled(middle == 1 ? off : 0.0, seg->h));
+    return minus(place(rod, blend(w, seg->x + first), blend(w, seg->y + first)).gap, along(rod, HALF, s));
 }
 
-static inline dual clearance(const Rod *rod, Lowest *low)
+static dual segment_clear_of_supports(const Rod *rod, const Segment *seg, int emerging)
 {
-    if (low->count < 2 || low->last[1].gap < low->last[0].gap)
-        found(low, low->last[1]);
-    return minus(place(rod, low->at.x, low->at.y).gap, low->at.half);
+    double lowest = FAR;
+    int at = 0;
+    for (int k = 1; k <= seg->steps; ++k) {
+        const dual half = along(rod, HALF, constant(place_of(seg, k).v));
+        const double clear = clear_of_supports(rod, constant(seg->x[k].v), constant(seg->y[k].v), half, emerging).v;
+        if (clear < lowest)
+            lowest = clear, at = k;
+    }
+    return clear_of_supports(rod, seg->x[at], seg->y[at], along(rod, HALF, place_of(seg, at)), emerging);
 }
 
-enum { CONTACT = 7, ENDS = 5 };
+/* Greatest curvature, or change of it. */
+static dual greatest_bend(const Rod *rod, const Segment *seg, int from_rest)
+{
+    double most = -1.0;
+    int at = 0;
+    for (int k = 0; k <= seg->steps; ++k) {
+        const double rest = from_rest ? along(rod, REST, constant(place_of(seg, k).v)).v : 0.0;
+        const double bend = fabs(seg->bent[k].v - rest);
+        if (bend > most)
+            most = bend, at = k;
+    }
+    return size_of(from_rest ? minus(seg->bent[at], along(rod, REST, place_of(seg, at))) : seg->bent[at]);
+}
 
-/* Numbers per contact: gap, lean, x, y, normal, half thickness; at the end: normal force and friction of the tip, moment
-   missing there, clearance of the supports, greatest change of curvature; then per segment its length times its greatest
-   curvature; then per segment its clearance of the object. */
+/* A section that touches, or the tip. */
+typedef struct { dual gap, lean, x, y, nx, ny, half; } Touch;
 
-static inline Place touched(const Rod *rod, const State *q, dual *out)
+static inline Touch touch_of(const Rod *rod, const State *q)
 {
     const Place at = place(rod, q->x, q->y);
     const dual half = along(rod, HALF, q->s);
-    out[0] = minus(at.gap, half);
-    out[1] = minus(times(q->cosine, at.ny), times(q->sine, at.nx));
-    out[1].v -= slope_along(rod, HALF, q->s.v);
-    out[2] = q->x, out[3] = q->y, out[4] = at.nx, out[5] = at.ny, out[6] = half;
-    return at;
+    dual lean = minus(times(q->cosine, at.ny), times(q->sine, at.nx));
+    lean.v -= slope_along(rod, HALF, q->s.v);
+    return (Touch){minus(at.gap, half), lean, q->x, q->y, at.nx, at.ny, half};
 }
 
 /* The forces of a middle contact act on the rest of the finger no more. */
-static inline void pass(const Rod *rod, State *q, Place at, dual half, const dual *z, dual base)
+static inline void pass(const Rod *rod, State *q, const Touch *at, const dual *z, dual base)
 {
     const dual normal = z[1], friction = z[2];
-    q->fx = minus(q->fx, minus(times(normal, at.nx), times(friction, at.ny)));
-    q->fy = minus(q->fy, plus(times(normal, at.ny), times(friction, at.nx)));
-    q->moment = plus(q->moment, times(half, friction));
+    q->fx = minus(q->fx, minus(times(normal, at->nx), times(friction, at->ny)));
+    q->fy = minus(q->fy, plus(times(normal, at->ny), times(friction, at->nx)));
+    q->moment = plus(q->moment, times(at->half, friction));
     q->bent = curvature(rod, q, q->s, base);
 }
 
@@ -282,117 +362,43 @@ static inline int steps_of(const Rod *rod)
     return rod->contacts ? (3 * rod->steps) / 5 : rod->steps;
 }
 
-/* z (count, 4 + 3 contacts); out (count, 9 contacts + 14, 1 + LANES) or, of values alone, (count, 9 contacts + 14). */
-void trace(const Rod *rod, int count, const double *given, double *result)
-{
-    const int contacts = rod->contacts, size = 4 + 3 * contacts, wide = (CONTACT + 2) * (contacts + 1) + ENDS;
-    for (int row = 0; row < count; ++row, given += size) {
-        dual z[16], values[64], *out = values;
-        dual *bends = values + CONTACT * (contacts + 1) + ENDS, *clear = bends + contacts + 1;
-        for (int k = 0; k < size; ++k) {
-            z[k] = constant(given[k]);
-            if (LANES >= 8)
-                z[k].d[k] = 1.0;
-        }
-        State q = clamped(rod, z);
-        dual supports = constant(9.0), strain = constant(0.0), begin = constant(0.0);
-        Place at;
-        for (int segment = 0; segment <= contacts; ++segment) {
-            const dual end = segment < contacts ? z[4 + 3 * segment] : constant(1.0), span = minus(end, begin);
-            const int steps = steps_of(rod);
-            const dual h = scaled(1.0 / steps, span);
-            dual most = size_of(q.bent);
-            Lowest lowest = {9.0};
-            strain = greatest(strain, size_of(minus(q.bent, along(rod, REST, q.s))));
-            for (int k = 1; k <= steps; ++k) {
-                step(rod, &q, h, z[3]);
-                most = greatest(most, size_of(q.bent));
-                strain = greatest(strain, size_of(minus(q.bent, along(rod, REST, q.s))));
-                if (rod->walls + rod->pegs)
-                    supports = least(supports, clear_of_supports(rod, &q, along(rod, HALF, q.s), segment == 0));
-                if (k < steps)
-                    watch(rod, &lowest, &q);
-            }
-            clear[segment] = clearance(rod, &lowest);
-            bends[segment] = times(span, most);
-            at = touched(rod, &q, out);
-            out += CONTACT;
-            if (segment < contacts)
-                pass(rod, &q, at, out[-1], z + 4 + 3 * segment, z[3]);
-            begin = end;
-        }
-        q.fx.v -= rod->tip_load[0], q.fy.v -= rod->tip_load[1];
-        const dual friction = minus(times(q.fy, at.nx), times(q.fx, at.ny));
-        out[0] = plus(times(q.fx, at.nx), times(q.fy, at.ny)), out[1] = friction;
-        out[2] = plus(q.moment, times(out[-1], friction));
-        out[3] = supports, out[4] = strain;
-        for (int k = 0; k < wide; ++k) {
-            *result++ = values[k].v;
-            for (int lane = 0; lane < (LANES >= 8 ? LANES : 0); ++lane)
-                *result++ = values[k].d[lane];
-        }
-    }
-}
+/* A finger as integrated: its middle contacts and its tip, the force there, the moment missing there; and, where they are
+   asked for, its extremes, of which those per segment come with bends as lengths times greatest curvatures. */
+typedef struct {
+    Touch touch[MOST_CONTACTS + 1];
+    dual normal, friction, missing, supports, strain, bend[MOST_CONTACTS + 1], clear[MOST_CONTACTS + 1];
+} Finger;
 
-/* The curve: rows of place, curvature, x, y of one equilibrium, per segment from its start to its end. */
-int curve(const Rod *rod, const double *given, double *out)
+static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
 {
-    const int contacts = rod->contacts;
-    dual z[16], scratch[CONTACT];
-    for (int k = 0; k < 4 + 3 * contacts; ++k)
-        z[k] = constant(given[k]);
     State q = clamped(rod, z);
-    double begin = 0.0;
-    const double *first = out;
-    for (int segment = 0; segment <= contacts; ++segment) {
-        const double end = segment < contacts ? given[4 + 3 * segment] : 1.0;
-        const int steps = steps_of(rod);
-        for (int k = 0; k <= steps; ++k, out += 4) {
-            out[0] = q.s.v, out[1] = q.bent.v, out[2] = q.x.v, out[3] = q.y.v;
-            if (k < steps)
-                step(rod, &q, constant((end - begin) / steps), z[3]);
+    Segment seg;
+    seg.begin = constant(0.0), seg.steps = steps_of(rod);
+    out->supports = constant(FAR), out->strain = constant(0.0);
+    for (int segment = 0; segment <= rod->contacts; ++segment) {
+        const dual end = segment < rod->contacts ? z[4 + 3 * segment] : constant(1.0), span = minus(end, seg.begin);
+        seg.h = scaled(1.0 / seg.steps, span);
+        const dual half = scaled(0.5, seg.h), twelfth = scaled(1.0 / 12.0, times(seg.h, seg.h));
+        seg.x[0] = q.x, seg.y[0] = q.y, seg.bent[0] = q.bent;
+        for (int k = 1; k <= seg.steps; ++k) {
+            step(rod, &q, seg.h, half, twelfth, z[3]);
+            seg.x[k] = q.x, seg.y[k] = q.y, seg.bent[k] = q.bent;
         }
-        if (segment < contacts) {
-            const Place at = touched(rod, &q, scratch);
-            pass(rod, &q, at, scratch[6], z + 4 + 3 * segment, z[3]);
+        if (extremes) {
+            out->strain = greatest(out->strain, greatest_bend(rod, &seg, 1));
+            out->bend[segment] = times(span, greatest_bend(rod, &seg, 0));
+            out->clear[segment] = clear_of_object(rod, &seg);
+            if (rod->walls + rod->pegs)
+                out->supports = least(out->supports, segment_clear_of_supports(rod, &seg, segment == 0));
         }
-        begin = end;
+        out->touch[segment] = touch_of(rod, &q);
+        if (segment < rod->contacts)
+            pass(rod, &q, out->touch + segment, z + 4 + 3 * segment, z[3]);
+        seg.begin = end;
     }
-    return (int)(out - first) / 4;
-}
-
-/* Places beyond the last contact where the gap is least, the first two: out (count, 4) of place and gap, twice; -1 where
-   there is none between the bounds. */
-void nearest(const Rod *rod, int count, const double *given, double low, double high, double *out)
-{
-    const int contacts = rod->contacts, size = 4 + 3 * contacts;
-    for (int row = 0; row < count; ++row, given += size, out += 4) {
-        dual z[16], scratch[CONTACT];
-        for (int k = 0; k < size; ++k)
-            z[k] = constant(given[k]);
-        State q = clamped(rod, z);
-        const double h = 1.0 / rod->steps;
-        double before = 0.0, last = 0.0;
-        int found = 0, contact = 0;
-        out[0] = out[2] = -1.0, out[1] = out[3] = 9.0;
-        for (int k = 0; k <= rod->steps && found < 2; ++k) {
-            if (k)
-                step(rod, &q, constant(h), z[3]);
-            while (contact < contacts && q.s.v >= given[4 + 3 * contact]) {
-                const Place at = touched(rod, &q, scratch);
-                pass(rod, &q, at, scratch[6], z + 4 + 3 * contact, z[3]);
-                ++contact;
-            }
-            const double gap = rough_gap(rod, q.x.v, q.y.v) - along(rod, HALF, q.s).v;
-            if (k > 1 && last <= before && last < gap) {
-                const double bend = before - 2.0 * last + gap, off = bend > 0.0 ? 0.5 * (before - gap) / bend : 0.0;
-                const double at = (k - 1 + off) * h;
-                if (at > low && at < high) {
-                    out[2 * found] = at, out[2 * found + 1] = last - 0.25 * (before - gap) * off;
-                    ++found;
-                }
-            }
-            before = last, last = gap;
-        }
-    }
+    const Touch *tip = out->touch + rod->contacts;
+    q.fx.v -= rod->tip_load[0], q.fy.v -= rod->tip_load[1];
+    out->normal = plus(times(q.fx, tip->nx), times(q.fy, tip->ny));
+    out->friction = minus(times(q.fy, tip->nx), times(q.fx, tip->ny));
+    out->missing = plus(q.moment, times(tip->half, out->friction));
 }

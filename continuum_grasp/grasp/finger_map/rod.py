@@ -10,9 +10,9 @@ from __future__ import annotations
 import ctypes
 import math
 import os
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from importlib.resources import files
 from itertools import pairwise
 from typing import Any
@@ -31,6 +31,10 @@ STEPS = 40
 """Steps along the finger: of shipped scenes the tensions of exact rods differ from those of 400 steps by 0.1 %."""
 _NODES = 65
 """Rows of the table of what changes along a finger."""
+FORCE = 0.1
+"""Residual of a missing moment per moment, as in `touching.c`."""
+MOST_MIDDLES = 4
+"""Most middle contacts of a finger, as in `rod.c`."""
 _CELLS = 220
 """Cells of the table of distances from the object, each way."""
 
@@ -40,8 +44,10 @@ def _library(lanes: int, _named: str | None, _path: str | None) -> ctypes.CDLL:
     compiler = Compiler.find()
     if compiler is None:
         raise RuntimeError(Compiler.why_none())
-    source = files(__package__).joinpath("rod.c").read_text(encoding="utf-8")
-    fast = '#pragma GCC optimize("O3", "fast-math")\n'
+    folder = files(__package__)
+    source = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in ("rod.c", "touching.c"))
+    # What coils up without end must remain no number.
+    fast = '#pragma GCC optimize("O3", "fast-math", "no-finite-math-only")\n'
     return ctypes.CDLL(str(compiler.library(f"#define LANES {lanes}\n{fast}{source}", "the map of fingers")))
 
 
@@ -68,10 +74,17 @@ class _Rod(ctypes.Structure):
         ("base", ctypes.c_double * 3),
         ("gravity", ctypes.c_double * 2),
         ("tip_load", ctypes.c_double * 2),
-        ("friction", ctypes.c_double),
-        ("pose", ctypes.c_double * 3),
+        ("tendon_friction", ctypes.c_double),
+        ("pose", ctypes.c_double * 4),
         ("corner", ctypes.c_double * 2),
         ("per_cell", ctypes.c_double),
+        ("pulls", ctypes.c_double * 2),
+        ("moment", ctypes.c_double),
+        ("strain", ctypes.c_double),
+        ("bend", ctypes.c_double * (MOST_MIDDLES + 1)),
+        ("places", ctypes.c_double * 2),
+        ("friction", ctypes.c_double),
+        ("force", ctypes.c_double),
         *((name, ctypes.c_void_p) for name in ("table", "mass", "wall", "peg", "distance")),
     )
 
@@ -117,6 +130,14 @@ class MapFinger:
         self._distance = np.ascontiguousarray(table.distance / length)
         self.numbers = 4 + 3 * self.middles
         arrays = self._table, self._masses, self._walls, self._pegs, self._distance
+        self.least_tension = least = setup.tendons.min_tension
+        self.greatest_moment = (setup.max_tension - least) * self.offset / self.moment
+        self.sides = tuple(finger.tendons_used in ("both", side) for side in ("left", "right"))
+        self.friction, self.greatest_force = setup.held_friction, setup.normal_force_max / self.force
+        self.place_bounds = tuple(bound / length for bound in setup.middle_bounds)
+        self.bending_range = setup.bending_range
+        before = [count for name, count in zip(setup.middle_names, setup.before, strict=True) if name in self.names]
+        self.elements = tuple(b - a for a, b in pairwise((0, *before, setup.elements)))  # per segment
         self.struct = _Rod(
             steps=STEPS,
             contacts=self.middles,
@@ -130,22 +151,20 @@ class MapFinger:
             base=(base[0] / length, base[1] / length, base[2]),
             gravity=tuple(gravity),
             tip_load=tuple(sum((mass.mass for mass in ends), 0.0) * gravity),
-            friction=setup.tendons.friction,
-            pose=(pose[0] / length, pose[1] / length, pose[2]),
+            tendon_friction=setup.tendons.friction,
+            pose=(pose[0] / length, pose[1] / length, math.cos(pose[2]), math.sin(pose[2])),
             corner=(table.corner / length, table.corner / length),
             per_cell=length / table.cell,
+            pulls=tuple(map(float, self.sides)),
+            moment=self.greatest_moment,
+            strain=min(finger.curvature_limit * length, 1e6),
+            bend=tuple(n * self.bending_range for n in self.elements),
+            places=self.place_bounds,
+            friction=self.friction,
+            force=self.greatest_force,
         )
         for name, array in zip(("table", "mass", "wall", "peg", "distance"), arrays, strict=True):
             setattr(self.struct, name, array.ctypes.data)
-        self.least_tension = least = setup.tendons.min_tension
-        self.greatest_moment = (setup.max_tension - least) * self.offset / self.moment
-        self.sides = tuple(finger.tendons_used in ("both", side) for side in ("left", "right"))
-        self.friction, self.greatest_force = setup.held_friction, setup.normal_force_max / self.force
-        self.place_bounds = tuple(bound / length for bound in setup.middle_bounds)
-        self.bending_range = setup.bending_range
-        before = [count for name, count in zip(setup.middle_names, setup.before, strict=True) if name in self.names]
-        self.elements = tuple(b - a for a, b in pairwise((0, *before, setup.elements)))  # per segment
-        self.strain = min(finger.curvature_limit * length, 1e6)
 
     def with_middles(self, middles: int) -> MapFinger:
         """The finger with so many of its middle contacts, the first ones."""
@@ -153,38 +172,81 @@ class MapFinger:
             return self
         return MapFinger(*self._given, {*self.names[:middles], *([self.setup.tip_name] if self.tip else [])})
 
-    def traced(self, z: Array, *, slopes: bool = True) -> Traced:
-        """Integrate equilibria (B, 4 + 3 k)."""
+    @property
+    def conditions(self) -> int:
+        """Number of conditions under which it touches as it should."""
+        return 1 + 2 * self.middles + (1 if self.tip else 2)
+
+    @property
+    def _lanes(self) -> int:
+        """Slopes that are computed at a time."""
+        return 8 if self.numbers <= 8 else 16
+
+    def traced(self, z: Array, *, slopes: bool = True, entered: float = 0.0) -> Traced:
+        """Integrate equilibria (B, 4 + 3 k), which may be so deep in obstacles [L]."""
         z = np.ascontiguousarray(z, dtype=float)
-        lanes = 2 if not slopes else 8 if self.numbers <= 8 else 16
-        out = np.empty((len(z), 9 * (self.middles + 1) + 5, 1 + lanes if slopes else 1))
-        self._call(lanes, "trace", len(z), z, out)
-        return Traced(self, z, out)
+        lanes = self._lanes if slopes else 0
+        numbers, shape = 7 * (self.middles + 1) + 2, 5 + 4 * self.middles + 1 + self.tip
+        rows = numbers + self.conditions + shape + 3 * (self.middles + self.tip)
+        out = np.empty((len(z), rows, 1 + lanes))
+        self._call(lanes, "trace", len(z), z, entered, out)
+        return Traced(self, z, out, numbers, numbers + self.conditions, numbers + self.conditions + shape)
+
+    def touching(self, z: Array) -> Array:
+        """Residuals of the conditions alone (B, m)."""
+        z = np.ascontiguousarray(z, dtype=float)
+        out = np.empty((len(z), self.conditions))
+        self._call(0, "touching", len(z), z, out)
+        return out
+
+    def scales(self, z: Array) -> Array:
+        """Steps (B, n) of the numbers of equilibria that change them alike."""
+        z = np.ascontiguousarray(z, dtype=float)
+        out = np.empty(z.shape)
+        self._call(0, "scales", len(z), z, out)
+        return out
+
+    def onto(self, z: Array, rounds: int, entered: float, close: float) -> Array:
+        """Bring equilibria (B, n) onto the set within the limits by so many damped steps; the ones that arrive."""
+        z, landed = np.array(z, dtype=float, order="C"), np.empty(len(z), np.int32)
+        self._call(self._lanes, "onto", len(z), rounds, entered, close, z, landed)
+        return z[landed > 0]
+
+    def corrected(self, z: Array, rounds: int, back: Array, step: Array) -> Array:
+        """Equilibria (B, n) moved back to the conditions by inverses (B, n, m) of slopes per ``step`` (B, n)."""
+        z = np.array(z, dtype=float, order="C")
+        self._call(0, "corrected", len(z), rounds, np.ascontiguousarray(back), np.ascontiguousarray(step), z)
+        return z
 
     def nearest(self, z: Array) -> Array:
         """Places of the first two minima of the gap beyond the last contact, and the gaps (B, 4)."""
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty((len(z), 4))
-        self._call(2, "nearest", len(z), z, *map(ctypes.c_double, self.place_bounds), out)
+        self._call(0, "nearest", len(z), z, *self.place_bounds, out)
         return out
 
     def curve(self, z: Array) -> Array:
         """Rows of place, curvature, x, y along one equilibrium."""
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty(((STEPS + 1) * (self.middles + 1), 4))
-        return np.asarray(out[: self._call(2, "curve", z, out)])
+        return np.asarray(out[: self._call(0, "curve", z, out)])
 
     def _call(self, lanes: int, name: str, *given: Any) -> Any:
         """Call a function of `rod.c`."""
         # A process that had no compiler for a while, or another one, is not bound to what it had then.
         library = _library(lanes, os.environ.get("CC"), os.environ.get("PATH"))
-        passed = (ctypes.c_void_p(each.ctypes.data) if isinstance(each, np.ndarray) else each for each in given)
-        return getattr(library, name)(ctypes.byref(self.struct), *passed)
+        return getattr(library, name)(ctypes.byref(self.struct), *map(_passed, given))
+
+
+def _passed(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return ctypes.c_void_p(value.ctypes.data)
+    return ctypes.c_double(value) if isinstance(value, float) else value
 
 
 @dataclass(frozen=True)
-class RodContact:
-    """A contact of B equilibria, in units of the finger."""
+class Touches:
+    """C contacts of B equilibria, in units of the finger: the middle ones, then the tip, whether it touches or not."""
 
     gap: Jet
     lean: Jet
@@ -192,8 +254,7 @@ class RodContact:
     normal: tuple[Jet, Jet]
     half: Jet
     force: tuple[Jet, Jet]  # normal and friction
-    at: Jet  # along the finger
-    is_tip: bool
+    at: Array  # along the finger (B, C)
 
     @property
     def skin(self) -> tuple[Jet, Jet]:
@@ -203,85 +264,68 @@ class RodContact:
 
 @dataclass(frozen=True)
 class Traced:
-    """B equilibria of a finger, as integrated."""
+    """B equilibria of a finger, as integrated: numbers of the contacts, then residuals."""
 
     finger: MapFinger
     z: Array  # (B, n)
-    out: Array  # (B, m, lanes)
+    out: Array  # (B, m, 1 + lanes)
+    # Rows from which on there are conditions, limits of the shape, and limits of forces.
+    first: int
+    limits: int
+    forces: int
 
     def __len__(self) -> int:
         return len(self.z)
 
     def take(self, rows: Any) -> Traced:
-        return Traced(self.finger, self.z[rows], self.out[rows])
-
-    def where(self, chosen: Array, other: Traced) -> Traced:
-        """Rows of this where chosen (B,), those of the other elsewhere."""
-        return Traced(
-            self.finger,
-            np.where(chosen[:, None], self.z, other.z),
-            np.where(chosen[:, None, None], self.out, other.out),
-        )
+        return replace(self, z=self.z[rows], out=self.out[rows])
 
     @staticmethod
     def joined(parts: list[Traced]) -> Traced:
-        return Traced(parts[0].finger, np.concatenate([p.z for p in parts]), np.concatenate([p.out for p in parts]))
+        z, out = (np.concatenate([getattr(part, name) for part in parts]) for name in ("z", "out"))
+        return replace(parts[0], z=z, out=out)
 
-    def _jet(self, k: int) -> Jet:
-        return Jet(self.out[:, k, 0], self.out[:, k, 1 : 1 + self.finger.numbers])
+    def _jet(self, rows: Any) -> Jet:
+        return Jet(self.out[:, rows, 0], self.out[:, rows, 1 : 1 + self.finger.numbers])
 
-    def unknown(self, k: int) -> Jet:
-        """One of the numbers that fix them."""
-        slope = np.zeros((len(self.z), self.out.shape[2] - 1))[:, : self.finger.numbers]
-        if slope.shape[1]:
-            slope[:, k] = 1.0
-        return Jet(self.z[:, k], slope)
+    def unknown(self, k: Any) -> Jet:
+        """Some of the numbers that fix them (B, C)."""
+        value = self.z[:, k]
+        slope = np.zeros((*value.shape, self.out.shape[2] - 1))[..., : self.finger.numbers]
+        if slope.shape[-1]:
+            slope[:, :] = np.eye(self.finger.numbers)[k]
+        return Jet(value, slope)
 
-    def touches(self) -> Iterator[RodContact]:
-        """The middle contacts, then the tip, whether it touches or not."""
-        middles = self.finger.middles
-        for c in range(middles + 1):
-            gap, lean, x, y, nx, ny, half = (self._jet(7 * c + k) for k in range(7))
-            if c < middles:
-                force, at = (self.unknown(5 + 3 * c), self.unknown(6 + 3 * c)), self.unknown(4 + 3 * c)
-            else:
-                force, at = (self._end(0), self._end(1)), Jet(np.ones(len(self)), np.zeros(gap.slope.shape))
-            yield RodContact(gap, lean, (x, y), (nx, ny), half, force, at, c == middles)
-
-    def _end(self, k: int) -> Jet:
-        return self._jet(7 * (self.finger.middles + 1) + k)
-
-    @property
-    def missing_moment(self) -> Jet:
-        """Moment that is missing at the tip."""
-        return self._end(2)
+    @cached_property
+    def touches(self) -> Touches:
+        """The contacts."""
+        count = self.finger.middles + 1
+        fields = self._jet(slice(0, 7 * count)).grouped(count)
+        gap, lean, x, y, nx, ny, half = (fields.taken(k) for k in range(7))
+        normal = self.unknown(np.arange(5, self.finger.numbers, 3)).followed_by(self._jet([7 * count]))
+        friction = self.unknown(np.arange(6, self.finger.numbers, 3)).followed_by(self._jet([7 * count + 1]))
+        at = np.concatenate([self.z[:, 4::3], np.ones((len(self), 1))], axis=1)
+        return Touches(gap, lean, (x, y), (nx, ny), half, (normal, friction), at)
 
     @property
-    def clear(self) -> list[Jet]:
-        """Least clearance of the object beside the contacts, per segment."""
-        segments = self.finger.middles + 1
-        return [self._jet(8 * segments + 5 + k) for k in range(segments)]
+    def conditions(self) -> Jet:
+        """Residuals (B, m) that vanish where the finger touches as it should."""
+        return self._jet(slice(self.first, self.limits))
 
     @property
-    def clear_of_supports(self) -> Jet:
-        return self._end(3)
+    def shape_limits(self) -> Jet:
+        """Excesses (B, m) of tension and shape over their limits."""
+        return self._jet(slice(self.limits, self.forces))
 
     @property
-    def strain(self) -> Jet:
-        """Greatest change of curvature."""
-        return self._end(4)
-
-    @property
-    def bends(self) -> list[Jet]:
-        """Greatest bend of an element per segment, as far as elements may bend."""
-        counts = self.finger.elements
-        first = 7 * (self.finger.middles + 1) + 5
-        return [self._jet(first + k) * (1.0 / (n * self.finger.bending_range)) for k, n in enumerate(counts)]
+    def excess(self) -> Array:
+        """The greatest excess over any limit of the finger alone (B,)."""
+        return np.asarray(self.out[:, self.limits :, 0].max(axis=1))
 
     @property
     def pull(self) -> Jet:
-        """Moment of the tendons at the base, as a part of its greatest."""
-        return self.unknown(3) * (1.0 / self.finger.greatest_moment)
+        """Moment of the tendons at the base, as a part of its greatest (B,)."""
+        return self.unknown([3]).taken(0) * (1.0 / self.finger.greatest_moment)
 
     @property
     def tension(self) -> Array:

@@ -68,8 +68,7 @@ def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
     """A settled combination as a start of the fingers' own models."""
     x = settled.x[row]
     scene, traced = balance.scene, balance.traced(x[None])
-    touches = {contact.name: contact for contact in balance.contacts(x[None], traced)}
-    fingers, contacts, tensions = dict[str, FingerStart](), dict[str, ContactStart](), dict[str, tuple[float, float]]()
+    fingers, tensions = dict[str, FingerStart](), dict[str, tuple[float, float]]()
     for at in traced:
         fingers[at.finger.name] = _finger_start(at)
         pull = float(at.z[0, 3]) * at.finger.moment / at.finger.offset
@@ -77,20 +76,20 @@ def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
         tensions[at.finger.name] = max(pull, 0.0) + least, max(-pull, 0.0) + least
     # Of the backbone the nearest place is plain; on a corner every direction between its faces would be normal.
     backbones = {
-        name: at.finger.length * complex(*(float(part.value[0]) for part in touch.place))
+        name: at.finger.length * complex(*place)
         for at, names in zip(traced, balance.names, strict=True)
-        for name, touch in zip(names, at.touches(), strict=False)
+        for name, *place in zip(names, *(part.value[0] for part in at.touches.place), strict=False)
     }
-    forces = dict[str, tuple[float, float, float]]()
+    names = [*backbones, *balance.supports]
+    lifts = x[balance.first_lift :] * balance.force if balance.lift else np.zeros(len(names))
+    normal, friction = (part.value[0] for part in balance.contacts(x[None], traced).force)
+    borne = dict(zip(names, zip(normal.tolist(), friction.tolist(), lifts.tolist(), strict=True), strict=True))
     # In one order, so that equal sets share one solver.
-    middles = [name for setup in scene.setups for name in setup.middle_names if name in touches]
-    for name in (*middles, *(name for name in touches if name not in middles)):
-        contact = touches[name]
-        lift = 0.0
-        if balance.lift:
-            lift = float(x[balance.first_lift + list(touches).index(name)]) * balance.force
-        forces[name] = float(contact.force[0].value[0]), float(contact.force[1].value[0]), lift
+    middles = [name for setup in scene.setups for name in setup.middle_names if name in backbones]
+    contacts = dict[str, ContactStart]()
+    for name in (*middles, *(name for name in names if name not in middles)):
         contacts[name] = balance.supports.get(name) or nearest_contact(scene, balance.pose, backbones[name])
+    forces = {name: borne[name] for name in contacts}
     estimate, off = float(settled.tension[row]), float(settled.off[row])
     return GraspStart("map", balance.pose, fingers, contacts, forces, tensions, estimate, imbalance=off)
 
@@ -103,12 +102,11 @@ def _finger_start(at: Traced) -> FingerStart:
     at_joint = np.append(np.diff(place) <= 0.0, False)
     place = place - 1e-9 * finger.length * at_joint
     on = dict(zip(finger.names, (float(z[4 + 3 * k]) * finger.length for k in range(finger.middles)), strict=True))
-    sides = []
-    for touch in at.touches():
-        k = int(np.argmin(np.abs(rows[:, 0] - float(touch.at.value[0]))))
+    sides, touches = [], at.touches
+    for middle, *normal in zip(touches.at[0], *(part.value[0] for part in touches.normal), strict=True):
+        k = int(np.argmin(np.abs(rows[:, 0] - middle)))
         step = rows[min(k + 1, len(rows) - 1), 2:] - rows[max(k - 1, 0), 2:]
         across = np.array([step[1], -step[0]])
-        normal = [float(part.value[0]) for part in touch.normal]
         sides.append(1 if across @ normal >= 0.0 else -1)
     side_of = dict(zip(finger.names, sides, strict=False))
     joints = _all_joints(finger.setup, on)
