@@ -9,11 +9,12 @@ import numpy as np
 
 from benchmarks.mpc.cases import state_step
 from continuum_grasp.base import Array
-from continuum_grasp.control import Controller, load_library
+from continuum_grasp.control import Controller
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.core import generated
+from continuum_grasp.core import Backend, generated
 from continuum_grasp.core.caller import Caller
+from continuum_grasp.core.code import FunctionCode
 
 FINER = 2
 """Runge-Kutta steps of the plant for one of the controller's model."""
@@ -45,8 +46,9 @@ class World:
         measured = after if estimation is None else estimation.outputs(after, u, p)[0]
         outputs = [ca.densify(after), ca.densify(measured)]
         world = ca.Function("world", [z, u, p], outputs, ["z", "u", "p"], ["zn", "y"])
-        load = partial(load_library, generated("world", world), "the plant of a benchmark")
-        self._advance = Caller(world, load, np.array(stages.p_nominal))
+        backend = Backend(what="the plant of a benchmark")
+        code = FunctionCode(world, partial(generated, "world", world), backend, from_python=True)
+        self._advance = Caller(world, code, np.array(stages.p_nominal)).prepare()
         mixing = np.eye(nz) if estimation is None else estimation.mixing
         self._unmix = np.linalg.pinv(mixing)
         self._rest = (np.eye(mixing.shape[1]) - self._unmix @ mixing) @ np.full(mixing.shape[1], 5.0)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
 
+from benchmarks.harness import CONFIGS
 from benchmarks.mpc import cases as mpc_cases
 from benchmarks.mpc.nlp import Nlp
 from benchmarks.mpc.peers import converged
+from benchmarks.mpc.world import World
+from continuum_grasp.control import Controller
 
 CASES = {
     "arcs": lambda: mpc_cases.arcs(steps=6, horizon=5),
@@ -55,3 +60,11 @@ def test_cost_of_a_violated_row():
     penalty = 100.0 * 0.2 + 0.5 * 1000.0 * 0.2**2
     assert case.cost(np.vstack([x, x]), np.zeros((1, 1))) == pytest.approx(tracking + penalty, rel=1e-12)
     assert case.excess(np.vstack([x, x]), np.zeros((1, 1))) == pytest.approx(0.2)
+
+
+def test_the_cheap_plant_of_a_controller_rests_where_the_rod_does():
+    controller = Controller(CONFIGS / "mpc" / "nitinol_moment.yaml", deadline=math.inf)
+    world, p = World(controller), controller.stages.p_nominal
+    for _ in range(50):
+        measured = world.step(np.zeros(1), p)
+    np.testing.assert_allclose(measured[:2], [0.5127, -0.2846], atol=2e-4)  # of the exact rod, as in that file
