@@ -198,7 +198,7 @@ MOMENTS = {
     "arguments": ("typer.main.get_command", 1, ["schema", "finger"]),
     "scene": ("continuum_grasp.scene.yaml_loader.read_yaml", 1, ["validate", RELEASE]),
     "compiler": ("subprocess.run", 1, ["simulate", RELEASE]),
-    "code": ("continuum_grasp.core.core.rollout_source", 1, ["simulate", RELEASE]),
+    "code": ("continuum_grasp.core.rollouts.rollout_source", 1, ["simulate", RELEASE]),
     "written": ("os.fsync", 2, ["export", RELEASE, "--to", "c", "--what", "kinematics"]),
     "package": (
         "continuum_grasp.export.package.write_package",

@@ -20,7 +20,6 @@ GUARDED = {
     "base/interrupt.py": "hasattr before",
     "closed_loop/drivers.py": "hasattr before, or AttributeError is an answer",
     "core/cache.py": "hasattr in the same expression",
-    "grasp/problem/equations.py": "hasattr before",
 }
 RESERVED = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?|.*[<>:\"|?*\\].*|.*[. ]", re.IGNORECASE)
 """Names of files that Windows does not take."""
