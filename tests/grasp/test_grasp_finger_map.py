@@ -75,6 +75,17 @@ def test_a_rod_is_the_solution_of_its_equations():
     assert found[:, 3] == pytest.approx(expected[:, 3], abs=3e-2)
 
 
+@pytest.mark.parametrize("curvature", [-2.0, 0.5, 3.0])
+def test_a_rod_without_forces_is_an_arc(curvature):
+    """To the remainder of the rule of Euler and Maclaurin."""
+    finger = finger_of(grasp_scene("mug")).with_middles(0)
+    end = finger.curve(np.array([curvature, 0.0, 0.0, curvature]))[-1, 2:]
+    x, y, angle = finger.base
+    turned = np.array([math.cos(angle + curvature) - math.cos(angle), math.sin(angle + curvature) - math.sin(angle)])
+    remainder = 2.0 * abs(curvature) ** 3 / rod.STEPS**4 / 720.0
+    assert end == pytest.approx(np.array([x, y]) / finger.length + turned / curvature, abs=remainder + 1e-12)
+
+
 def test_rods_converge_with_the_square_of_the_step():
     finger = finger_of(grasp_scene("mug"))
     z, errors = bent(0, 4), []
