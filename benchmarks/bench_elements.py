@@ -23,6 +23,7 @@ import numpy as np
 from benchmarks.harness import Timing, compiled, compiler, defines, linked, one_core, race, run
 from benchmarks.report import Report, begun
 from continuum_grasp.core import generated as package_source
+from continuum_grasp.core import symbol_of
 from continuum_grasp.model import Equations, FingerModel, pattern
 from continuum_grasp.scene import BasePose, Finger, PointMass
 from continuum_grasp.scene.finger import Damping, Rod
@@ -53,7 +54,7 @@ class Compiled:
     def __init__(self, function: ca.Function) -> None:
         source = package_source(function.name(), function)
         folder = Path(tempfile.mkdtemp(prefix="continuum-grasp-benchmark-"))
-        words: dict[str, Any] = {"FUNCTION": function.name(), "NX": function.nnz_in(0)}
+        words: dict[str, Any] = {"FUNCTION": symbol_of(function), "NX": function.nnz_in(0)}
         for name, least in (("w", 1), ("iw", 1), ("arg", 3), ("res", 1)):
             words[f"SZ_{name.upper()}"] = max(getattr(function, f"sz_{name}")(), least)
         flags, start = compiler().flags(source), time.perf_counter()

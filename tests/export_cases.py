@@ -114,8 +114,8 @@ def short_loop(drive: str) -> ControlScene:
     """A driven finger under a controller of a short horizon."""
     controller: dict[str, Any] = {"horizon": {"stages": 6, "stage": 0.01}}
     if drive == "winches":
-        # Those of configs/mpc/winches.yaml: with a weight of 1 s2/m2, as of tensions, the common length of both cables is
-        # all but free, and an ulp of a measurement is 7e-12 m of the command ten steps later instead of 3e-17 m.
+        # Those of configs/mpc/winches.yaml: with a weight of 1 s2/m2, as of tensions, the common length of both cables
+        # is all but free, and an ulp of a measurement is 7e-12 m of the command ten steps later instead of 3e-17 m.
         controller["cost"] = {"tip": 2e4, "speed": 0.02, "effort": 100.0, "input_rate": 1e4}
     return driven_scene(drive, controller=controller)
 

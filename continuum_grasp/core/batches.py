@@ -14,7 +14,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.core.caller import pointers
 from continuum_grasp.core.code import Backend, FunctionCode
-from continuum_grasp.core.source import batch_source, scan_source
+from continuum_grasp.core.source import batch_source, scan_source, symbol_of
 
 
 class Batch:
@@ -40,7 +40,7 @@ class Batch:
             return outputs
         ready = [dense_rows(row) for row in rows]
         strides = _whole_numbers([_stride(row, 0) if row.ndim == 2 else 0 for row in ready])
-        call = getattr(library, f"{function.name()}_batch")
+        call = getattr(library, f"{symbol_of(function)}_batch")
         call(ctypes.c_longlong(count), pointers(ready), strides, pointers(outputs))
         return outputs
 
@@ -72,7 +72,7 @@ class Scan:
             self._on_virtual_machine(steps, start, signals, outputs, back)
             return outputs
         ready = [dense_rows(array) for array in given]
-        getattr(library, f"{function.name()}_scan")(
+        getattr(library, f"{symbol_of(function)}_scan")(
             ctypes.c_longlong(len(start)),
             ctypes.c_longlong(steps),
             ctypes.c_int(back),

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError, real_array
 from continuum_grasp.core.code import FunctionCode
+from continuum_grasp.core.source import symbol_of
 from continuum_grasp.model import MATRICES, FingerModel
 from continuum_grasp.scene import SAME
 
@@ -63,7 +64,7 @@ class Caller:
     def _compiled(self) -> Callable[..., int] | None:
         """The compiled function; None while the virtual machine runs it."""
         if self._call is None and (library := self.code.library()) is not None:
-            self._call = getattr(library, self.function.name())
+            self._call = getattr(library, symbol_of(self.function))
         return self._call
 
     def __call__(self, *arguments: ArrayLike | None, **named: ArrayLike | None) -> Any:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.base import Array, InputError, real_array
 from continuum_grasp.core.caller import finite, pointer, pointers
 from continuum_grasp.core.code import Backend, FunctionCode
-from continuum_grasp.core.source import rollout_source, rollouts_source
+from continuum_grasp.core.source import rollout_source, rollouts_source, symbol_of
 
 _CHUNK = 256
 """Steps per call of the virtual machine, so that Ctrl-C and a state that is not finite end the run soon [1]."""
@@ -65,7 +65,7 @@ class Rollouts:
         library = self.code.library(steps)
         if library is None:
             return None
-        function = getattr(library, f"{self._step.name()}_{'levels' if self._single else 'rollouts'}")
+        function = getattr(library, f"{symbol_of(self._step)}_{'levels' if self._single else 'rollouts'}")
         function.restype = None
         return function
 

@@ -99,13 +99,23 @@ def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:
     return inputs, [function.nnz_out(k) for k in range(function.n_out())]
 
 
+def symbol_of(function: ca.Function) -> str:
+    """Symbol of a function in a library of the core.
+
+    Its own name may be one of the C library, ``step`` or ``index``, which calls within the library would then reach, or
+    of a header, ``exp``.
+    """
+    return f"cg_function_{function.name()}"
+
+
 def _names(function: ca.Function) -> dict[str, object]:
     """Words about a function that the templates share: number, size, and size of the array of each argument, too."""
     inputs, outputs = ([(k, size, max(size, 1)) for k, size in enumerate(sizes)] for sizes in _sizes(function))
     return {
         "inputs": inputs,
         "outputs": outputs,
-        "name": function.name(),
+        "name": symbol_of(function),
+        "lanes": f"{function.name()}_lanes",
         "vi": ", ".join(f"i{k}" for k in range(function.n_in())),
         "vo": ", ".join(f"o{k}" for k in range(function.n_out())),
         "sz_arg": function.sz_arg(),
@@ -114,10 +124,14 @@ def _names(function: ca.Function) -> dict[str, object]:
 
 
 def generated(name: str, *functions: ca.Function) -> str:
-    """CasADi's C of functions, which are its symbols; ``name`` stands before those of its own help functions."""
+    """CasADi's C of functions, by their symbols; ``name`` stands before those of its own help functions."""
     # The type of lanes is that of the source, which ``single`` may change.
     prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
-    return with_loops(_with_static_help(str(_generator_of(name, functions, with_export=False).dump())), _fill, prelude)
+    code = _with_static_help(str(_generator_of(name, functions, with_export=False).dump()))
+    for function in functions:
+        exported = rf"^((?:const )?\w+\*? ){function.name()}(?=\(|_\w+\()"
+        code = re.sub(exported, rf"\g<1>{symbol_of(function)}", code, flags=re.MULTILINE)
+    return with_loops(code, _fill, prelude)
 
 
 def externals_source(functions: Sequence[ca.Function]) -> str:
@@ -229,13 +243,13 @@ def _in_one_lane(function: ca.Function) -> str:
 
 
 def batch_source(function: ca.Function) -> str:
-    """C of ``NAME_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
+    """C of ``SYMBOL_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
     code = _in_lanes(function) if function.is_a("SXFunction") else _in_one_lane(function)
     return f"{code}\n{_fill('batch.c', **_names(function))}"
 
 
 def scan_source(function: ca.Function) -> str:
-    """C of ``NAME_scan``: a recursion of many rows over steps, in lanes where it is a straight-line function.
+    """C of ``SYMBOL_scan``: a recursion of many rows over steps, in lanes where it is a straight-line function.
 
     ``function`` is (carry, *signals) -> (next carry, *results); see ``Scan`` of ``core.batches``.
     """
@@ -252,19 +266,19 @@ def _step_words(step: ca.Function) -> dict[str, object]:
 
 
 def rollout_source(step: ca.Function) -> str:
-    """C of ``NAME_rollout``: many steps in one call.
+    """C of ``SYMBOL_rollout``: many steps in one call.
 
     ``step`` has inputs x, u and w at the start, the middle and the end of the step, p and h, and the next x as output.
     Inputs are rows at half steps (a stride of zero repeats one row). Every ``sub``-th state is stored. The result is
-    the number of stored states after the first; fewer than requested: the next one is not finite. ``NAME_levels`` does
-    the same with steps of several lengths: ``ratio`` times h, the longer ones stored at every ``every``-th instant
-    only.
+    the number of stored states after the first; fewer than requested: the next one is not finite.
+    ``SYMBOL_levels`` does the same with steps of several lengths: ``ratio`` times h, the longer ones stored at every
+    ``every``-th instant only.
     """
     return f"{generated(step.name(), step)}\n" + _fill("rollout.c", **_step_words(step))
 
 
 def rollouts_source(step: ca.Function) -> str:
-    """C of ``NAME_rollouts``: many rollouts in one call, in vector lanes where the step is a straight-line function.
+    """C of ``SYMBOL_rollouts``: many rollouts in one call, in vector lanes where the step is a straight-line function.
 
     As ``rollout_source``, with a stride per rollout (``ur``, ``wr``) beside that per half step; ``valid`` receives the
     result of each.

@@ -1,12 +1,24 @@
-"""Which code runs a function; from inside: `FunctionCode` and the sizes that decide, which no door has."""
+"""Which code runs a function; from inside: `FunctionCode`, `Caller` and the sizes that decide, which no door has."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.core import Backend, CodeKind, Compiler, HalfStepSignal, Rollouts, kind_of_source
+from continuum_grasp.core import (
+    Backend,
+    Batch,
+    CodeKind,
+    Compiler,
+    HalfStepSignal,
+    Rollouts,
+    generated,
+    kind_of_source,
+)
+from continuum_grasp.core.caller import Caller
 from continuum_grasp.core.code import FunctionCode, Size
 from continuum_grasp.core.source import batch_source
 
@@ -104,11 +116,13 @@ def test_c_that_cannot_be_interpreted_is_compiled_quickly_for_few_instructions()
 
 
 @needs_compiler
-def test_interpreted_and_compiled_rollouts_are_equal_to_rounding():
+@pytest.mark.parametrize("name", ["pendulum", "step"])
+def test_interpreted_and_compiled_rollouts_are_equal_to_rounding(name):
+    """Of a step with the name of a function of libc, too, which a call within the library would reach first."""
     x, p, h = (ca.SX.sym(n, k) for n, k in (("x", 2), ("p", 1), ("h", 1)))
     three = [ca.SX.sym(f"{n}{k}") for n in "uw" for k in range(3)]
     following = x + h * ca.vertcat(x[1], -ca.sin(x[0]) + three[0])
-    step = ca.Function("pendulum_step", [x, *three, p, h], [following])
+    step = ca.Function(name, [x, *three, p, h], [following])
     start = np.array([[0.3, 0.1]])
     signals = (HalfStepSignal(np.array([[[0.2]]]), 0, 0), HalfStepSignal(np.zeros((1, 1, 1)), 0, 0))
     kinds, states = [], []
@@ -119,3 +133,22 @@ def test_interpreted_and_compiled_rollouts_are_equal_to_rounding():
         kinds.append(rollouts.code.kind)
     assert kinds == [CodeKind.INTERPRETED, CodeKind.OPTIMIZED]
     np.testing.assert_allclose(states[0], states[1], rtol=1e-13)
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["step", "index", "exp", "y0", "main", "cg_exp"])
+def test_a_function_may_have_the_name_of_one_of_the_c_library(name):
+    """Calls and batches, of straight-line functions and of those that call others."""
+    x = ca.SX.sym("x", 2)
+    straight = ca.Function(name, [x], [2.0 * x + 1.0], ["x"], ["y"])
+    many = ca.MX.sym("x", 2)
+    calling = ca.Function(name, [many], [ca.solve(4.0 * ca.MX.eye(2), 2.0 * many + 1.0)], ["x"], ["y"])
+    for function, factor in ((straight, 1.0), (calling, 4.0)):
+        source = partial(generated, name, function)
+        caller = Caller(function, FunctionCode(function, source, Backend(), from_python=True), np.zeros(0)).prepare()
+        batch = Batch(function, Backend())
+        batch.code.expect(np.inf)
+        assert (caller.code.kind, batch.code.kind) == (CodeKind.OPTIMIZED, CodeKind.OPTIMIZED)
+        assert factor * caller(np.array([1.0, 3.0])) == pytest.approx([3.0, 7.0])
+        (found,) = batch(1, [np.array([[1.0, 3.0]])])
+        assert factor * found == pytest.approx(np.array([[3.0, 7.0]]))

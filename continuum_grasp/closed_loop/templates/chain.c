@@ -329,7 +329,7 @@ static int stage(const chains *all, double part, const state *from, state *to, c
       const double *arg[drums_SZ_ARG] = {to->x, u};
       double *res[drums_SZ_RES] = {drums, drum_slopes}, work[drums_SZ_W];
       whole integers[drums_SZ_IW];
-      drums_of(arg, res, integers, work, 0);
+      cg_function_drums_of(arg, res, integers, work, 0);
     }
     double tensions[NT + 1];
     for (int j = 0; j < NT; ++j) {
@@ -349,7 +349,7 @@ static int stage(const chains *all, double part, const state *from, state *to, c
       const double *arg[around_SZ_ARG] = {places, tensions, to->x, u, w, p};
       double *res[around_SZ_RES] = {values, slopes}, work[around_SZ_W];
       whole integers[around_SZ_IW];
-      around(arg, res, integers, work, 0);
+      cg_function_around(arg, res, integers, work, 0);
     }
     /* Inertia, weight and forces by the angles of the bars. */
     double force[NB];

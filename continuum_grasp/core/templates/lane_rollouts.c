@@ -20,7 +20,7 @@ void <<name>>_rollouts(long long count, long long keep, long long sub, double h,
           if (us || !t) cg_gather(u + b * ur + (t + a) * us, ur, m, <<nu>>, vu[a]);
           if (ws || !t) cg_gather(w + b * wr + (t + a) * ws, wr, m, <<nw>>, vw[a]);
         }
-        <<name>>_lanes(in, out);
+        <<lanes>>(in, out);
         for (int j = 0; j < <<nx>>; ++j) x[j] = next[j];
       }
       cg_scatter(x, row, m, <<nx>>, X + b * row + (k + 1) * <<nx>>);

@@ -6,7 +6,7 @@
 typedef double cg_one_lane __attribute__((vector_size(sizeof(double))));
 #define cg_lanes cg_one_lane
 <<gather>>
-static void <<name>>_lanes(const cg_lanes *const in[], cg_lanes *const out[])
+static void <<lanes>>(const cg_lanes *const in[], cg_lanes *const out[])
 {
   const double *from[<<sz_arg>>];
   double *to[<<sz_res>>], work[<<sz_w>>];

@@ -21,7 +21,7 @@ void <<name>>_scan(long long count, long long steps, int back, const double *con
       (void)before;
 <<for k, size, least in inputs>><<if k>><<if size>>      if (!k || t / held[<<k>>] != before / held[<<k>>])
         cg_gather(in[<<k>>] + b * row[<<k>>] + t / held[<<k>>] * time[<<k>>], row[<<k>>], m, <<size>>, i<<k>>);
-<<end>><<end>><<end>>      <<name>>_lanes(vi, vo);
+<<end>><<end>><<end>>      <<lanes>>(vi, vo);
       for (int j = 0; j < <<carry>>; ++j) i0[j] = o0[j];
       cg_scatter(i0, to[0], m, <<carry>>, out[0] + b * to[0] + next * <<carry>>);
 <<for k, size, least in outputs>><<if k>><<if size>>      cg_add(o<<k>>, to[<<k>>], m, <<size>>, out[<<k>>] + b * to[<<k>>] + t / summed[<<k>>] * <<size>>);
