@@ -159,7 +159,7 @@ def _plain(name: str | None) -> str:
 
 
 # Words of C; headers of its library and of the system, in whose place one of that name would be found; libraries that
-# are linked by such names; targets of CMake; first words of other names in a package, and its further headers.
+# are linked by such names; targets of CMake; the further headers of a package.
 _WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long main register
 restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -167,7 +167,7 @@ assert complex ctype errno fenv float inttypes iso646 limits locale math pthread
 stdint stdio stdlib string tgmath time wchar wctype
 c gcc m rt dl
 all clean help install package test
-accept check read run vectors write
+board check vectors
 """
 _TAKEN = {*keyword.kwlist, *_WORDS.split()}
 """Words that cannot be the prefix."""

@@ -167,14 +167,16 @@ def _runner(subject: Subject, call: Call) -> str:
     # ``null`` is the number of the pointer that is null in this call, counted from one; zero for none.
     structs = [a for a in (*call.inputs, call.output) if a.is_struct]
     pointers = {name: k for k, name in enumerate(["model", *(a.name for a in structs)], 1)}
+    # The name of no function: local names hide those of the package, whose prefix may be the first word of an output.
+    local = {call.output.name: "result"}
     words = {
         "p": subject.prefix,
         "call": call,
-        "indent": " " * len(f"static int run_{call.name}("),
-        "declared": structs,
+        "indent": " " * len(f"static int {call.name}_run("),
+        "declared": [(a.kind.name, local.get(a.name, a.name)) for a in structs],
         "copied": [(a, ends[a.name] - a.size) for a in passed if a.is_struct],
         "passed": [
-            f"null == {pointers[name]} ? 0 : &{name}" if name in pointers else f"row[{ends[name] - 1}]"
+            f"null == {pointers[name]} ? 0 : &{local.get(name, name)}" if name in pointers else f"row[{ends[name] - 1}]"
             for name in ("model", *(a.name for a in call.inputs), call.output.name)
         ],
     }

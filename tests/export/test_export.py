@@ -27,7 +27,19 @@ from continuum_grasp.export.subject import STABLE, Subject
 from continuum_grasp.export.vectors import reach_of, split
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import Finger, Scene, load
-from tests.export_cases import DISC, ROOT, STRICT, TENDONS, needs, run, scene, shared_library, two_arcs, values
+from tests.export_cases import (
+    DISC,
+    ROOT,
+    STRICT,
+    TENDONS,
+    WARNINGS,
+    needs,
+    run,
+    scene,
+    shared_library,
+    two_arcs,
+    values,
+)
 from tests.features import FEATURES, scene_of
 from tests.finger_cases import ROD
 from tests.marks import but
@@ -422,7 +434,7 @@ def test_a_name_means_nothing_to_a_language(tmp_path):
         ({"prefix": "Finger"}, "free C identifier"),
         ({"prefix": "string"}, "no word, header"),
         ({"prefix": "test"}, "no word, header"),
-        ({"prefix": "read"}, "no word, header"),
+        ({"prefix": "board"}, "no word, header"),
         ({"prefix": "lambda"}, "no word, header"),
         ({"prefix": "a__b"}, "single underscores between"),
         ({"prefix": "finger_"}, "single underscores between"),
@@ -453,6 +465,35 @@ def test_what_cannot_be_made_is_refused(keywords, message, tmp_path):
     with pytest.raises(InputError, match=message):
         export_c(**{"given": scene("arcs"), "folder": tmp_path / "out", **keywords})
     assert not (tmp_path / "out").exists()
+
+
+# The names of C that is no comment, no string and no member: functions, types, macros, variables.
+_PROSE = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\])*"', re.DOTALL)
+_DEFINED = re.compile(r"^(?:#define +(\w+)|\} (\w+);|(?!return\b)\w[\w *]*?\b(\w+)(?=\(|\[| = ))", re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", ["observed", "arcs", "seen", "implicit"])
+def test_no_prefix_makes_a_name_that_the_package_has_already(name, packages):
+    """A name without the prefix is none of those that have it with another word for it; ``board.h`` is refused."""
+    own, behind = set(), set()
+    for path in packages(name, "double").rglob("*.[ch]"):
+        text = _PROSE.sub("", path.read_text())
+        own |= {next(filter(None, found)) for found in _DEFINED.findall(text)}
+        behind |= {found.lower() for found in re.findall(r"\bfinger_(\w+)", text, re.IGNORECASE)}
+    own = {found.lower() for found in own if not found.lower().startswith("finger_")}
+    assert {"board_h", "check_rows", "codes_agree"} <= own
+    assert any(found.endswith("_read") for found in own)
+    clashes = {(found, one) for found in own for one in behind if found.endswith(f"_{one}")}
+    assert clashes <= {("board_h", "h")}
+
+
+@needs("cc")
+def test_a_prefix_may_be_the_first_word_of_names_in_the_controller(tmp_path):
+    package = export_c(scene("given"), tmp_path, what=["mpc"], prefix="loop")
+    for path in package.files:
+        if path.endswith(".c") and path.startswith(("src/", "tests/ch", "examples/co")):
+            places = [f"-I{tmp_path / place}" for place in ("include", "src", "tests")]
+            run("cc", *STRICT, *WARNINGS, "-fsyntax-only", *places, tmp_path / path)
 
 
 @pytest.mark.parametrize(("weight", "most"), [(9.81, 20.0), (15.0, 30.0)])

@@ -178,19 +178,19 @@ class _Writer:
         loop, p = self.loop, self.prefix
         nominal = loop.stages.p_nominal
         texts = [*(s.bounds(p, self.real) for s in (loop.applied, loop.start))]
-        texts += [self.array("first_state", loop.first), self.array("first_command", loop.before)]
+        texts += [self.array("first_state", loop.first), self.array("command_first", loop.before)]
         if loop.known is not None:
             texts.append(self.array("known_nominal", nominal))
             texts += [loop.known.bounds(p, self.real)] if "estimator" in loop.parts else []
         if self.mpc:
             texts += [self.array("settings_nominal", loop.nominal_settings), loop.settings.bounds(p, self.real)]
             texts.append(self.array("first_setpoints", loop.wanted))
-            texts.append(f"static const {p}_loop_settings loop_settings = {self.initializer(loop.members)};")
+            texts.append(f"static const {p}_loop_settings settings_exported = {self.initializer(loop.members)};")
         else:
             texts.append(self.own_settings("ekf"))
         if loop.phases is not None:
             phase_settings = self.initializer(loop.phases.members)
-            texts.append(f"static const {p}_phases_settings phase_settings = {phase_settings};")
+            texts.append(f"static const {p}_phases_settings settings_of_phases = {phase_settings};")
         if "estimator" in loop.parts:
             names = ("MISSING", "ABSURD", "OUTLIER", "REOPENED")
             bits = ", ".join(["0", *(f"{p.upper()}_ANOMALY_{name}" for name in names), "0"])
@@ -201,7 +201,7 @@ class _Writer:
         """Settings of a module, where there are none of a controller around them."""
         start, members = f"{module}.", self.loop.members.items()
         settings = {name.removeprefix(start): values for name, values in members if name.startswith(start)}
-        return f"static const {self.prefix}_{module}_settings {module}_settings = {self.initializer(settings)};"
+        return f"static const {self.prefix}_{module}_settings settings_exported = {self.initializer(settings)};"
 
     def initializer(self, members: Mapping[str, ArrayLike]) -> str:
         lines = (f"  .{name} = {self.braced(np.asarray(v))}" for name, v in members.items())
@@ -237,7 +237,7 @@ class _Writer:
             "indent_mpc": " " * len(f"int {p}_mpc("),
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "indent_mission": " " * len(f"int {p}_mission_step("),
-            "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
+            "estimator_settings": "settings_exported.ekf" if self.mpc else "settings_exported",
             "known": known,
             "mpc": self.mpc,
             "estimator": "estimator" in loop.parts,

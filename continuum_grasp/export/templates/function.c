@@ -1,9 +1,9 @@
-<<P>>_API static int accept_<<call.name>>(<<declared>>)
+<<P>>_API static int <<call.name>>_accepted(<<declared>>)
 {
 <<if checks>>  int code;
 <<end>>  if (<<for name in pointers| || >>!<<name>><<end>>) return <<P>>_ERR_NULL;
   if (model->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-<<for a in arrays>>  read_<<a.kind.name>>(<<if a.is_member>>&model-><<end>><<a.name>>, <<a.array>>);
+<<for a in arrays>>  <<a.kind.name>>_read(<<if a.is_member>>&model-><<end>><<a.name>>, <<a.array>>);
 <<if a.drawn>>  if (!all_finite(<<a.array>>, <<a.size>>)) return <<P>>_ERR_NON_FINITE;
 <<else>>  if ((code = check(<<a.array>>, <<a.kind.name>>_low, <<a.kind.name>>_high, <<a.size>>)) < 0) return code;
 <<end>><<end>><<for a, low, high in numbers>>  if (!<<p>>_is_finite(&<<a.array>>)) return <<P>>_ERR_NON_FINITE;
@@ -14,10 +14,10 @@
 <<P>>_API <<prototype>>
 {
   <<p>>_real <<for a in arrays|, >><<a.array>>[<<a.size>>]<<end>>, result[<<call.output.size>>];
-  int code = <<call.output.name>> ? accept_<<call.name>>(model, <<for a in call.inputs|, >><<a.name>><<end>>, <<for a in arrays|, >><<a.array>><<end>>) : <<P>>_ERR_NULL;
+  int code = <<call.output.name>> ? <<call.name>>_accepted(model, <<for a in call.inputs|, >><<a.name>><<end>>, <<for a in arrays|, >><<a.array>><<end>>) : <<P>>_ERR_NULL;
   if (code < 0) return code;
 <<body>>
   if (!all_finite(result, <<call.output.size>>)) return <<P>>_ERR_RESULT;
-  write_<<call.output.kind.name>>(result, <<call.output.name>>);
+  <<call.output.kind.name>>_written(result, <<call.output.name>>);
   return code;
 }

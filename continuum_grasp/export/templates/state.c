@@ -3,6 +3,6 @@
   static const <<p>>_real start[] = {<<start>>};
   if (!state) return <<P>>_ERR_NULL;
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  write_state(start, state);
+  state_written(start, state);
   return <<P>>_OK;
 }

@@ -1,9 +1,9 @@
-<<for struct in read>><<P>>_API static void read_<<struct.name>>(const <<p>>_<<struct.name>> *from, <<p>>_real *to)
+<<for struct in read>><<P>>_API static void <<struct.name>>_read(const <<p>>_<<struct.name>> *from, <<p>>_real *to)
 {
 <<for k, place in struct.numbered>>  to[<<k>>] = from-><<place>>;
 <<end>>}
 
-<<end>><<for struct in written>><<P>>_API static void write_<<struct.name>>(const <<p>>_real *from, <<p>>_<<struct.name>> *to)
+<<end>><<for struct in written>><<P>>_API static void <<struct.name>>_written(const <<p>>_real *from, <<p>>_<<struct.name>> *to)
 {
 <<for k, place in struct.numbered>>  to-><<place>> = from[<<k>>];
 <<end>>}

@@ -8,9 +8,9 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi)
   memset(controller, 0, sizeof *controller);
   controller->abi = abi;
   controller->memory.elapsed = controller->memory.age = -1; /* unknown: the call rate is not judged, the age as usual */
-  write_settings(settings_nominal, &controller->settings);<<if known>>
-  write_known(known_nominal, &controller->known);<<end>>
-  <<p>>_loop_start(&controller->memory.state, &loop_settings, first_state, first_command, <<if known>>known_nominal<<else>>0<<end>>);
+  settings_written(settings_nominal, &controller->settings);<<if known>>
+  known_written(known_nominal, &controller->known);<<end>>
+  <<p>>_loop_start(&controller->memory.state, &settings_exported, first_state, command_first, <<if known>>known_nominal<<else>>0<<end>>);
   return <<P>>_OK;
 }
 
@@ -31,13 +31,13 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.star
   int code;
   if (!controller || !state || !before) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  read_<<loop.start.name>>(state, z);
-  read_command(before, u);
+  <<loop.start.name>>_read(state, z);
+  command_read(before, u);
   if ((code = check(z, <<loop.start.name>>_low, <<loop.start.name>>_high, <<loop.start.size>>)) < 0) return code;
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memset(&controller->memory, 0, sizeof controller->memory);
   controller->memory.elapsed = controller->memory.age = -1;
-  <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<if known>>known_nominal<<else>>0<<end>>);
+  <<p>>_loop_start(&controller->memory.state, &settings_exported, z, u, <<if known>>known_nominal<<else>>0<<end>>);
   return <<P>>_OK;
 }
 
@@ -47,7 +47,7 @@ int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *
   int code;
   if (!controller || !applied) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  read_command(applied, u);
+  command_read(applied, u);
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memcpy(controller->memory.applied, u, sizeof u); /* beside the last command, by which the next one stays within limits */
   controller->memory.differs = 1;
@@ -84,17 +84,17 @@ int <<p>>_controller_rearm(<<p>>_controller *controller)
 {
   if (!controller) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  return <<p>>_loop_rearm(&controller->memory.state, &loop_settings);
+  return <<p>>_loop_rearm(&controller->memory.state, &settings_exported);
 }
 
 /* The settings of this call, from those of the caller. */
-static int take_settings(const <<p>>_controller *controller, <<p>>_loop_settings *to)
+static int settings_taken(const <<p>>_controller *controller, <<p>>_loop_settings *to)
 {
   <<p>>_real numbers[<<loop.settings.size>>];
   int code;
-  read_settings(&controller->settings, numbers);
+  settings_read(&controller->settings, numbers);
   if ((code = check(numbers, settings_low, settings_high, <<loop.settings.size>>)) < 0) return code;
-  memcpy(to, &loop_settings, sizeof *to);
+  memcpy(to, &settings_exported, sizeof *to);
 <<for member, at, count in taken>>  memcpy(to->rti.<<member>>, numbers + <<at>>, <<count>> * sizeof *numbers);
 <<end>>  return <<p>>_rti_settings_valid(&to->rti) ? <<P>>_OK : <<P>>_ERR_RANGE;
 }
@@ -109,9 +109,9 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   int code, k;
   if (!controller || !work || !measurement || !reference || !command) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  if ((code = take_settings(controller, &work->settings)) < 0) return code;
-  read_measurement(measurement, y);<<if known>>
-  read_known(&controller->known, p);<<end>>
+  if ((code = settings_taken(controller, &work->settings)) < 0) return code;
+  measurement_read(measurement, y);<<if known>>
+  known_read(&controller->known, p);<<end>>
   for (k = 0; k <= <<P>>_RTI_N; ++k) {
 <<for j, field in setpoints>>    work->reference[k][<<j>>] = reference-><<field.name>>[k];
 <<end>>  }
@@ -126,7 +126,7 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   controller->memory.late = controller->memory.differs = 0;
   controller->memory.elapsed = controller->memory.age = -1;
   if (code < 0 || check(controller->memory.last.u, applied_low, applied_high, <<loop.command.size>>) < 0) return <<P>>_ERR_RESULT;
-  write_command(controller->memory.last.u, command);
+  command_written(controller->memory.last.u, command);
   if (code < <<P>>_LOOP_PREVIOUS_PLAN
       && check(controller->memory.last.u, work->settings.rti.u_min, work->settings.rti.u_max, <<loop.command.size>>) < 0)
     return <<P>>_WARN_BEYOND_LIMIT; /* the last command, from which the rate counts, was beyond them too */
@@ -140,7 +140,7 @@ int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<loop.s
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   memcpy(z, controller->memory.last.x, <<loop.stages.nd>> * sizeof *z);
 <<if disturbances>>  memcpy(z + <<loop.stages.nd>>, controller->memory.state.ekf.z + <<loop.stages.nd>>, <<disturbances>> * sizeof *z);
-<<end>>  write_<<loop.start.name>>(z, estimate);
+<<end>>  <<loop.start.name>>_written(z, estimate);
   return <<P>>_OK;
 }
 

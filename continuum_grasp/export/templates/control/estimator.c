@@ -7,8 +7,8 @@ int <<p>>_estimator_init_abi(<<p>>_estimator *estimator, uint32_t abi)
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   memset(estimator, 0, sizeof *estimator);
   estimator->abi = abi;<<if known>>
-  write_known(known_nominal, &estimator->known);<<end>>
-  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, first_state, first_command);
+  known_written(known_nominal, &estimator->known);<<end>>
+  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, first_state, command_first);
   return <<P>>_OK;
 }
 
@@ -18,8 +18,8 @@ int <<p>>_estimator_start(<<p>>_estimator *estimator, const <<p>>_estimate *stat
   int code;
   if (!estimator || !state || !before) return <<P>>_ERR_NULL;
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  read_estimate(state, z);
-  read_command(before, u);
+  estimate_read(state, z);
+  command_read(before, u);
   if ((code = check(z, estimate_low, estimate_high, <<loop.start.size>>)) < 0) return code;
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memset(&estimator->memory, 0, sizeof estimator->memory);
@@ -35,10 +35,10 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
   int code, j;
   if (!estimator || !work || !measurement || !applied || !estimate) return <<P>>_ERR_NULL;
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  read_measurement(measurement, y);
-  read_command(applied, u);
+  measurement_read(measurement, y);
+  command_read(applied, u);
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;<<if known>>
-  read_known(&estimator->known, p);
+  known_read(&estimator->known, p);
   if ((code = check(p, known_low, known_high, <<known>>)) < 0) return code;<<end>>
   if (<<p>>_ekf_step(&estimator->memory.state, work, &<<estimator_settings>>, y, u, p, 1, <<P>>_EKF_DELAY, &report) != <<P>>_EKF_OK)
     code = <<P>>_WARN_ESTIMATE_RESTARTED;
@@ -50,7 +50,7 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
   estimator->memory.anomalies = report.limited ? <<P>>_ANOMALY_ESTIMATE_LIMITED : 0u;
   if (code == <<P>>_WARN_ESTIMATE_RESTARTED) estimator->memory.anomalies |= <<P>>_ANOMALY_ESTIMATE_RESTARTED;
   for (j = 0; j < <<loop.measurement.size>>; ++j) estimator->memory.anomalies |= anomaly_of_verdict[report.verdict[j]];
-  write_estimate(z, estimate);
+  estimate_written(z, estimate);
   return code;
 }
 
@@ -60,7 +60,7 @@ int <<p>>_estimator_variance(const <<p>>_estimator *estimator, <<p>>_estimate *v
   if (!estimator || !variance) return <<P>>_ERR_NULL;
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   <<p>>_ekf_variance(&estimator->memory.state, numbers);
-  write_estimate(numbers, variance);
+  estimate_written(numbers, variance);
   return <<P>>_OK;
 }
 

@@ -7,7 +7,7 @@ int <<p>>_measurement_init_abi(<<p>>_measurement *measurement, uint32_t abi)
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   missing.bits = <<missing>>; /* NaN by its bits: C99 has no literal of it without a library */
   for (k = 0; k < <<loop.measurement.size>>; ++k) numbers[k] = missing.value;
-  write_measurement(numbers, measurement);
+  measurement_written(numbers, measurement);
   return <<P>>_OK;
 }
 
@@ -15,6 +15,6 @@ int <<p>>_command_init_abi(<<p>>_command *command, uint32_t abi)
 {
   if (!command) return <<P>>_ERR_NULL;
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  write_command(first_command, command);
+  command_written(command_first, command);
   return <<P>>_OK;
 }

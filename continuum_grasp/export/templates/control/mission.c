@@ -5,7 +5,7 @@ typedef char <<p>>_mission_work_fits[sizeof(<<p>>_mission_work) <= <<P>>_MISSION
 static void begin_mission(<<p>>_mission *mission)
 {
   memset(&mission->memory, 0, sizeof mission->memory);
-  <<p>>_phases_start(&mission->memory.state, &phase_settings, 0, mission->controller.memory.state.u);
+  <<p>>_phases_start(&mission->memory.state, &settings_of_phases, 0, mission->controller.memory.state.u);
 }
 
 int <<p>>_mission_init_abi(<<p>>_mission *mission, uint32_t abi)
@@ -49,7 +49,7 @@ static void estimated_forces(const <<p>>_controller *controller, <<p>>_real *for
 }
 
 /* Time of the next call. */
-static <<p>>_real mission_now(const <<p>>_mission *mission) { return (<<p>>_real)mission->memory.calls * phase_settings.period; }
+static <<p>>_real mission_now(const <<p>>_mission *mission) { return (<<p>>_real)mission->memory.calls * settings_of_phases.period; }
 
 int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <<p>>_measurement *measurement,
 <<indent_mission>><<p>>_command *command)
@@ -65,21 +65,21 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
     const <<p>>_real *before = mission->controller.memory.state.u;
     const int reported = <<if loop.phases.reported>>mission->memory.reported<<else>><<P>>_PHASES_BEARS<<end>>;
     next.sight = mission->controller.memory.last.sight;
-    <<p>>_phases_advance(&next, &phase_settings, now, 0, before, reported);
-    if (<<p>>_phases_asks(&next, &phase_settings)) {
+    <<p>>_phases_advance(&next, &settings_of_phases, now, 0, before, reported);
+    if (<<p>>_phases_asks(&next, &settings_of_phases)) {
       estimated_forces(&mission->controller, forces);
-      <<p>>_phases_advance(&next, &phase_settings, now, forces, before, reported);
+      <<p>>_phases_advance(&next, &settings_of_phases, now, forces, before, reported);
     }
   }
   for (k = 0; k < <<P>>_NODES; ++k) {
-    <<p>>_phases_setpoints(&next, &phase_settings, now + (<<p>>_real)k * loop_settings.rti.stage, row);
+    <<p>>_phases_setpoints(&next, &settings_of_phases, now + (<<p>>_real)k * settings_exported.rti.stage, row);
 <<for j, field in setpoints>>    work->reference.<<field.name>>[k] = row[<<j>>];
 <<end>>  }
   memcpy(numbers, settings_nominal, sizeof numbers);
-  memcpy(numbers, phase_settings.weights[next.follows], <<loop.stages.nr>> * sizeof *numbers);
+  memcpy(numbers, settings_of_phases.weights[next.follows], <<loop.stages.nr>> * sizeof *numbers);
   memcpy(numbers + <<u_min>>, next.u_min, sizeof next.u_min);
   memcpy(numbers + <<u_max>>, next.u_max, sizeof next.u_max);
-  write_settings(numbers, &mission->controller.settings);
+  settings_written(numbers, &mission->controller.settings);
   code = <<p>>_mpc(&mission->controller, &work->controller, measurement, &work->reference, command);
   if (code < 0) return code;
   memcpy(&mission->memory.state, &next, sizeof next);
@@ -91,7 +91,7 @@ static int let_go(<<p>>_mission *mission, int at_once)
 {
   const int ready = mission_ready(mission);
   if (ready < 0) return ready;
-  <<p>>_phases_release(&mission->memory.state, &phase_settings, mission_now(mission), mission->controller.memory.state.u,
+  <<p>>_phases_release(&mission->memory.state, &settings_of_phases, mission_now(mission), mission->controller.memory.state.u,
                        at_once);
   return <<P>>_OK;
 }
@@ -121,14 +121,14 @@ int <<p>>_mission_forces(const <<p>>_mission *mission)
 int <<p>>_mission_height(<<p>>_mission *mission, <<p>>_real height)
 {
   const int ready = mission_ready(mission);
-  if (ready >= 0) <<p>>_phases_see(&mission->memory.state, &phase_settings, height);
+  if (ready >= 0) <<p>>_phases_see(&mission->memory.state, &settings_of_phases, height);
   return ready;
 }
 
 int <<p>>_mission_squeeze(<<p>>_mission *mission)
 {
   const int ready = mission_ready(mission);
-  if (ready >= 0) <<p>>_phases_squeeze(&mission->memory.state, &phase_settings, <<P>>_PHASES_REPORTED);
+  if (ready >= 0) <<p>>_phases_squeeze(&mission->memory.state, &settings_of_phases, <<P>>_PHASES_REPORTED);
   return ready;
 }
 

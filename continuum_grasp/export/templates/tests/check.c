@@ -8,20 +8,20 @@
 <<for v, rows, width, outputs, bad in vectors|\n>><<v.runner>><<end>>
 static const struct {
   const char *name;
-  int (*run)(check_memory *memory, const <<p>>_real *row, <<p>>_real *out, uint32_t other_abi, int null, int repeat);
+  int (*run)(check_memory *memory, const <<p>>_real *row, <<p>>_real *out, uint32_t abi_bits, int null, int repeat);
   const <<p>>_real *inputs, *outputs;
   const signed char *codes;
-  const bad_input *bad, *spoilt;
+  const spoilt_value *bad, *spoilt;
   int rows, input_count, output_count, close, bad_count, pointers, stateful;
 } functions[CHECK_FUNCTIONS] = {
-<<for v, rows, width, outputs, bad in vectors|,\n>>  {"<<v.name>>", run_<<v.name>>, <<v.name>>_inputs, <<v.name>>_outputs, <<v.name>>_codes, <<v.name>>_bad, <<v.name>>_spoilt,
+<<for v, rows, width, outputs, bad in vectors|,\n>>  {"<<v.name>>", <<v.name>>_run, <<v.name>>_inputs, <<v.name>>_outputs, <<v.name>>_codes, <<v.name>>_bad, <<v.name>>_spoilt,
    <<rows>>, <<width>>, <<outputs>>, <<v.close>>, <<bad>>, <<v.pointers>>, <<v.stateful:d>>}<<end>>
 };
 
 /* A row, with the numbers that are not finite. */
 static void take_row(int function, int k, <<p>>_real *row)
 {
-  const bad_input *entry;
+  const spoilt_value *entry;
   const int count = functions[function].input_count;
   memcpy(row, functions[function].inputs + k * count, (size_t)count * sizeof *row);
   for (entry = functions[function].spoilt; entry->row >= 0; ++entry)
@@ -91,7 +91,7 @@ int check_cases(int function)
 }
 
 /* Where rounding may differ, so may warnings of stateful functions: a bound is left by a little more or less. */
-static int same_code(int function, int code, int expected, <<p>>_real tolerance)
+static int codes_agree(int function, int code, int expected, <<p>>_real tolerance)
 {
   return functions[function].stateful && tolerance > 0 ? (code < 0) == (expected < 0) : code == expected;
 }
@@ -108,11 +108,11 @@ int check_failures(int function, <<p>>_real tolerance, check_memory *memory)
     take_row(function, k, row);
     mark(out, outputs);
     code = functions[function].run(memory, row, out, 0, 0, 1);
-    if (!same_code(function, code, functions[function].codes[k], tolerance)) ++failures;
+    if (!codes_agree(function, code, functions[function].codes[k], tolerance)) ++failures;
     else if (code < 0 ? !left_alone(out, outputs) : !agrees(out, expected, outputs, functions[function].close, tolerance)) ++failures;
   }
   for (k = 0; k < functions[function].bad_count; ++k) {
-    const bad_input *bad = &functions[function].bad[k];
+    const spoilt_value *bad = &functions[function].bad[k];
     int code;
     take_row(function, bad->row, row);
     memcpy(&row[bad->entry], &bad->bits, sizeof bad->bits);

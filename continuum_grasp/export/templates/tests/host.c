@@ -4,7 +4,7 @@
 <<for f in contents.stateful|\n>><<f.runner>><<end>>
 <<for f in contents.stateful>>int host_<<f.name>>(check_memory *memory, const <<p>>_real *row, <<p>>_real *out)
 {
-  return run_<<f.name>>(memory, row, out, 0, 0, 1);
+  return <<f.name>>_run(memory, row, out, 0, 0, 1);
 }
 <<end>>
 const size_t host_bytes = sizeof(check_memory);

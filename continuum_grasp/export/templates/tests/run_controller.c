@@ -1,4 +1,4 @@
-static int run_mpc(check_memory *memory, const <<p>>_real *row, <<p>>_real *out, uint32_t other_abi, int null,
+static int mpc_run(check_memory *memory, const <<p>>_real *row, <<p>>_real *out, uint32_t abi_bits, int null,
                    int repeat)
 {
   <<p>>_measurement measurement;
@@ -20,11 +20,11 @@ static int run_mpc(check_memory *memory, const <<p>>_real *row, <<p>>_real *out,
   if (row[1] > 0) <<p>>_controller_late(&memory->controller);
   if (row[2] > 0) <<p>>_controller_applied(&memory->controller, &applied);
   memcpy(&command, out, sizeof command);
-  memory->controller.abi ^= other_abi;
+  memory->controller.abi ^= abi_bits;
   for (k = 0; k < repeat; ++k)
     code = <<p>>_mpc(null == 1 ? 0 : &memory->controller, null == 2 ? 0 : &memory->controller_work,
                    null == 3 ? 0 : &measurement, null == 4 ? 0 : &reference, null == 5 ? 0 : &command);
-  memory->controller.abi ^= other_abi;
+  memory->controller.abi ^= abi_bits;
   memcpy(out, &command, sizeof command);
   if (code < 0 || repeat == 0) return code;
   for (j = 0; j < <<loop.command.size>>; ++j) /* beyond its settings only by its own warning; no code is -128 */

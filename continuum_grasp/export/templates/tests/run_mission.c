@@ -1,4 +1,4 @@
-static int run_mission_step(check_memory *memory, const <<p>>_real *row, <<p>>_real *out, uint32_t other_abi, int null,
+static int mission_step_run(check_memory *memory, const <<p>>_real *row, <<p>>_real *out, uint32_t abi_bits, int null,
                             int repeat)
 {
   <<p>>_measurement measurement;
@@ -12,11 +12,11 @@ static int run_mission_step(check_memory *memory, const <<p>>_real *row, <<p>>_r
 <<if watches>>  <<p>>_mission_height(&memory->mission, row[<<height>>]);
 <<end>><<for k, name in reported>>  if (row[<<reported_at>>] == (<<p>>_real)<<k>>) <<p>>_mission_<<name>>(&memory->mission);
 <<end>>  memcpy(&command, out, sizeof command);
-  memory->mission.abi ^= other_abi;
+  memory->mission.abi ^= abi_bits;
   for (k = 0; k < repeat; ++k)
     code = <<p>>_mission_step(null == 1 ? 0 : &memory->mission, null == 2 ? 0 : &memory->mission_work,
                             null == 3 ? 0 : &measurement, null == 4 ? 0 : &command);
-  memory->mission.abi ^= other_abi;
+  memory->mission.abi ^= abi_bits;
   memcpy(out, &command, sizeof command);
   if (code < 0 || repeat == 0) return code;
   <<p>>_controller_estimate(&memory->mission.controller, &estimate);

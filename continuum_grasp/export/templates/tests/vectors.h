@@ -11,7 +11,7 @@ typedef struct {
   int row, entry;
   uint<<width>>_t bits;
   int code;
-} bad_input;
+} spoilt_value;
 
 <<for table in tables|\n>>static const <<p>>_real <<table.name>>_inputs[] = {
 <<for row in table.inputs|,\n>>  <<row>><<end>>
@@ -20,10 +20,10 @@ static const <<p>>_real <<table.name>>_outputs[] = {
 <<for row in table.outputs|,\n>>  <<row>><<end>>
 };
 static const signed char <<table.name>>_codes[] = {<<for code in table.codes|, >><<code>><<end>>};
-static const bad_input <<table.name>>_bad[] = {
+static const spoilt_value <<table.name>>_bad[] = {
 <<for row in table.bad|,\n>>  {<<for value in row|, >><<value>><<end>>}<<end>>
 };
-static const bad_input <<table.name>>_spoilt[] = {
+static const spoilt_value <<table.name>>_spoilt[] = {
 <<for row in table.spoilt|,\n>>  {<<for value in row|, >><<value>><<end>>}<<end>>
 };
 <<end>>

@@ -41,7 +41,7 @@ int main(void)
     <<p>>_diagnosis diagnosis;
     <<p>>_real numbers[COMMANDED];
     int k;
-    read_line(line, &measurement);
+    line_read(line, &measurement);
     if ((code = <<p>>_mpc(&controller, &work, &measurement, &reference, &command)) < 0) break;
     <<p>>_controller_diagnosis(&controller, &diagnosis);
     memcpy(numbers, &command, sizeof numbers);

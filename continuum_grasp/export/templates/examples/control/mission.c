@@ -38,7 +38,7 @@ int main(void)
     <<p>>_real numbers[COMMANDED];
     int k;
     if (asked(line, &code)) continue;
-    read_line(line, &measurement);
+    line_read(line, &measurement);
     if ((code = <<p>>_mission_step(&mission, &work, &measurement, &command)) < 0) break;
     memcpy(numbers, &command, sizeof numbers);
     for (k = 0; k < COMMANDED; ++k) printf("%.17g,", (double)numbers[k]);

@@ -1,5 +1,5 @@
 /* The numbers between the commas of a line. */
-static void read_line(const char *text, <<p>>_measurement *measurement)
+static void line_read(const char *text, <<p>>_measurement *measurement)
 {
   <<p>>_real numbers[MEASURED];
   int k;
