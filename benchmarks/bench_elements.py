@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.harness import Timing, compiled, compiler, defines, linked, one_core, race, run
 from benchmarks.report import Report, begun
 from continuum_grasp.core import generated as package_source
-from continuum_grasp.core import symbol_of
+from continuum_grasp.core.source import symbol_of
 from continuum_grasp.model import Equations, FingerModel, pattern
 from continuum_grasp.scene import BasePose, Finger, PointMass
 from continuum_grasp.scene.finger import Damping, Rod

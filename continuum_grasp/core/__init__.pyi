@@ -35,5 +35,4 @@ from .source import generated as generated
 from .source import in_lanes as in_lanes
 from .source import plain_source as plain_source
 from .source import source_and_header as source_and_header
-from .source import symbol_of as symbol_of
 from .source import template as template

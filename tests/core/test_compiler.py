@@ -22,10 +22,9 @@ from continuum_grasp.core import (
     compiler,
     externals_source,
     generated,
-    symbol_of,
 )
 from continuum_grasp.core.compiler import longest_function, translation_units
-from continuum_grasp.core.source import batch_source, rollout_source
+from continuum_grasp.core.source import batch_source, rollout_source, symbol_of
 
 needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler")
 
