@@ -18,7 +18,6 @@ from continuum_grasp.model import Remade, System, column, direction, element_len
 from continuum_grasp.scene import (
     FAMILIES,
     INTEGRATORS,
-    Actuation,
     ControlScene,
     Measured,
     PointMass,
@@ -142,32 +141,26 @@ class PlantModel(Remade):
             material += damping.per_arc * rod.stiffness * float(bends @ bends / bends.sum())
         if plant.tip_mass > 0.0:
             masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
-        rest, initial = None, scene.initial
+        initial = scene.initial
         if "tip_moment" not in finger.input_keys:
             finger = finger.with_tendons(**plant.tendon_changes(finger))
             if plant.time_constant is not None:
                 finger = finger.with_lags(plant.time_constant)
-            rest = Actuation.of(finger.input_keys, scene.rest_input)
             if not finger.has_tendon_friction:
                 initial = initial.replaced(reached_by=None, friction_states=None)
             elif not scene.finger.has_tendon_friction and initial.pose == "equilibrium":
                 # Friction that the plant alone has: the scene states no history.
                 initial = initial.replaced(reached_by="pulling")
-        around = {name: getattr(scene, name) for name in Surroundings.model_fields}
-        return Scene(
-            **around,
-            name=scene.name,
+        return scene.simulated.replaced(
             finger=finger.replaced(
                 rod=_stiffer(rod, plant.stiffness),
                 damping=damping.replaced(material=material * plant.damping, per_arc=0.0),
                 masses=masses,
             ),
-            gravity=scene.gravity,
             contacts=scene.contacts if scene.object is not None else (),
-            fidelity=scene.plant.fidelity,
-            actuation=rest,
+            fidelity=plant.fidelity,
             initial=initial,
-            loads=scene.loads,
+            parameters=(),
         )
 
     def _system(self) -> System | ChainSystem:

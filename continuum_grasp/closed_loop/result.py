@@ -17,8 +17,8 @@ from continuum_grasp.closed_loop.tracking import Tracked, amount, missed_setpoin
 from continuum_grasp.control import Adapted, ControlLog, spread
 from continuum_grasp.core import CodeKind
 from continuum_grasp.results import Dimension, File, MotionResult, Picture, Stored
-from continuum_grasp.scene import ControlScene
-from continuum_grasp.simulation import ContactHistory
+from continuum_grasp.scene import ControlScene, Scene
+from continuum_grasp.simulation import ContactHistory, scene_under
 
 
 @dataclass(frozen=True)
@@ -146,6 +146,16 @@ class ControlRun(MotionResult):
     weights: Array
     period: float
     statistics: Mapping[str, Any]
+
+    @property
+    def simulated(self) -> Scene:
+        """Scene of a simulation of the recorded commands, in steps of the control period.
+
+        The finger is the one that the controller knows, without the differences of the scene's ``plant``, under the
+        scene's loads; a plant that was not the scene's own is not simulated. A tip moment acts as it follows the
+        command by ``controller.input.time_constant``.
+        """
+        return scene_under(self.scene, self.t, self.u)
 
     @property
     def outcome(self) -> str:

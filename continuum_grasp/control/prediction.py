@@ -22,7 +22,6 @@ from continuum_grasp.scene import (
     MomentLoad,
     MotorDrive,
     Scene,
-    default_family,
 )
 from continuum_grasp.simulation import initial_state
 
@@ -80,17 +79,14 @@ class Prediction(Remade):
         stations = (*(f"{k + 1}" for k in range(len(scene.contacts))), "tip")
         friction = map(friction_parameter, stations) if "contact_friction" in scene.disturbances else ()
         self._own_lag = scene.lag if "tip_moment" in finger.input_keys else None
-        # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
-        # neither.
-        family = fidelity.family or default_family(free_tip=finger.moves_with_free_tip or scene.lag is None)
-        matches_tip = FAMILIES[family].matches_tip
+        matches_tip = FAMILIES[scene.model_family].matches_tip
         self.system = System(
             finger,
             surroundings=scene.surroundings,
             object_parameters=(*(("object_x", "object_y") if moved else ()), *friction),
             contacts=scene.contacts,
             gravity=scene.gravity,
-            family=family,
+            family=scene.model_family,
             elements=fidelity.elements,
             bending_range=fidelity.bending_range,
             accuracy=fidelity.accuracy,

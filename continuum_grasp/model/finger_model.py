@@ -16,7 +16,7 @@ from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.scene import Finger, Scene
+from continuum_grasp.scene import Finger, FingerScene
 
 
 class FingerModel(Functions):
@@ -28,8 +28,9 @@ class FingerModel(Functions):
 
     Parameters
     ----------
-    finger : Scene or Finger
-        A scene supplies finger, contacts, gravity, fidelity, parameters and loads; a keyword overrides it.
+    finger : FingerScene or Finger
+        A scene of one finger (a `Scene`, that of a closed loop or of a plan) supplies finger, contacts, gravity,
+        fidelity, parameters and loads; a keyword overrides it.
     contacts : sequence of float, optional
         Positions along the finger where contact forces may act [m]; element boundaries.
     gravity : (2,) sequence, optional
@@ -150,7 +151,7 @@ class FingerModel(Functions):
     """
 
     @check_arguments
-    def __init__(self, finger: Scene | Finger, **options: Unpack[ModelOptions]) -> None:
+    def __init__(self, finger: FingerScene | Finger, **options: Unpack[ModelOptions]) -> None:
         super().__init__(made := Structure(finger, options))
         self.finger = made.finger
         self.family = made.family_name

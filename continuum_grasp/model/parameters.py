@@ -18,7 +18,7 @@ from continuum_grasp.base import InputError, choice, nearest, real_array, shown
 from continuum_grasp.model.laws import numbers_of as numbers_of_laws
 from continuum_grasp.model.laws.section import POSITIVE, Number, places_of
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene import FAMILIES, Finger, ForceLoad, MomentLoad, Scene
+from continuum_grasp.scene import FAMILIES, Finger, FingerScene, ForceLoad, MomentLoad
 
 _ANY = -math.inf
 _KNOWN: dict[str, tuple[str, str, float]] = {
@@ -184,12 +184,12 @@ _IN_SCENE = {
 class Choices:
     """Options of a model, completed from its scene."""
 
-    def __init__(self, given: Scene | Finger, options: ModelOptions) -> None:
+    def __init__(self, given: FingerScene | Finger, options: ModelOptions) -> None:
         if unknown := sorted(options.keys() - ModelOptions.__annotations__.keys()):
             known = ", ".join(ModelOptions.__annotations__)
             raise TypeError(f"unknown option {unknown[0]!r} of a model: expected some of {known}")
-        self.scene = given if isinstance(given, Scene) else None
-        self.finger: Finger = given.finger if isinstance(given, Scene) else given
+        self.scene = given.simulated if isinstance(given, FingerScene) else None
+        self.finger: Finger = given.finger if isinstance(given, FingerScene) else given
         self._options = {name: tuple(v) if isinstance(v, Iterator) else v for name, v in options.items()}
 
     def __getitem__(self, name: str) -> Any:

@@ -29,6 +29,7 @@ from continuum_grasp.scene import (
     Consumer,
     Curve,
     Finger,
+    FingerScene,
     ForceLoad,
     Initial,
     Load,
@@ -53,7 +54,7 @@ _RATES = (
 class Structure:
     """The resolved structure of a model; arguments and errors as in ``FingerModel``."""
 
-    def __init__(self, finger: Scene | Finger, options: ModelOptions) -> None:
+    def __init__(self, finger: FingerScene | Finger, options: ModelOptions) -> None:
         self.asked = finger, options
         self.around: Surroundings | None = None
         self.object_parameters: tuple[str, ...] = ()

@@ -20,7 +20,7 @@ from continuum_grasp.model.functions import Functions, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import Vec, column
-from continuum_grasp.scene import Consumer, Finger, Scene, Surroundings, refusals
+from continuum_grasp.scene import Consumer, Finger, FingerScene, Surroundings, refusals
 
 _ANY = " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION))
 _SHARE = f"object_parameters={CONTACT_FRICTION}"
@@ -43,8 +43,8 @@ class System(Functions):
 
     Parameters
     ----------
-    given : Scene or Finger
-        What the system is made of. A scene has its surroundings.
+    given : FingerScene or Finger
+        Finger, or scene of one, of which the system is made. A scene has its surroundings.
     surroundings : Surroundings, optional
         Object, supports and contact law; those of the scene where not given.
     object_parameters : sequence of str, optional
@@ -123,14 +123,14 @@ class System(Functions):
     @check_arguments
     def __init__(
         self,
-        given: Scene | Finger,
+        given: FingerScene | Finger,
         *,
         surroundings: Surroundings | None = None,
         object_parameters: Sequence[str] = (),
         **options: Unpack[ModelOptions],
     ) -> None:
         self.finger_model = model = FingerModel(given, **options)
-        if surroundings is None and isinstance(given, Scene):
+        if surroundings is None and isinstance(given, FingerScene):
             surroundings = given
         self.surroundings = around = surroundings if surroundings is not None and surroundings.object else None
         self.object_parameters = self._checked(object_parameters)

@@ -37,6 +37,11 @@ class MotionResult(Result):
     system: Any
 
     @property
+    def simulated(self) -> Any:
+        """Scene by which `continuum_grasp.simulate` repeats the motion; an InputError where none does."""
+        raise InputError(f"no scene of a simulation repeats a {type(self).__name__}")
+
+    @property
     def length(self) -> float:
         """Length of the finger [m]."""
         length: float = self.scene.finger.rod.length

@@ -262,19 +262,22 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
 def _at_zero(value: float | tuple[float, float] | Samples | VectorSamples) -> tuple[float, ...]:
     """Entries of a value at time zero."""
     if isinstance(value, Samples):
-        return (_sampled(value.times, value.values, value.interpolation == "smooth"),)
+        return (_sampled(value.times, value.values, value.interpolation),)
     if isinstance(value, VectorSamples):
-        smooth = value.interpolation == "smooth"
-        return tuple(_sampled(value.times, row, smooth) for row in zip(*value.values, strict=True))
+        return tuple(_sampled(value.times, row, value.interpolation) for row in zip(*value.values, strict=True))
     return value if isinstance(value, tuple) else (float(value),)
 
 
-def _sampled(times: Sequence[float], values: Sequence[float], smooth: bool) -> float:
-    """A sampled function at time zero: a polygon, or the quintic through both ends with their slopes, unaccelerated.
+def _sampled(times: Sequence[float], values: Sequence[float], kind: str) -> float:
+    """A sampled function at time zero: steps, a polygon, or the quintic through both ends with their slopes,
+    unaccelerated.
 
     The slopes are those of F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021), none at either end.
     """
-    if times[0] >= 0.0 or times[-1] <= 0.0 or not smooth:
+    if kind == "hold":
+        begun = [value for at, value in zip(times, values, strict=True) if at <= 0.0]
+        return begun[-1] if begun else values[0]
+    if times[0] >= 0.0 or times[-1] <= 0.0 or kind == "linear":
         return float(np.interp(0.0, times, values))
     from scipy.interpolate import BPoly, PchipInterpolator
 

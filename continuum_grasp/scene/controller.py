@@ -14,8 +14,9 @@ from continuum_grasp.scene.cost import Cost, Reference, RowSamples
 from continuum_grasp.scene.drives import TAKES, LengthDrive
 from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.methods import INTEGRATORS, default_family
-from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial, begins
+from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial, Scene, begins
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -233,6 +234,29 @@ class CommandedScene(FingerScene):
         lags = [*lags, *(chamber.time_constant for chamber in self.finger.chambers)] or [self.limits.time_constant]
         known = [lag for lag in lags if lag is not None]
         return min(known) if len(known) == len(lags) else None
+
+    @property
+    def initial_input(self) -> tuple[float, ...]:
+        """Input before the motion begins."""
+        return self.rest_input
+
+    @property
+    def model_family(self) -> str:
+        """Curvature family of the model."""
+        # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
+        # neither.
+        free_tip = self.finger.moves_with_free_tip or self.lag is None
+        return self.fidelity.family or default_family(free_tip=free_tip)
+
+    @property
+    def simulated(self) -> Scene:
+        """The scene as models and simulations take it, under the input before the motion.
+
+        A tip moment acts as it is commanded, without its lag.
+        """
+        at_rest = Actuation.of(self.finger.input_keys, self.initial_input)
+        fidelity = self.fidelity.replaced(family=self.model_family)
+        return super().simulated.replaced(actuation=at_rest, fidelity=fidelity)
 
     @property
     def model_parameters(self) -> tuple[str, ...]:

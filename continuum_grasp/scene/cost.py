@@ -6,7 +6,7 @@ A new cost term has its weight in ``Cost`` and its setpoint in ``Reference``, un
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
@@ -104,8 +104,6 @@ class RowSamples(Sampled):
 
     values: Annotated[ListOf[Row], Field(min_length=2), Unit(None)]
     """One row per instant, in the unit of what they are given for."""
-    interpolation: Literal["smooth", "linear", "hold"] = "smooth"
-    """smooth: monotone piecewise quintic; linear: straight lines; hold: each row until the next instant."""
 
     def _check(self) -> None:
         if len({len(row) for row in self.values}) > 1:

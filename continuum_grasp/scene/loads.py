@@ -18,6 +18,9 @@ class Sampled(Value):
 
     times: Annotated[ListOf[Real], Field(min_length=2), Increasing, Unit("s")]
     """Instants, increasing [s]; before the first and after the last the value is held."""
+    interpolation: Literal["smooth", "linear", "hold"] = "smooth"
+    """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines; hold: each
+    value until the next instant."""
 
     def _check(self) -> None:
         # Closer instants give slopes that swamp the splines in rounding.
@@ -26,19 +29,14 @@ class Sampled(Value):
         self._check_count("values", getattr(self, "values", ()), len(self.times), "instant of times")
 
 
-class _Interpolated(Sampled):
-    interpolation: Literal["smooth", "linear"] = "smooth"
-    """smooth: monotone piecewise quintic with continuous rate and acceleration; linear: straight lines."""
-
-
-class Samples(_Interpolated):
+class Samples(Sampled):
     """A scalar function of time."""
 
     values: Annotated[ListOf[Real], Unit(None)]
     """The value at each instant, in the unit of what it is given for."""
 
 
-class VectorSamples(_Interpolated):
+class VectorSamples(Sampled):
     """A planar vector function of time."""
 
     values: Annotated[ListOf[Vector2], Unit(None)]

@@ -51,7 +51,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
 
 @overload
-def scene_of(given: Scene | str | os.PathLike[str]) -> Scene: ...
+def scene_of(given: Any) -> Scene: ...
 @overload
 def scene_of(given: Kind | str | os.PathLike[str], kind: type[Kind], overrides: Overrides = ()) -> Kind: ...
 @overload
@@ -59,6 +59,8 @@ def scene_of(given: Any, kind: tuple[type, ...], overrides: Overrides = ()) -> A
 def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
     """Return a scene that is given as such, or read it from its file; ``overrides`` are for a file, as in `load`.
 
-    ``kind`` is a class, or classes of which one will do.
+    ``kind`` is a class, or classes of which one will do. Results are what a simulation repeats them by.
     """
+    if kind is Scene and not isinstance(given, Scene) and (simulated := getattr(given, "simulated", None)) is not None:
+        return simulated
     return given if isinstance(given, kind) else ConfigurationData.of_file(given, kind, overrides).scene

@@ -218,6 +218,11 @@ class FingerScene(Configuration, Surroundings):
         return Reach(self.finger, at, body, ranges, touching, moves)
 
     @property
+    def simulated(self) -> Scene:
+        """The scene as models and simulations take it."""
+        return Scene(**{key: value for key, value in self if key in Scene.model_fields})
+
+    @property
     def contact_names(self) -> tuple[str, ...]:
         """Names of the contacts that the finger may have with an object."""
         return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
@@ -263,6 +268,11 @@ class Scene(FingerScene):
             self.check_for_several_models()
 
     @property
+    def simulated(self) -> Scene:
+        """The scene itself."""
+        return self
+
+    @property
     def tip_moment_jumps(self) -> bool:
         """Whether the moments on the tip at time zero ask for another curvature there than the initial pose has.
 
@@ -302,6 +312,8 @@ def _at_zero(value: float | Samples) -> float:
 
     if not isinstance(value, Samples):
         return value
+    if value.interpolation == "hold":
+        return value.values[max(sum(at <= 0.0 for at in value.times) - 1, 0)]
     return float(np.interp(0.0, value.times, value.values))
 
 

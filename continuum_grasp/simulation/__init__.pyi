@@ -7,6 +7,7 @@ from .accuracy.report import accuracy_report as accuracy_report
 from .accuracy.space import refined as refined
 from .contacts import ContactHistory as ContactHistory
 from .initial import initial_state as initial_state
+from .replay import scene_under as scene_under
 from .run import integrate as integrate
 from .signals import Signals as Signals
 from .signals import interpolate as interpolate

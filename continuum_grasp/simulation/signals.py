@@ -20,8 +20,8 @@ def interpolate(samples: Value, t: ArrayLike) -> tuple[Array, Array, Array]:
     """Value, rate and acceleration of a function that is constant or sampled.
 
     ``smooth`` is a monotone piecewise quintic with continuous rate and acceleration, both zero at both ends; its slopes
-    are the harmonic means of F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021). ``linear`` has no acceleration.
-    Outside the samples the value is held. Instants are (T,) [s], values (T,) or (T, 2).
+    are the harmonic means of F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021). ``linear`` has no acceleration,
+    ``hold`` no rate either. Outside the samples the value is held. Instants are (T,) [s], values (T,) or (T, 2).
     """
     instants = np.asarray(t, dtype=float)
     if not isinstance(samples, Samples | VectorSamples):
@@ -36,6 +36,10 @@ def interpolate(samples: Value, t: ArrayLike) -> tuple[Array, Array, Array]:
 
 
 def _interpolate(at: Array, values: Array, kind: str, t: Array) -> tuple[Array, Array, Array]:
+    if kind == "hold":
+        # Instants are sums of rounded periods: one that is an instant of the samples to rounding has its value already.
+        last = np.searchsorted(at, t * (1 + 1e-12) + 1e-12, side="right") - 1
+        return values[np.maximum(last, 0)], np.zeros_like(t), np.zeros_like(t)
     secants = np.diff(values) / np.diff(at)
     k = np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(secants) - 1)
     inside = (t >= at[0]) & (t < at[-1])
@@ -87,16 +91,22 @@ class Signals:
         self._values += [load.moment for load in couples if not isinstance(load, ForceLoad)]
         self._rates = model.structure.inputs.rates
         for value in self._values:
-            if self._rates and isinstance(value, Samples) and value.interpolation == "linear":
+            if self._rates and isinstance(value, Samples) and value.interpolation != "smooth":
                 raise InputError(
-                    "an input with linear interpolation has kinks, at which the tip of matched_clothoid jumps: use "
-                    "interpolation: smooth, tendons.time_constant, or fidelity.family: clothoid"
+                    f"an input with interpolation {value.interpolation} has kinks or jumps, at which the tip of "
+                    "matched_clothoid jumps: use interpolation: smooth, tendons.time_constant, or fidelity.family: "
+                    "clothoid"
                 )
 
     @property
     def constant(self) -> bool:
         """Whether nothing varies."""
         return not self._sampled
+
+    @property
+    def jumps(self) -> bool:
+        """Whether something holds its values from instant to instant."""
+        return any(value.interpolation == "hold" for value in self._sampled)
 
     def instants(self, duration: float) -> list[float]:
         """Zero, and up to 15 more instants at which inputs and loads take their sampled values [s]."""
@@ -155,6 +165,8 @@ class Signals:
 
 
 def _changes(value: Samples | VectorSamples, duration: float) -> list[float]:
-    """Times that changes within the motion take [s]."""
+    """Times that changes within the motion take [s]; none of what holds its values, which jumps."""
+    if value.interpolation == "hold":
+        return []
     samples = list(zip(value.times, value.values, strict=True))
     return [b - a for (a, v), (b, w) in pairwise(samples) if v != w and b > 0.0 and a < duration]

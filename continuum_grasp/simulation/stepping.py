@@ -26,6 +26,9 @@ from continuum_grasp.simulation.signals import Signals
 
 Stop = NumericalError | Interrupted
 
+_BESIDE = 2e-9
+"""Time beside a jump at which its values are taken [s]: twice the least between instants of samples."""
+
 _KNOWN_SHRINK = 0.6
 """Factor on the error by half the step length that is assumed where none is observed: that of order 1, which contacts
 and kinks can have, with a margin for steps so long that twice their length is unstable (4 and 6 clothoids let go: the
@@ -238,7 +241,13 @@ class Stepper:
         if self.signals.constant:
             return self.signals.u(start)[0], self.signals.w(start)[0]
         t = start + np.arange(2 * count * plan.substeps + 1) * (0.5 * self._time.step / plan.substeps)
-        return self.signals.u(t), self.signals.w(t)
+        if not self.signals.jumps:
+            return self.signals.u(t), self.signals.w(t)
+        # The mean of both values where one jumps, at which one step ends and another begins: what each is off cancels,
+        # up to the second power of the step.
+        sides = np.maximum(t - _BESIDE, _BESIDE), t + _BESIDE
+        u, w = (np.mean([signal(side) for side in sides], axis=0) for signal in (self.signals.u, self.signals.w))
+        return u, w
 
     def _distances(self, levels: list[Array], start: float, every: int, looked: int) -> list[float]:
         """Greatest distance of the elements' ends, and of the object's points, per length, from level to level [1]."""
@@ -310,6 +319,8 @@ def _integrate_reference(
             x, reason = states[k], "the state is not finite"
             for a, b in pairwise([begin, *signals.knots(begin, end), end]):
                 at = a + (b - a) * _NODES
+                if signals.jumps:
+                    at = np.clip(at, a + _BESIDE, b - _BESIDE)
                 rows = np.concatenate([[b - a], signals.u(at).ravel(), signals.w(at).ravel()])
                 try:
                     x = np.array(integrator(x0=x, p=rows)["xf"]).ravel()

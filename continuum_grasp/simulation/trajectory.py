@@ -108,6 +108,11 @@ class Trajectory(MotionResult):
     static_error: float = math.nan
 
     @property
+    def simulated(self) -> Scene:
+        """The scene that was simulated."""
+        return self.scene
+
+    @property
     def moving(self) -> FingerModel | System:
         """Model that the states belong to: the system, or the finger alone."""
         return self.system or self.model

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import check_arguments
 from continuum_grasp.model import FingerModel
+from continuum_grasp.results import MotionResult
 from continuum_grasp.scene import Load, Scene, scene_of
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium_of
@@ -18,14 +19,18 @@ from continuum_grasp.simulation.vibration import Modes, modes_of
 
 
 @check_arguments
-def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], None] | None = None) -> Trajectory:
+def simulate(
+    scene: Scene | MotionResult | str | PathLike[str], *, progress: Callable[[float], None] | None = None
+) -> Trajectory:
     """Simulate the motion of a finger, and of the object that it touches.
 
     Parameters
     ----------
-    scene : Scene or path-like
-        The scene, with ``time``, or its YAML file. With ``fidelity.tolerance`` the cheapest model that satisfies it is
-        found first; where the motion needs more elements than its equilibria and frequencies, it gets them.
+    scene : Scene, MotionResult or path-like
+        The scene, with ``time``, or its YAML file; or a result, whose motion is repeated by the inputs of a plan, or
+        the commands of a closed loop on the finger that its controller knows (``simulated`` of the result).
+        With ``fidelity.tolerance`` the cheapest model that satisfies it is found first; where the motion needs more
+        elements than its equilibria and frequencies, it gets them.
     progress : callable, optional
         Called with the completed share of the motion, 0 to 1.
 
@@ -42,7 +47,7 @@ def simulate(scene: Scene | str | PathLike[str], *, progress: Callable[[float], 
     Raises
     ------
     InputError
-        If the scene has no time, or a state that does not fit.
+        If the scene has no time, or a state that does not fit, or if no scene repeats the result, as of a mission.
     NumericalError
         If the motion does not stay finite, or is too stiff for the requested method; ``result`` is the trajectory
         until then.

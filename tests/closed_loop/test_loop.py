@@ -31,7 +31,7 @@ from continuum_grasp.control import Controller, Prediction, stages_of
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.plotting import control as plotting
 from continuum_grasp.scene import ControlScene, Damping, Fidelity, Finger, ForceLoad, Reference, Scene, VectorSamples
-from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP
+from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP, rod_scene
 from tests.declared import assert_declared
 from tests.marks import few
 
@@ -76,6 +76,23 @@ def test_the_plant_moves_as_the_simulator_says():
     x = trajectory.x[-1]
     assert np.abs(x[:4]).max() > 1.0
     assert tried.x[moving] == pytest.approx(x[moving], rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["tensions", "moment"])
+def test_commands_of_a_loop_are_simulated_on_the_finger_that_it_knows(kind):
+    """Which moves as the plant, where that is the same finger."""
+    push = ForceLoad(at=FINGER.rod.length, force=(0.02, 0.0))
+    own = make(plant={"fidelity": ARCS}, fidelity=ARCS, loads=(push,), duration=0.2)
+    if kind == "moment":
+        limits = {"moment_max": 0.3, "rate_max": 3.0, "time_constant": 0.02}
+        own = rod_scene(controller={**rod_scene().controller.stated(), "input": limits}, plant={"fidelity": ARCS})
+        own = own.replaced(estimator=None, duration=0.2)
+    found = run_closed_loop(own)
+    moved, model = cg.simulate(found), cg.FingerModel(found.scene)
+    assert (model.family, model.lengths) == (moved.model.family, moved.model.lengths)
+    assert np.ptp(found.tip[:, 0]) > 0.01
+    assert moved.t == pytest.approx(found.t)
+    assert moved.tip == pytest.approx(found.tip, abs=1e-4 * found.length)
 
 
 @pytest.mark.parametrize("quadratic", [1e-5, 1e-3])

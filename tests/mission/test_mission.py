@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from continuum_grasp.addons.mission import NotLifted, Outcome, PlantVariation, Trials, TrialsResult
+from continuum_grasp.addons.mission import MissionRun, NotLifted, Outcome, PlantVariation, Trials, TrialsResult
 from continuum_grasp.addons.mission import run as runs
 from continuum_grasp.addons.mission.causes import Drop
 from continuum_grasp.addons.mission.from_grasp import _control_scene, assign
@@ -33,10 +33,16 @@ from continuum_grasp.control import Prediction, stages_of
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.results import read_run
 from continuum_grasp.scene import load
+from continuum_grasp.simulation import simulate
 from tests.declared import assert_declared
 from tests.mission_cases import COARSE, MUG, QUICK, SHORT, begun, planned
 
 COSTLY_FIXTURES = ("held",)
+
+
+def test_a_mission_is_not_simulated_and_says_what_is():
+    with pytest.raises(InputError, match=r"a mission moves its table .* simulate the closed loop of a finger"):
+        simulate(object.__new__(MissionRun))
 
 
 @pytest.fixture(scope="module")

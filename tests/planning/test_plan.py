@@ -232,6 +232,36 @@ def test_simulation_of_the_inputs_is_the_plan():
     assert found.deviation.tip < 1e-6
 
 
+LAGGING = {"input": {"moment_max": 0.3, "time_constant": 0.01}, "fidelity": {"family": "matched_clothoid"}}
+REPEATED = {
+    "held moment": lambda: small(input={"moment_max": 0.3, "initial": (0.05,)}, solver={"degree": 5}),
+    "linear moment": lambda: two_arcs(**KINDS["linear"], solver={"degree": 5}),
+    "moment that lags": lambda: small(**LAGGING, goal={"tip": (-0.08, 0.28)}, solver={"degree": 5}),
+    "tensions that lag": lambda: tendons(goal={"bending": (0.9,)}, loads=[{"at": 0.18, "force": (0.05, 0.0)}]),
+}
+
+
+@pytest.mark.parametrize("kind", REPEATED)
+def test_a_plan_is_simulated_under_its_own_inputs(kind):
+    """Collocation, with its own functions of the motion, against the simulator on the model of the plan's scene."""
+    found = plan(REPEATED[kind]())
+    model, moved = cg.FingerModel(found.scene), cg.simulate(found)
+    assert model.x_names[: 2 * model.n] == found.x_names[: 2 * model.n]
+    assert (model.family, model.lengths) == (moved.model.family, found.system.finger_model.lengths)
+    assert moved.t == pytest.approx(found.t)
+    assert np.ptp(found.tip[:, 0]) > 0.02
+    assert moved.tip == pytest.approx(found.tip, abs=2e-4 * found.length)
+    assert not [text for text in moved.warnings if "steps" in text]
+
+
+def test_what_is_not_simulated_says_so():
+    grasped = PlanScene.model_construct(**{**dict(small()), "grasp": object()})
+    with pytest.raises(InputError, match="grasp: says where base and object are only when it is optimized"):
+        cg.FingerModel(grasped)
+    with pytest.raises(InputError, match="expected a Scene or a MotionResult or a path, got PlanScene"):
+        cg.simulate(small())
+
+
 def test_a_plan_of_few_intervals_follows_the_motion_between_its_nodes():
     """Polynomials of degree 2 over ten intervals are a millimeter off; the optimum is that of degree 7."""
     asked = {"intervals": 10, "goal": {"bending": (0.8, 0.5)}, "check": {"tolerance": 1e-4}}

@@ -18,7 +18,7 @@ def samples(count, interpolation="smooth"):
     )
 
 
-@pytest.mark.parametrize("interpolation", ["smooth", "linear"])
+@pytest.mark.parametrize("interpolation", ["smooth", "linear", "hold"])
 def test_through_the_samples_and_held_outside(interpolation):
     given = samples(7, interpolation)
     assert interpolate(given, given.times)[0] == pytest.approx(given.values)
@@ -26,6 +26,14 @@ def test_through_the_samples_and_held_outside(interpolation):
     assert value == pytest.approx([given.values[0], given.values[-1]])
     assert not np.any(rate)
     assert not np.any(acceleration)
+
+
+def test_what_holds_has_each_value_until_the_next_instant():
+    given = Samples(times=(0.0, 0.1, 0.3), values=(1.0, 5.0, 2.0), interpolation="hold")
+    # 0.1 + 0.2 is beyond 0.3 by rounding, three times 0.1 as well, and 0.3 less an ulp counts as 0.3.
+    value, rate, acceleration = interpolate(given, [-1.0, 0.0, 0.0999, 0.1, 0.2999, np.nextafter(0.3, 0.0), 0.1 + 0.2])
+    assert value.tolist() == [1.0, 1.0, 1.0, 5.0, 5.0, 2.0, 2.0]
+    assert not np.any([rate, acceleration])
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 20])

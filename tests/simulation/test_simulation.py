@@ -595,3 +595,34 @@ def test_the_reference_starts_anew_at_every_knot_of_inputs_and_loads(kind, wide)
     assert off.max() < 1e-7
     assert found.warnings == ()
     assert np.ptp(found.tip[:, 0]) > 0.005
+
+
+@pytest.mark.parametrize("method", ["rk4", "rodas", "reference"])
+def test_what_holds_moves_as_from_jump_to_jump(method):
+    """Steps that begin and end at jumps are of second order: half the step leaves a quarter of the error."""
+    knots, pull, push = [0.0, 0.01, 0.03, 0.05], [3.0, 9.0, 2.0, 0.0], [0.05, -0.1, 0.0, 0.0]
+    held = {"times": knots, "interpolation": "hold"}
+    given = Scene(
+        finger={
+            "rod": {"length": 0.18, "linear_density": 0.034, "bending_stiffness": 6.11e-3},
+            "damping": {"material": 3e-5},
+            "tendons": {"offset": 0.005, "max_tension": 60.0},
+        },
+        gravity=FREE,
+        fidelity={"family": "arc", "elements": 1},
+        actuation={"tensions": [{**held, "values": pull}, 0.0]},
+        loads=[{"kind": "force", "at": 0.18, "force": {**held, "values": [[value, 0.0] for value in push]}}],
+    )
+    runs = [integrate(given.replaced(time={"duration": 0.05, "step": step, "method": method})) for step in (1e-3, 5e-4)]
+    model, x = FingerModel(given), runs[0].x[0]
+    states = {0.0: x}
+    for k, (a, b) in enumerate(pairwise(knots)):
+        u, w = [pull[k], 0.0], [push[k], 0.0]
+
+        def rate(t, x, u=u, w=w):
+            return np.array(model.forward_dynamics(x, u, w, model.p_nominal)).ravel()
+
+        x = states[b] = solve_ivp(rate, (a, b), x, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    off = [max(abs(run.x[np.abs(run.t - at).argmin(), 0] - x[0]) for at, x in states.items()) for run in runs]
+    assert off[0] < 1e-3 * np.abs(runs[0].x[:, 0]).max()
+    assert off[1] < off[0] / 3.5 or off[0] < 1e-8

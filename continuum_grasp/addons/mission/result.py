@@ -110,6 +110,14 @@ class MissionRun(MissionRecord, MotionResult):
         return self.scenes[0]
 
     @property
+    def simulated(self) -> Scene:
+        """Raise an InputError: scenes of simulations have no table that moves, and nothing that pulls for a while."""
+        raise InputError(
+            "a mission moves its table and pulls at the object, which scenes of simulations do not: simulate the "
+            "closed loop of a finger, of `fingers`, whose object rests where the grasp has it"
+        )
+
+    @property
     def run(self) -> ControlRun | None:
         """The closed loop of the only finger; None where there are several."""
         return self.runs[0] if len(self.runs) == 1 else None

@@ -20,7 +20,8 @@ from continuum_grasp.base import Array, prefixed, unit_of
 from continuum_grasp.control import Prediction
 from continuum_grasp.model import System
 from continuum_grasp.results import Dimension, MotionResult, Picture, Stored
-from continuum_grasp.simulation import ContactHistory
+from continuum_grasp.scene import Scene
+from continuum_grasp.simulation import ContactHistory, scene_under
 
 _PARTS = {
     "values": "what is bounded",
@@ -271,6 +272,15 @@ class MotionPlan(MotionResult):
     def u_names(self) -> list[str]:
         """Name and unit of each input."""
         return list(self.prediction.u_names)
+
+    @property
+    def simulated(self) -> Scene:
+        """Scene of a simulation of the plan's own inputs, from the plan's initial state on, in steps of its nodes.
+
+        The finger is that of the plan's scene, with its object, loads and fidelity. A tip moment acts as it follows the
+        planned one by ``input.time_constant``.
+        """
+        return scene_under(self.scene, self.t, self.u, linear=self.linear_inputs)
 
     @property
     def n(self) -> int:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
+from continuum_grasp.base import InputError
 from continuum_grasp.scene import (
     Bounds,
     CommandedScene,
@@ -25,6 +26,7 @@ from continuum_grasp.scene import (
     Positive,
     Reference,
     Row,
+    Scene,
     SolverOptions,
     Unit,
     Value,
@@ -298,6 +300,17 @@ class PlanScene(CommandedScene):
     def initial_input(self) -> tuple[float, ...]:
         """Input before the motion begins."""
         return self.rest_input if self.input.initial is None else self.input.initial
+
+    @property
+    def simulated(self) -> Scene:
+        """The scene as models and simulations take it, under the input before the motion.
+
+        One with a grasp raises an InputError.
+        """
+        if self.grasp is not None:
+            why = "says where base and object are only when it is optimized: take the scene of the plan that is found"
+            raise InputError(why, key="grasp")
+        return super().simulated
 
     @property
     def duration_range(self) -> tuple[float, float]:

@@ -159,10 +159,6 @@ def _rows(setpoint: _Given | None, width: int, t: Array, check: bool) -> Array:
 
 
 def _sampled(sampled: RowSamples, t: Array) -> Array:
-    if sampled.interpolation == "hold":
-        # Instants are sums of rounded periods: one that is an instant of the samples to rounding has its row already.
-        last = np.searchsorted(np.array(sampled.times), t * (1 + 1e-12) + 1e-12, side="right") - 1
-        return np.array(sampled.values)[np.maximum(last, 0)]
     columns = (
         Samples(times=sampled.times, values=column, interpolation=sampled.interpolation)
         for column in zip(*sampled.values, strict=True)
