@@ -1,16 +1,16 @@
 """The search: starts of every set of contacts, each answer verified.
 
-1. With more than `COARSE` elements a scene with few is searched first, and its grasps are all the starts (then 6).
-2. Where another objective is sought, or object and bases may move, starts come from the grasps of the simpler scene.
-3. For each set of contacts, the most contacts first, a scan of all postures that touch has basins, which are solved in
-   the order of their estimates.
+1. Exact rods that hold the object are the first starts: of all equilibria of the fingers that touch (`finger_map`),
+   settled to the least tension, the least first. Where they hold with less than the best grasp and the fingers'
+   elements do not follow, the grasp is not called optimal.
+2. Another objective is also sought from grasps with the least tension, where those starts do not lead to its optimum.
+3. Where that gives no grasp, has no maps, or the fingers bend otherwise (two elements), basins of a scan of all
+   postures that touch are solved for each set of contacts, the most contacts first, in the order of their estimates;
+   with more than `COARSE` elements those of few elements first.
 4. Sets that no scan covers, and all sets where basins gave nothing, are solved from rough starts, rank by rank; of sets
    that are scanned the first one alone, where a basin led nowhere.
-5. Of three fingers and more, the best grasp is tried again with one finger as another grasp has it.
+5. Of three fingers and more, the best grasp is then tried again with one finger as another grasp has it.
 6. Without a grasp the starts that came nearest are tried again without patience; the best grasp is solved to the end.
-7. Without a grasp, and by the effort in any case, exact rods that hold the object are starts: of all equilibria of the
-   fingers that touch (`finger_map`). Where they hold with less and the fingers' elements do not follow, the grasp is
-   not called optimal.
 
 What ends it early: a proof by `bound` that nothing is better, or that there is nothing, and the budget.
 """
@@ -49,7 +49,7 @@ from continuum_grasp.grasp.effort import (
     UNLIKELY,
     WORSE,
 )
-from continuum_grasp.grasp.finger_map import SceneMaps, is_mapped
+from continuum_grasp.grasp.finger_map import SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
 from continuum_grasp.grasp.starts.basins import Basins
@@ -107,9 +107,25 @@ class GraspSearch:
         return least_of([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
-        """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
-        scanned (by the effort, of all), then on from the best grasp where its solver was stopped.
+        """Polish what exact rods hold; where that gives no grasp, or tells nothing, search from scans and rough starts;
+        then go on from the best grasp where its solver was stopped.
         """
+        if self._mapped:
+            self._from_maps()
+        if self.settled and not self._least_tension and not (self.best and self.best.attempt.optimal):
+            self._from(self.scene.replaced(objective="least_tension"), "least tension")
+        if not (self.best and self._settles):
+            self._from_scans()
+        if not self.proven:
+            self._converge()
+
+    @property
+    def _settles(self) -> bool:
+        """Whether settled exact rods are all the starts that a scene needs: its fingers bend as they do."""
+        return bool(self.settled) and not self._tells
+
+    def _from_scans(self) -> None:
+        """Solve from scans and rough starts, of few elements first."""
         if self._few is not None:
             self._from_few(self._few)
         else:
@@ -124,10 +140,6 @@ class GraspSearch:
         for end in self.lost:
             if end.attempt.status is SolverStatus.STOPPED and not self.budget.over:
                 self.attempt(end.start, options_at=0)
-        if self._mapped and (self._effort.always_settled or self.best is None) and not self.proven:
-            self._from_maps()
-        if not self.proven:
-            self._converge()
 
     def _explore(self) -> None:
         """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
@@ -136,7 +148,7 @@ class GraspSearch:
         # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
         # since a contact without force is as good as one that is off.
         modes = contact_modes(self.scene)
-        if self.scene.objective != "least_tension":
+        if not self._least_tension and not self.settled:
             self._from(self.scene.replaced(objective="least_tension"), "least tension")
         elif modes and (held := held_still(self.scene, modes[0])) is not None:
             self._from(held, "held still")
@@ -158,11 +170,13 @@ class GraspSearch:
 
     def _from_maps(self) -> None:
         """Start from exact rods that hold the object, those of least tension first, as far as they are better."""
-        if self._effort.settled == 0 or self.budget.over or not is_mapped(self.scene):
+        if self.budget.over or not is_mapped(self.scene):
             return
         began = time.perf_counter()
-        maps = SceneMaps(self.scene)
-        starts = [start for mode in contact_modes(self.scene) for start in maps.settled(mode)]
+        maps, modes = SceneMaps(self.scene), contact_modes(self.scene)
+        self._modes, self._sampled = len(modes), len(modes) * self._moves
+        places = [(mode, place) for mode in modes for place in places_of(self.scene, mode)[: self._effort.places]]
+        starts = [start for mode, place in places for start in maps.settled(mode, place)]
         self.start_seconds += time.perf_counter() - began
         # Those that hold nearly come last.
         ranked = sorted(starts, key=lambda start: (start.imbalance >= BALANCED, start.estimate))
@@ -170,25 +184,45 @@ class GraspSearch:
         for basin in self.settled[: self._effort.settled]:
             if self.budget.over or self._promised(basin) > SURE:
                 return
+            basin.tried = True
             # Boldly first, since it is nearly exact.
             if self.attempt(basin.start, options_at=0) not in self.good:
                 self.attempt(basin.start, iterations=FIRST_CAP)
 
     def _promised(self, basin: Basin) -> float:
-        """Tension of a settled exact rod per that of the best grasp; zero where there is none, or another objective."""
+        """Tension of a settled exact rod per that of the best grasp; zero where there is none, and where it does not tell
+        as another objective is sought, or object or bases may move.
+        """
         best = self.best
-        if best is None or self.scene.objective != "least_tension":
+        if best is None or not self._least_tension or self._moves:
             return 0.0
         return basin.start.estimate / max(self._tension(best), self._least_difference)
+
+    @property
+    def _least_tension(self) -> bool:
+        return self.scene.objective == "least_tension"
+
+    @property
+    def _moves(self) -> bool:
+        """Whether the object or a base may move."""
+        return self.scene.object.free is not None or any(s.finger.base_free is not None for s in self.scene.setups)
 
     @property
     def exact_less(self) -> float:
         """Sum of the tensions [N] with which exact rods hold, where that is clearly less than the best grasp's; NaN: it
         is not, or was not asked.
         """
-        exact = [basin for basin in self.settled if basin.start.imbalance < BALANCED]
-        less = [basin.start.estimate for basin in exact if 0.0 < self._promised(basin) < UNFOLLOWED]
+        less = [basin.start.estimate for basin in self._held_exactly if 0.0 < self._promised(basin) < UNFOLLOWED]
         return min(less, default=math.nan)
+
+    @property
+    def exact(self) -> bool:
+        """Whether exact rods hold the object."""
+        return bool(self._held_exactly)
+
+    @property
+    def _held_exactly(self) -> list[Basin]:
+        return [basin for basin in self.settled if basin.start.imbalance < BALANCED]
 
     def _led_nowhere(self, mode: frozenset[str]) -> bool:
         """Whether a basin of a mode was tried, and gave nothing."""
@@ -245,6 +279,7 @@ class GraspSearch:
             open=len(open_),
             best_open=min(open_, default=math.nan),
             settled=len(self.settled),
+            untried=sum(not basin.tried and self._promised(basin) < 1.0 - OPEN for basin in self._held_exactly),
             exact_less=self.exact_less,
             pruned=dict(pruned),
         )
@@ -316,7 +351,7 @@ class GraspSearch:
     def _enough(self) -> float:
         """Objective that is clearly worse than the best, where tensions are sought, which are never negative."""
         best = self.best
-        if best is None or self.scene.objective != "least_tension":
+        if best is None or not self._least_tension:
             return math.inf
         return WORSE * best.attempt.objective + SAME
 
@@ -339,7 +374,7 @@ class GraspSearch:
         best = self.best
         if best is None or math.isnan(start.estimate) or not self._tells:
             return True
-        if self.scene.objective != "least_tension":
+        if not self._least_tension:
             # Beyond the limits of the tensions, the estimate counts what is left of the balance.
             return factor > 1.0 and start.estimate <= 2.0 * sum(setup.max_tension for setup in self.scene.setups)
         return start.estimate < factor * self._tension(best) - self._least_difference * (factor < 1.0)
@@ -443,7 +478,7 @@ class GraspSearch:
         best = self.best
         if start.label == "near" or best is None:
             return start.label != "near"
-        if self.scene.objective != "least_tension" or not start.tensions or self._tries_all or not self._tells:
+        if not self._least_tension or not start.tensions or self._tries_all or not self._tells:
             return True
         wanted = sum(sum(tensions) for tensions in start.tensions.values())
         return wanted <= PRUNE_FACTOR * self._tension(best)

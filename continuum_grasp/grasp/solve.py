@@ -24,7 +24,7 @@ from continuum_grasp.grasp.changes import (
 )
 from continuum_grasp.grasp.effort import OPEN
 from continuum_grasp.grasp.modes import with_elements
-from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
+from continuum_grasp.grasp.problem.relaxations import gives_bending_range, gives_elements, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, GraspAttempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
@@ -76,8 +76,8 @@ def optimize_grasp(
     -------
     GraspResult
         The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is the
-        best local optimum from all basins of a scan of all postures, but for those far from balance and those estimated
-        to take more tension where that tells, which is with up to two elements; or a bound proves it to be the least.
+        best local optimum next to all exact rods that hold the object, but for those that take clearly more tension,
+        and none of them takes clearly less; or a bound proves it to be the least.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def optimize_grasp(
     >>> import continuum_grasp as cg
     >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
     >>> grasp.status.value, round(grasp.tension, 1), len(grasp.contacts)
-    ('optimal', 42.3, 3)
+    ('feasible', 42.3, 3)
     """
     scene = scene_of(scene, GraspScene)
     budget = Budget.of(scene.solver, progress)
@@ -171,12 +171,20 @@ def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tu
     return flawed(result, REFUTED) if note.startswith(f"the fine model: {NONE}") else result, verdict.search
 
 
+MOST_ELEMENTS = 16
+"""Elements per finger up to which the program doubles them: half a turn each is eight turns."""
+
+
 class _Verdict:
     """A search with one model, and its verdict."""
 
-    def __init__(self, scene: GraspScene, budget: Budget, chosen_range: bool = False) -> None:
+    def __init__(
+        self, scene: GraspScene, budget: Budget, chosen_range: bool = False, chosen_elements: bool = False
+    ) -> None:
         self.scene, self.budget = scene, budget
-        self._chosen_range = chosen_range or not gives_bending_range(scene)  # by the program, not by the user
+        # By the program, not by the user, so that it may take others.
+        self._chosen_range = chosen_range or not gives_bending_range(scene)
+        self._chosen_elements = chosen_elements or not gives_elements(scene)
         self.began = time.monotonic()
         self.search = GraspSearch(scene, budget)
         has_stations = any(setup.stations for setup in scene.setups)
@@ -213,6 +221,8 @@ class _Verdict:
             search_stations(search, self._before)
         stabilize(search)
         best = self._best()
+        if self._are_too_few(best):
+            return self._with_more_elements("exact rods take other forces")
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
@@ -240,15 +250,29 @@ class _Verdict:
             wide = min(max(2.0 * bending_range, max(bent)), ONE_TURN)
             note, scene = f"fidelity.bending_range of {wide:.4g} rad", with_bending_range(self.scene, wide)
         else:
-            # 16: elements per finger up to which they are doubled where they cannot bend enough: half a turn each is
-            # eight turns
-            if max(setup.elements for setup in self.scene.setups) > 16:
+            if self._elements > MOST_ELEMENTS:
                 return self._unsolved(None)
-            scene = with_elements(self.scene, max(2 * s.elements // (len(s.middles) + 1) for s in self.scene.setups))
-            note = f"{max(setup.elements for setup in scene.setups)} elements"
-        other = _Verdict(scene, self.budget, chosen_range=True)
+            return self._with_more_elements(f"with {bending_range:.4g} rad per element there is no grasp")
+        return self._again(scene, f"{note}: with {bending_range:.4g} rad per element there is no grasp")
+
+    def _are_too_few(self, best: Tried | None) -> bool:
+        """Whether more elements than the program chose may hold with less than the best grasp, or at all."""
+        if not self._chosen_elements or self._elements >= MOST_ELEMENTS or self.budget.over:
+            return False
+        if best is None:
+            return self.search.exact
+        return not math.isnan(self.search.exact_less) or best.certificate.model_error.doubtful
+
+    def _with_more_elements(self, why: str) -> GraspResult:
+        """The verdict with twice as many elements, and why that is asked."""
+        per_segment = max(2 * s.elements // (len(s.middles) + 1) for s in self.scene.setups)
+        scene = with_elements(self.scene, per_segment)
+        return self._again(scene, f"{max(setup.elements for setup in scene.setups)} elements: {why}")
+
+    def _again(self, scene: GraspScene, note: str) -> GraspResult:
+        """The verdict with another model that the program chose."""
+        other = _Verdict(scene, self.budget, chosen_range=True, chosen_elements=True)
         result, self.search = other.result(), other.search
-        note = f"{note}: with {bending_range:.4g} rad per element there is no grasp"
         return replace(result, statistics={**result.statistics, "fidelity": note})
 
     def _reasons(self, further: bool = False) -> list[Reason]:
@@ -312,9 +336,14 @@ class _Verdict:
                 f"{explored.open} of {explored.basins} basins could not be solved, the best of which is estimated to "
                 f"take {amount_text(explored.best_open, 'N', '.4g')} in all ({more:+.1%})"
             )
+        if explored.untried and search.best is not None and not search.proven:
+            none = f"from {explored.untried} of {explored.settled} settled exact rods no grasp was sought"
+            yield f"{none} ({self._more} does)" if self._more else none
         if not math.isnan(explored.exact_less):
             held = amount_text(explored.exact_less, "N", ".4g")
             yield f"exact rods hold with {held} in all, and {self._elements} elements per finger do not follow them"
+        if best.certificate.model_error.doubtful:
+            yield f"{best.certificate.model_error}: {self._elements} elements per finger are too few"
         if self.budget.cut:
             yield f"{self._cut()}, not all starts were tried"
         if self.interrupted:

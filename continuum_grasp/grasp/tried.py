@@ -124,6 +124,7 @@ class Exploration:
     open: int = 0
     best_open: float = math.nan  # least of their estimates [N]; NaN where there is none
     settled: int = 0  # combinations of exact rods that hold the object
+    untried: int = 0  # of these, from which no grasp was sought though it may be better
     # Least sum of the tensions [N] with which one of them does, where it is clearly less than the result's; else NaN.
     exact_less: float = math.nan
     pruned: dict[str, int] = field(default_factory=dict)  # starts that were not tried, by the reason

@@ -376,8 +376,8 @@ class GraspScene(Configuration, Supported):
         places: Any = contacts["stations"] or 0
         middles = ("auto",) * places or middles
         elements = fidelity.elements
-        # Two per segment between base, contacts and tip.
-        count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
+        # Two per segment between base, contacts and tip at least.
+        count = elements if isinstance(elements, int) else max(8, 2 * (len(middles) + 1))
         length = finger.rod.length
         # A contact at base or tip would leave an element of no length.
         low, high = contacts["middle_range"] or (0.05 * length, 0.95 * length)

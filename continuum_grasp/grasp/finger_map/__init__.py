@@ -4,6 +4,6 @@ Read `rod` (one equilibrium, an initial value problem), `fill` (all of a finger)
 `settled` (the starts that a search takes).
 """
 
-from continuum_grasp.grasp.finger_map.settled import SceneMaps, is_mapped
+from continuum_grasp.grasp.finger_map.settled import SceneMaps, is_mapped, places_of
 
-__all__ = ["SceneMaps", "is_mapped"]
+__all__ = ["SceneMaps", "is_mapped", "places_of"]

@@ -10,22 +10,37 @@ from continuum_grasp.core import Compiler
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.finger_map.rod import MapFinger, ObjectTable, Traced
-from continuum_grasp.grasp.starts.supports import nearest_contact
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart
+from continuum_grasp.grasp.starts.supports import base_poses, nearest_contact, object_poses
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, Pose
 from continuum_grasp.scene import FingerSetup, GraspScene
 
 BEST = 16
 """Settled combinations of a set of contacts that are brought to their optimum."""
 
 
+Place = tuple[Pose, tuple[Pose, ...]]
+"""World pose of the object, and of each finger's base [m, rad]."""
+
+
 def is_mapped(scene: GraspScene) -> bool:
-    """Whether the fingers of a scene have maps: object and bases are fixed, no finger has stations, two middle contacts
-    at most, and a C compiler is there.
+    """Whether the fingers of a scene have maps: none has stations, two middle contacts at most, and a C compiler is
+    there.
     """
     if Compiler.find() is None or any(len(setup.middles) > 2 for setup in scene.setups):
         return False
-    free = scene.object.free is not None or any(setup.finger.base_free is not None for setup in scene.setups)
-    return not free and not any(setup.stations for setup in scene.setups)
+    return not any(setup.stations for setup in scene.setups)
+
+
+def places_of(scene: GraspScene, on: frozenset[str]) -> list[Place]:
+    """Places of object and bases that are sampled with the contacts ``on`` by name, the scene's own first, which is the
+    only one where nothing may move.
+    """
+    places = list[Place]()
+    for number, pose in enumerate(object_poses(scene, on)):
+        bases = [base_poses(setup, number) for setup in scene.setups]
+        for k in range(max(map(len, bases))):
+            places.append((pose, tuple(of_finger[min(k, len(of_finger) - 1)] for of_finger in bases)))
+    return places
 
 
 class SceneMaps:
@@ -33,26 +48,27 @@ class SceneMaps:
 
     def __init__(self, scene: GraspScene) -> None:
         self.scene = scene
-        self._maps: dict[tuple[str, frozenset[str]], FingerMap] = {}
+        self._maps: dict[tuple[str, Pose, Pose, frozenset[str]], FingerMap] = {}
 
     @cached_property
     def _table(self) -> ObjectTable:
         return ObjectTable(self.scene)
 
-    def map_of(self, setup: FingerSetup, on: frozenset[str]) -> FingerMap:
-        """The map of a finger with a set of contacts."""
+    def map_of(self, setup: FingerSetup, base: Pose, pose: Pose, on: frozenset[str]) -> FingerMap:
+        """The map of a finger with a set of contacts, its base and the object at their poses."""
         mine = frozenset(on & setup.switches.keys())
-        key = setup.name, mine
+        key = setup.name, base, pose, mine
         if key not in self._maps:
-            finger = MapFinger(self.scene, setup, self._table, setup.finger.base.pose, self.scene.object.pose, mine)
-            self._maps[key] = FingerMap.of(finger)
+            self._maps[key] = FingerMap.of(MapFinger(self.scene, setup, self._table, base, pose, mine))
         return self._maps[key]
 
-    def settled(self, on: frozenset[str]) -> list[GraspStart]:
-        """Starts with the contacts ``on`` by name that hold the object as exact rods, of least tension first."""
-        scene = self.scene
-        maps = [self.map_of(setup, on) for setup in scene.setups]
-        balance = ObjectBalance(scene, on, [one.finger for one in maps], scene.object.pose)
+    def settled(self, on: frozenset[str], place: Place) -> list[GraspStart]:
+        """Starts with the contacts ``on`` by name that hold the object at a place as exact rods, of least tension
+        first.
+        """
+        scene, (pose, bases) = self.scene, place
+        maps = [self.map_of(setup, base, pose, on) for setup, base in zip(scene.setups, bases, strict=True)]
+        balance = ObjectBalance(scene, on, [one.finger for one in maps], pose)
         x = balance.candidates(maps)
         if not len(x):
             return []

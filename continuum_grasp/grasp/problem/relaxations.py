@@ -154,6 +154,11 @@ def gives_bending_range(scene: GraspScene) -> bool:
     return any((setup.fidelity or scene.fidelity).bending_range is not None for setup in scene.named_fingers.values())
 
 
+def gives_elements(scene: GraspScene) -> bool:
+    """Whether the user gave a number of elements."""
+    return any((setup.fidelity or scene.fidelity).elements is not None for setup in scene.named_fingers.values())
+
+
 def _bendable(scene: GraspScene) -> float:
     """The most by which a bending range may be greater: a given one up to what its family follows."""
     one_turn = [setup.bending_range for setup in scene.setups if FAMILIES[setup.family].one_turn]
