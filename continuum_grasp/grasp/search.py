@@ -190,8 +190,8 @@ class GraspSearch:
                 self.attempt(basin.start, iterations=FIRST_CAP)
 
     def _promised(self, basin: Basin) -> float:
-        """Tension of a settled exact rod per that of the best grasp; zero where there is none, and where it does not tell
-        as another objective is sought, or object or bases may move.
+        """Tension of a settled exact rod per that of the best grasp; zero where there is none, and where it does not
+        tell as another objective is sought, or object or bases may move.
         """
         best = self.best
         if best is None or not self._least_tension or self._moves:
