@@ -210,8 +210,10 @@ class GraspSearch:
     @property
     def exact_less(self) -> float:
         """Sum of the tensions [N] with which exact rods hold, where that is clearly less than the best grasp's; NaN: it
-        is not, or was not asked.
+        is not, was not asked, or rods do not tell as they know no histories of friction.
         """
+        if any(setup.friction_states for setup in self.scene.setups):
+            return math.nan
         less = [basin.start.estimate for basin in self._held_exactly if 0.0 < self._promised(basin) < UNFOLLOWED]
         return min(less, default=math.nan)
 

@@ -271,7 +271,7 @@ class _Verdict:
 
     def _again(self, scene: GraspScene, note: str) -> GraspResult:
         """The verdict with another model that the program chose."""
-        other = _Verdict(scene, self.budget, chosen_range=True, chosen_elements=True)
+        other = _Verdict(scene, self.budget, chosen_range=True, chosen_elements=self._chosen_elements)
         result, self.search = other.result(), other.search
         return replace(result, statistics={**result.statistics, "fidelity": note})
 

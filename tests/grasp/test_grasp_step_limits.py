@@ -14,6 +14,7 @@ import pytest
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp import RELAXATIONS, ContactStart, GraspResult, JointSolverRun, Reason, changes, stations
+from continuum_grasp.grasp.certificate.model_error import ModelError
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.reasons import diagnosis
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
@@ -189,10 +190,17 @@ def effort_in_error():
 
 def says_nothing(excess):
     """A grasp so far above a bound, where starts were left out, has no warning."""
-    explored = Some(open=0, modes=1, sampled=0, exact_less=np.nan)
-    search = Some(best=None, fallback=None, proven=True, excess=excess, left_out=1, exploration=explored)
-    verdict = Some(search=search, _before=None, budget=Some(cut=None), interrupted=False)
-    return not list(_Verdict._notes(verdict, Some(acceptable=True, attempt=Some(optimal=True))))
+    return not notes(excess=excess, left_out=1)
+
+
+def notes(off=0.0, **more):
+    """Why a grasp may not be the best, whose exact rods are so far off."""
+    explored = Some(open=0, modes=1, sampled=0, exact_less=np.nan, untried=0)
+    search = Some(**{"best": None, "fallback": None, "proven": True, "excess": 0.0, "exploration": explored, **more})
+    verdict = Some(search=search, _before=None, budget=Some(cut=None), interrupted=False, _elements=2)
+    error = ModelError({"finger.tip": off * 0.2}, 0.2, 0.0)
+    certificate = Some(model_error=error)
+    return list(_Verdict._notes(verdict, Some(certificate=certificate, attempt=Some(optimal=True))))
 
 
 def slack(pull):
@@ -234,6 +242,7 @@ LIMITS = [
     ("reserve that is lost by rounding", 1e-4, lambda x: holds(-x)),
     ("force of an error that acts", 1e-4, lambda x: not acts(x)),
     ("part above what no grasp is below", 0.02, says_nothing),
+    ("displacement of exact rods per length of a grasp that is optimal", 0.01, lambda off: not notes(off)),
     ("pull of tendons that are slack", 1e-3, slack),
     ("distance beyond reach", 1e-9, reached),
 ]  # fmt: skip

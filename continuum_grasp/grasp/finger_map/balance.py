@@ -22,12 +22,12 @@ from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.scene import GraspScene
 
 CANDIDATES, APART = 120, 0.12
-"""Most combinations that are settled, and how far they differ: places in a third of the length."""
+"""Most combinations per finger that are settled, and how far they differ: places in a third of the length."""
 WEIGHTS = (3.0, 0.3)
 """Weights of what is out of balance, per weight of the object, beside the tensions per their greatest, by which
 combinations are chosen: of either half of them."""
-PICKED = {1: 100_000, 2: 1200, 3: 300, 4: 90}
-"""Most samples of each finger that are combined with others, by the number of fingers."""
+PICKED = {1: 100_000, 2: 100_000, 3: 300, 4: 90}
+"""Most samples of each finger but the last that are combined with others, by the number of fingers."""
 SUPPORTED = {1: 100_000, 2: 330, 3: 48, 4: 18}
 """Most samples of each finger beside supports, where all combinations are tried."""
 ROUNDS = 30
@@ -331,14 +331,12 @@ class ObjectBalance:
 
     def _combined(self, wrenches: Sequence[Array]) -> Array:
         """Indices (B, fingers) of samples that may balance each other."""
-        count, picks = len(wrenches), []
+        count = len(wrenches)
         most = (SUPPORTED if self.supports else PICKED)[count]
-        for wrench in wrenches:
-            size = len(wrench)
-            picks.append(np.unique(np.linspace(0, size - 1, min(size, most)).astype(int)))
+        picks = [np.unique(np.linspace(0, len(w) - 1, min(len(w), most)).astype(int)) for w in wrenches]
         if count == 1 or self.supports:
             return np.stack(np.meshgrid(*picks, indexing="ij"), axis=-1).reshape(-1, count)
-        *others, last = picks
+        others, last = picks[:-1], np.arange(len(wrenches[-1]))
         index = np.stack(np.meshgrid(*others, indexing="ij"), axis=-1).reshape(-1, count - 1)
         need = -(self._loads + sum(wrenches[k][index[:, k]] for k in range(count - 1)))
         from scipy.spatial import cKDTree
@@ -404,7 +402,7 @@ class ObjectBalance:
             )
         order = np.argsort(score, kind="stable")[:20_000]
         place, chosen = np.concatenate(columns, axis=1), list[int]()
-        while len(order) and len(chosen) < CANDIDATES // len(WEIGHTS):
+        while len(order) and len(chosen) < CANDIDATES * len(self.fingers) // len(WEIGHTS):
             chosen.append(order[0])
             order = order[np.linalg.norm(place[order] - place[order[0]], axis=1) > APART]
         return np.array(chosen, int)

@@ -16,9 +16,11 @@ from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.finger_map.jets import Jet
 from continuum_grasp.grasp.finger_map.rod import FORCE, MapFinger, Touches, Traced
 
-PLACE, TENSION, FRICTION, TURN = 0.06, 0.06, 0.4, 0.5
+PLACE, TENSION, FRICTION, TURN, NORMAL = 0.06, 0.06, 0.4, 0.5, 0.8
 """Size of a cell: places per length of the finger, tension per its greatest, friction per normal force and coefficient,
-angle of the tip [rad]."""
+angle of the tip [rad], normal forces, by their logarithm where they are large."""
+LIGHT = 3.0
+"""Normal force [E I / L^2] up to which its changes count, and not those of its logarithm."""
 ENTERED = 0.005
 """Depth in obstacles [L] that samples may have: the finger's own elements bend otherwise than the exact rod."""
 LOWS, SEEDS, ONTO = 2500, 600, 40
@@ -46,6 +48,7 @@ def features(at: Traced) -> Array:
     used = finger.middles + finger.tip
     columns = [at.pull.value[:, None] / TENSION, *(place.value / PLACE for place in touches.place)]
     columns.append(np.clip(_use(finger, touches)[0][:, :used], -2.0, 2.0) / FRICTION)
+    columns.append(np.arcsinh(touches.force[0].value[:, :used] / LIGHT) / NORMAL)
     if finger.tip:
         nx, ny = (part.value[:, -1:] for part in touches.normal)
         columns.append(np.arctan2(ny, nx) / TURN)
@@ -63,6 +66,8 @@ def _feature_slopes(at: Traced) -> Array:
     slope = (along.slope - turned) / size[..., None] / (finger.friction * FRICTION)
     slope = np.where((np.abs(share) < 2.0)[..., None], slope, 0.0)
     rows.append(Jet(share[:, :used], slope[:, :used]))
+    steep = NORMAL * np.hypot(normal.value, LIGHT)
+    rows.append(Jet(normal.value[:, :used], (normal.slope / steep[..., None])[:, :used]))
     if finger.tip:
         nx, ny = (Jet(part.value[:, -1:], part.slope[:, -1:]) for part in touches.normal)
         turn = nx.value[..., None] * ny.slope - ny.value[..., None] * nx.slope

@@ -15,7 +15,7 @@ from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Grasp
 from continuum_grasp.scene import FingerSetup, GraspScene
 
 BEST = 16
-"""Settled combinations of a set of contacts that are brought to their optimum."""
+"""Settled combinations per finger of a set of contacts that are brought to their optimum."""
 
 
 Place = tuple[Pose, tuple[Pose, ...]]
@@ -73,7 +73,7 @@ class SceneMaps:
         if not len(x):
             return []
         settled = balance.settle(x)
-        rows = settled.different(scene.object.size)[:BEST]
+        rows = settled.different(scene.object.size)[: BEST * len(maps)]
         if not rows:
             return []
         settled = balance.refined(settled.x[rows])
