@@ -261,7 +261,7 @@ class _Verdict:
             return False
         if best is None:
             return self.search.exact
-        return not math.isnan(self.search.exact_less) or best.certificate.model_error.doubtful
+        return not math.isnan(self.search.exact_less) or best.certificate.model_error.is_large
 
     def _with_more_elements(self, why: str) -> GraspResult:
         """The verdict with twice as many elements, and why that is asked."""
@@ -342,7 +342,7 @@ class _Verdict:
         if not math.isnan(explored.exact_less):
             held = amount_text(explored.exact_less, "N", ".4g")
             yield f"exact rods hold with {held} in all, and {self._elements} elements per finger do not follow them"
-        if best.certificate.model_error.doubtful:
+        if best.certificate.model_error.is_large:
             yield f"{best.certificate.model_error}: {self._elements} elements per finger are too few"
         if self.budget.cut:
             yield f"{self._cut()}, not all starts were tried"

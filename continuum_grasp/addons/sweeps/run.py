@@ -107,7 +107,7 @@ def sweep(
     >>> config = {"scene": "configs/grasp/mug_arcs.yaml", "vary": masses}
     >>> table = cg.sweep(config, folder=tempfile.mkdtemp(), workers=1, keep="none")
     >>> table["status"].tolist()
-    ['optimal', 'optimal']
+    ['feasible', 'feasible']
     """
     _ANYWHERE.check(None, of={"executor": executor is not None and scheduler is not None})
     count = None if workers is None else whole("workers", workers, 1, 4096)

@@ -13,7 +13,7 @@ from continuum_grasp.rod import Elastica, RodEquations, RodProblem
 
 SMALL = 0.005
 """Greatest displacement per finger length [1] that is not warned of: half a millimeter of a finger of 0.1 m."""
-DOUBTFUL = 0.01
+LARGE = 0.01
 """Greatest displacement per finger length [1] with which a grasp may be called optimal."""
 SECTIONS = 200
 """Sections at which moments are compared, about: two per panel, as near to the ends of elements as 0.2 % of the length.
@@ -53,9 +53,9 @@ class ModelError:
         return self.greatest <= self.limit
 
     @property
-    def doubtful(self) -> bool:
+    def is_large(self) -> bool:
         """Whether the displacements are too large, or missing, for the tension to be that of a real finger."""
-        return not self.greatest <= DOUBTFUL * self.length
+        return not self.greatest <= LARGE * self.length
 
     def __str__(self) -> str:
         if not self.found:
