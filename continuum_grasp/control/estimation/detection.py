@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.scene import doubt
 
 _SHAPES = 8
 """Shapes at which it is tested [1]; one is enough, since a straight finger shows no stiffness."""
@@ -19,8 +20,10 @@ _AT_REST = ("missing_tip_moment", "unknown_tip_", "bending_stiffness_error", "ti
 """Beginnings of the names of disturbances that a finger at rest, without contact, shows."""
 
 
-def check_detectable(model: Prediction, names: Sequence[str], slope: ca.Function, outputs: ca.Function) -> None:
-    """Refuse a ``tip_offset`` beside disturbances from which no sensor tells it.
+def check_detectable(
+    model: Prediction, names: Sequence[str], adapted: Collection[int], slope: ca.Function, outputs: ca.Function
+) -> None:
+    """Refuse a ``tip_offset`` that sensors do not tell from disturbances, and doubt others that they do not tell apart.
 
     A filter that ends without an offset needs disturbances d that are detectable: [A B; C D] of x' = A x + B d and
     y = C x + D d has full column rank (G. Pannocchia, J. B. Rawlings, doi:10.1002/aic.690490213, proposition 1; of
@@ -32,6 +35,8 @@ def check_detectable(model: Prediction, names: Sequence[str], slope: ca.Function
     model : Prediction
     names : sequence of str
         Disturbances with their units.
+    adapted : collection of int
+        Those of ``estimator.adapt``, which stay as they are while nothing moves.
     slope : casadi.Function
         (z, u, p, p) -> x', [A B].
     outputs : casadi.Function
@@ -40,25 +45,38 @@ def check_detectable(model: Prediction, names: Sequence[str], slope: ca.Function
     Raises
     ------
     InputError
-        If at no shape they are detectable.
+        If at no shape they are detectable, and one is ``tip_offset``.
     """
-    if not any(name.startswith("tip_offset") for name in names):
+    offset = any(name.startswith("tip_offset") for name in names)
+    shown = [k for k, name in enumerate(names) if name.startswith(_AT_REST) and (offset or k not in adapted)]
+    if len(shown) < 2 or _tells_at_one(model, len(names), shown, slope, outputs):
         return
-    shown = [k for k, name in enumerate(names) if name.startswith(_AT_REST)]
+    words = f"at rest, sensors do not tell {', '.join(names[k].split(' ')[0] for k in shown)} apart"
+    if offset:
+        raise InputError(
+            f"{words}: expected tip_offset with one disturbance that moves the tip along its path (tip_moment or "
+            "bending_stiffness), or more sensors, such as bending",
+            key="estimator.disturbances",
+        )
+    doubt(
+        f"estimator.disturbances: {words}: what they have in common is right, each wanders without a limit, and the "
+        "loop swings; leave one out, or put bending_stiffness into estimator.adapt, which learns from motion alone"
+    )
+
+
+def _tells_at_one(
+    model: Prediction, count: int, shown: Sequence[int], slope: ca.Function, outputs: ca.Function
+) -> bool:
+    """Whether sensors tell the disturbances ``shown``, of ``count``, apart at one of some shapes at rest."""
     columns = [*range(model.nx), *(model.nx + k for k in shown)]
     least, most = (np.array(limit) for limit in model.scene.input_limits)
     u, p = 0.7 * least + 0.3 * most, np.array(model.p_nominal)
     for shape in model.shapes(_SHAPES):
-        z = np.concatenate([model.at_rest(shape, u), np.zeros(len(names))])
+        z = np.concatenate([model.at_rest(shape, u), np.zeros(count)])
         rows = np.vstack([np.array(slope(z, u, p, p)[1]), np.array(outputs(z, u, p)[1])])[:, columns]
         if np.all(np.isfinite(rows)) and _tells(rows, model.nx):
-            return
-    words = ", ".join(names[k].split(" ")[0] for k in shown)
-    raise InputError(
-        f"at rest, sensors do not tell {words} apart: expected tip_offset with one disturbance that moves the tip "
-        "along its path (tip_moment or bending_stiffness), or more sensors, such as bending",
-        key="estimator.disturbances",
-    )
+            return True
+    return False
 
 
 def _tells(rows: Array, nx: int) -> bool:

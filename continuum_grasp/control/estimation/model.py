@@ -127,7 +127,8 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     derivatives = {"rate": rate, "jacobian": ca.horzcat(ca.jacobian(rate, model.x), by_d)}
     slope = straight_function("estimator_slope", inputs | {"nominal": nominal}, derivatives)
     outputs_of = function("estimator_outputs", inputs, y=outputs, H=ca.jacobian(outputs, z))
-    check_detectable(model, [disturbance.name for disturbance in disturbances], slope, outputs_of)
+    adapted = [k for k, disturbance in enumerate(disturbances) if disturbance.adapted]
+    check_detectable(model, [disturbance.name for disturbance in disturbances], adapted, slope, outputs_of)
     step, flow, single = _steps(slope, parameters, method)
     z_names = (*model.x_names, *(disturbance.name for disturbance in disturbances))
     return Estimation(
