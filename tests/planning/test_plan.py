@@ -11,6 +11,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -25,7 +26,9 @@ from continuum_grasp.addons.planning.fine import excess_over_intervals, simulate
 from continuum_grasp.addons.planning.guess import Path
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.search import PlanSearch
+from continuum_grasp.addons.planning.solve import _result
 from continuum_grasp.base import InputError, Interrupted, SolverError
+from continuum_grasp.nlp import SolverStatus
 from tests.declared import assert_declared
 from tests.marks import few
 from tests.rods import after
@@ -356,6 +359,66 @@ def test_goal_that_has_a_weight_is_missed_beyond_its_tolerance(aim, share, statu
     assert tight.status is status
     assert tight.solved
     assert any(f"goal {name}: off by {off:.3g}" in text for text in tight.warnings) is (share < 1.0)
+
+
+BEYOND = {"tip": {"value": (-0.2, 0.15), "weight": 1e5}, "end": "still"}
+LEVERS = {
+    "moment_max": (
+        lambda f: {"input": {"moment_max": 0.1 * f}, "goal": BEYOND},
+        "raise the input's limits (input.moment_max)",
+    ),
+    "rate_max": (
+        lambda f: {"input": {"moment_max": 0.5, "rate_max": 1.0 * f}, "goal": BEYOND},
+        "raise input.rate_max",
+    ),
+    "duration": (
+        lambda f: {"input": {"moment_max": 0.5, "rate_max": 2.0}, "goal": BEYOND, "duration": 0.1 * f},
+        "allow a longer duration",
+    ),
+    "curvature": (
+        lambda f: {"bounds": {"curvature": 3.0 * f}, "input": {"moment_max": 0.5}, "goal": BEYOND, "duration": 0.3},
+        "allow more curvature",
+    ),
+    "weight": (
+        lambda f: {"goal": {**BEYOND, "tip": {"value": (-0.1, 0.25), "weight": 1.0 * f**8, "tolerance": 0.01}}},
+        "raise the weight of the goal",
+    ),
+}
+"""Plans that miss a goal with a weight, with a factor on what they lack, and what is advised."""
+
+
+@pytest.mark.parametrize("lever", LEVERS)
+def test_advice_names_what_brings_a_missed_goal_nearer(lever):
+    """By plans with half as much again of it; and no weight is named where ten times as much brings nothing."""
+    changes, advice = LEVERS[lever]
+    missed, nearer = (plan(two_arcs(**changes(f), intervals=15), raise_on_failure=False) for f in (1.0, 1.5))
+    aim = missed.scene.goal.tip
+    off, less = (float(np.hypot(*(found.tip[-1] - aim.value))) for found in (missed, nearer))
+    assert missed.status is PlanStatus.GOAL_MISSED
+    assert less < 0.9 * off
+    assert advice in missed.advice
+    assert missed.message == "solved, but a goal is missed"
+    if lever != "weight":
+        heavy = {**BEYOND, "tip": {**BEYOND["tip"], "weight": 10.0 * aim.weight}}
+        heavier = plan(two_arcs(**{**changes(1.0), "goal": heavy, "intervals": 15}), raise_on_failure=False)
+        assert np.hypot(*(heavier.tip[-1] - aim.value)) > 0.9 * off
+        assert "weight" not in missed.advice
+
+
+def test_a_search_that_is_cut_says_so_where_its_motion_misses_the_goal():
+    """Not that the goal is missed, of which it knows nothing: with more iterations it is met."""
+    search = PlanSearch(two_arcs(goal={"bending": {"value": (0.4, 0.2), "weight": 1e3}}))
+    search.run()
+    assert _result(search).status is PlanStatus.OPTIMAL
+    still = search.problem.start(Path(np.zeros((31, 4)), np.zeros((31, 1)), 0.15))
+    search.best = replace(
+        search.best, x=still, status=SolverStatus.ITERATION_LIMIT, outcome="Maximum_Iterations_Exceeded"
+    )
+    found = _result(search)
+    assert found.status is PlanStatus.NOT_SOLVED
+    assert found.message.startswith("no plan was found: the iterations were used up; the motion there misses goal bend")
+    assert found.violated == ("goal bending: off by 0.4 rad (goal.bending)",)
+    assert "more iterations" in found.advice
 
 
 @pytest.mark.parametrize(

@@ -112,30 +112,49 @@ def test_starts_with_an_object_differ_by_when_their_inputs_rest():
         assert np.max(model.contact_force(path.x[-1], path.u[-1], model.p_nominal)) > 1.0
 
 
-def pressing(side):
-    """A finger of 0.22 m whose tip is to press on a disc beside it with 0.08 N."""
+DISC = {"shape": "circle", "diameter": 0.076}
+SHAPES = {
+    "disc": DISC,
+    "hexagon": {
+        "shape": "polygon",
+        "corner_radius": 0.003,
+        "vertices": [(0.038 * np.cos(k * np.pi / 3), 0.038 * np.sin(k * np.pi / 3)) for k in range(6)],
+    },
+    "union": {
+        "shape": "union",
+        "center_of_mass": (0.0, 0.0),
+        "members": [{"shape": "circle", "diameter": 0.06}, {**DISC, "diameter": 0.04, "position": (0.0, -0.018)}],
+    },
+}
+"""Objects about as large as the disc."""
+
+
+def pressing(side, shape="disc", **goal):
+    """A finger of 0.22 m whose tip is to press on an object beside it with 0.08 N."""
     rod = {"length": 0.22, "linear_density": 0.03, "bending_stiffness": 0.01}
     tendons = {"offset": 0.005, "max_tension": 22.7, "time_constant": 0.02}
     return PlanScene(
         finger={"rod": rod, "half_thickness": 0.006, "damping": {"material": 6e-5}, "tendons": tendons},
         gravity=(0.0, 0.0),
-        object={"shape": "circle", "diameter": 0.076, "mass": 0.1, "position": (side * 0.1, 0.185)},
+        object={**SHAPES[shape], "mass": 0.1, "position": (side * 0.1, 0.185)},
         contact_law={"stiffness": 2e3, "friction": 0.0, "dissipation": 1.0, "rounding": 5e-4},
         fidelity={"family": "clothoid", "elements": 2},
-        goal={"contact_force": {"value": [0.08], "weight": 1e6, "tolerance": 0.016}},
+        goal={"contact_force": {"value": [0.08], "weight": 1e6, "tolerance": 0.016, **goal}},
         duration=0.4,
         intervals=20,
     )
 
 
-@pytest.mark.parametrize("side", few([1.0, -1.0], 1))
-def test_a_search_begins_where_its_inputs_press(side):
-    """Static least squares end short of balance: their inputs leave the finger beside the disc, by an integrator of its
-    own, and plans did not move.
+@pytest.mark.parametrize(("shape", "side"), few([(shape, side) for shape in SHAPES for side in (1.0, -1.0)], 2))
+def test_a_search_begins_where_its_inputs_press(shape, side):
+    """Static least squares end short of balance: their inputs leave the finger beside the object, by an integrator of
+    its own, and plans did not move.
     """
-    search = PlanSearch(pressing(side))
+    search = PlanSearch(pressing(side, shape))
     model, static = search.motion.prediction, final_postures(search.motion, search.problem.goal, search.first)[0]
     for posture, presses in ((static, False), (search.last, True)):
+        if posture is static and shape != "disc":
+            continue  # of others least squares may be lucky
         path = smooth_path(search.motion, search.x0, search.first, posture, share=0.7)
         x = search.x0
         for u in path.u:
@@ -164,6 +183,35 @@ def test_a_plan_presses_on_a_disc_beside_the_finger():
     found = plan(pressing(1.0))
     assert found.status in ("optimal", "feasible")
     assert found.deviation.contact_forces[0] == pytest.approx(0.08, rel=0.2)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("shape", "side"), few([(shape, side) for shape in SHAPES for side in (1.0, -1.0)], 2))
+def test_a_press_counts_by_what_another_integrator_finds(shape, side):
+    """LSODA, interval by interval: a plan that counts presses as it is to, without a tolerance of its own too."""
+    found = plan(pressing(side, shape, tolerance=None), raise_on_failure=False)
+    model, x = found.prediction, found.x[0]
+    for u in found.u[:-1]:
+        span = 0.0, found.duration / 20
+
+        def rate(t, x, u=u):
+            return np.array(model.dynamics(x, u, model.p_nominal)).ravel()
+
+        x = solve_ivp(rate, span, x, "LSODA", rtol=1e-8, atol=1e-10).y[:, -1]
+    force = float(model.contact_force(x, found.u[-1], model.p_nominal))
+    assert np.hypot(*(found.tip[-1] - found.tip[0])) > 0.02
+    assert (abs(force - 0.08) <= 0.008) is (found.status in ("optimal", "feasible"))
+
+
+@pytest.mark.deep
+def test_an_object_in_the_way_is_named():
+    """A tip that is to go where the disc is, which no weight and no limit brings there."""
+    through = {"tip": {"value": (0.1, 0.185), "weight": 1e5}, "end": "still"}
+    found = plan(pressing(1.0).replaced(goal=through), raise_on_failure=False)
+    assert found.status == "goal_missed"
+    assert found.contact_forces[-1, 0] > 0.0
+    assert np.hypot(*(found.tip[-1] - (0.1, 0.185))) == pytest.approx(0.038 + 0.006, abs=2e-3)
+    assert found.advice.startswith("the object is in the way")
 
 
 @pytest.mark.deep

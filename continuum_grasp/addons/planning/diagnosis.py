@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from continuum_grasp.addons.planning.guess import Path
 from continuum_grasp.addons.planning.problem import PlanProblem
 from continuum_grasp.base import Array
-from continuum_grasp.nlp import Attempt, Violation
+from continuum_grasp.control import Prediction
+from continuum_grasp.nlp import Attempt
 
 _TEXTS = {
     "input": ("the input limit stops it", "raise the input's limits ({0})"),
@@ -19,6 +21,9 @@ _TEXTS = {
     "speed": ("the speed limit stops it", "raise bounds.speed"),
 }
 """Texts about each limit in the message, and advice."""
+_BINDS = 0.2
+"""Gain by widening a limit, per that by the strongest one or per the cost of a missed goal, from which on it is named
+[1]."""
 
 
 class Diagnosis(NamedTuple):
@@ -45,15 +50,7 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
         )
     # 1e-6: gain per share of a limit, in units of the squared distance, below which it does not stop anything
     if missed and strongest > 1e-6 * max(worst, 1.0):
-        named = [
-            # 0.2: share of the strongest limit from which on another one is named too
-            name
-            for name, value in sorted(strengths.items(), key=lambda item: -item[1])
-            if value > 0.2 * strongest
-        ]
-        zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
-        keys = {"input": problem.motion.scene.limit_keys}
-        texts = [[text.format(keys.get(name, name)) for text in _TEXTS.get(name, zone)] for name in named]
+        texts = _limit_texts(problem, _named(strengths))
         what.append(" and ".join(text for text, _ in texts))
         levers = [text for _, text in texts]
     elif missed:
@@ -70,24 +67,61 @@ def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[lis
 
     ``weighted`` chooses the goals that have a weight, or those that are to be reached exactly.
     """
-    motion = problem.motion
-    z = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]])
-    numbers = motion.numbers([1.0]).ravel()
-    missed, worst = [], 0.0
+    z, missed, greatest = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]]), list[str](), 0.0
     for part in problem.goal:
         # Rest with a weight is a means of the search, not an aim.
         if (part.weight is not None) is not weighted or (weighted and part.at_rest):
             continue
-        error = np.abs(np.array(part.rows(motion).value(z, numbers)).ravel())
-        if part.unit == "m":  # points are missed by their distance, anything else by its worst entry
-            error = np.repeat(np.hypot(*error.reshape(-1, 2).T), 2)
-        worst = max(worst, float(error.max()))
-        if np.any(error > part.tolerance):
-            k = int((error / part.tolerance).argmax())
-            unit = part.unit if part.unit != "state" else part.names[k]
-            amount = float(error[k] * part.scale[k])
-            missed.append(str(Violation(part.name, k, amount, unit, part.key, float(error[k]))))
-    return missed, worst
+        violation, worst = part.missed(problem.motion, z, part.tolerance)
+        missed += [] if violation is None else [str(violation)]
+        greatest = max(greatest, worst)
+    return missed, greatest
+
+
+def lever(problem: PlanProblem, attempt: Attempt) -> str:
+    """Advice on a plan that misses a goal with a weight: the limits that bind, by their multipliers, or the weight.
+
+    A force is not met by any weight where nothing touches, since it then has no slopes.
+    """
+    motion, path = problem.motion, problem.path(attempt.x)
+    force, model = motion.scene.goal.contact_force, motion.prediction
+    pressed = _pressed(model, path)
+    # 0.1: share of a force from which on a contact presses
+    if force is not None and any(force.value) and np.all(pressed < 0.1 * np.max(force.value)):
+        return (
+            "the finger does not press where it is to: move object or base, give the input wider limits "
+            f"({motion.scene.limit_keys}) or more time, or start from a plan that touches (warm)"
+        )
+    z = np.concatenate([attempt.x[problem.grid.s[-1]], attempt.x[problem.inputs[-1]]])
+    costs = [part.cost(motion, relaxed=False) for part in problem.goal if part.weight is not None]
+    cost = sum(float(term.value(z, motion.numbers([1.0]).ravel())) for term in costs)
+    strengths = _strengths(problem, attempt)
+    named = _named({name: gain for name, gain in strengths.items() if gain > _BINDS * cost})
+    texts = [text for _, text in _limit_texts(problem, named)] or ["raise the weight of the goal: no limit binds"]
+    # A force is no way to a goal of another kind.
+    blocked = force is None and bool(np.any(pressed > 0.0))
+    way = ["the object is in the way, on which the finger presses: move it or the goal"] * blocked
+    return "; or ".join([*way, *texts])
+
+
+def _pressed(model: Prediction, path: Path) -> Array:
+    """Contact forces at the end of a path [N]; none without an object."""
+    if not model.contact_names:
+        return np.zeros(0)
+    return np.array(model.contact_force(path.x[-1], path.u[-1], model.p_nominal)).ravel()
+
+
+def _named(strengths: dict[str, float]) -> list[str]:
+    """Limits, the strongest first, down to a share of it."""
+    ordered = sorted(strengths.items(), key=lambda item: -item[1])
+    return [name for name, value in ordered if value > _BINDS * ordered[0][1]]
+
+
+def _limit_texts(problem: PlanProblem, names: list[str]) -> list[list[str]]:
+    """Message and advice about each limit."""
+    zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
+    keys = {"input": problem.motion.scene.limit_keys}
+    return [[text.format(keys.get(name, name)) for text in _TEXTS.get(name, zone)] for name in names]
 
 
 def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:

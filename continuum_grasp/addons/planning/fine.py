@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
 
+from continuum_grasp.addons.planning.goal import GoalPart
 from continuum_grasp.addons.planning.guess import Path, first_state_of_plan
 from continuum_grasp.addons.planning.motion import PlannedMotion, parameters_over_time, reach_of, state_scales
-from continuum_grasp.addons.planning.result import Deviation, MotionPlan, PlanStatus
+from continuum_grasp.addons.planning.result import Deviation, MotionPlan, PlanStatus, qualified
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.control import Prediction
@@ -152,8 +154,16 @@ def excess_over_intervals(motion: PlannedMotion, states: Array, parts: int = PAR
     return np.asarray(inner.max(axis=1))
 
 
-def checked(plan: MotionPlan, motion: PlannedMotion) -> MotionPlan:
-    """A copy of the plan with the results of a fine simulation of its inputs."""
+def missed_when_played(motion: PlannedMotion, goal: Sequence[GoalPart], x: Array, u: Array) -> list[str]:
+    """Goals that the end of a simulation misses, with their amounts: a state x (nx) under an input u (nu)."""
+    z = np.concatenate([motion.scaled_state(x, u), u / motion.scales.u])
+    # Rest with a weight is a means of the search, not an aim.
+    aims = [part for part in goal if part.weight is None or not part.at_rest]
+    return [str(violation) for part in aims if (violation := part.missed(motion, z, part.played)[0]) is not None]
+
+
+def checked(plan: MotionPlan, motion: PlannedMotion, goal: Sequence[GoalPart]) -> MotionPlan:
+    """A copy of the plan with the results of a fine simulation of its inputs, in which its goal has to be met too."""
     scene, model, warnings = plan.scene, motion.prediction, list(plan.warnings)
     path = Path(plan.x, plan.u, plan.duration)
     try:
@@ -176,6 +186,11 @@ def checked(plan: MotionPlan, motion: PlannedMotion) -> MotionPlan:
     if reason:
         advice = "take more solver.substeps, or more intervals"
         return replace(plan, status=PlanStatus.NOT_SOLVED, message=reason, advice=advice, deviation=deviation)
+    missed = _missed(plan, motion, goal, states)
+    if missed and plan.status != PlanStatus.GOAL_MISSED:
+        plan = replace(plan, status=PlanStatus.GOAL_MISSED, message=qualified(plan.message, missed))
+        plan = replace(plan, advice="take more intervals, a higher solver.degree, or a softer contact")
+        warnings.append(f"{missed}: {plan.advice}")
     left, after = _left(motion, states), _left_after_the_end(motion, plan, states[-1])
     if left:
         warnings.append(f"between the nodes {left}: take more intervals")
@@ -195,7 +210,27 @@ def checked(plan: MotionPlan, motion: PlannedMotion) -> MotionPlan:
 def _departed(plan: MotionPlan, how: str) -> MotionPlan:
     """A plan of its grid alone, which its motion does not keep."""
     status = PlanStatus.FEASIBLE if plan.status == PlanStatus.OPTIMAL else plan.status
-    return replace(plan, status=status, message=f"{plan.message}, but {how}")
+    return replace(plan, status=status, message=qualified(plan.message, how))
+
+
+def _missed(plan: MotionPlan, motion: PlannedMotion, goal: Sequence[GoalPart], states: Array) -> str:
+    """The goal that a fine simulation misses at the end, or after it where the finger is held; empty where none."""
+    u, end = plan.u[-1], "a fine simulation misses "
+    missed = missed_when_played(motion, goal, states[-1], u)
+    missed += motion.missed_setpoints(states[:: (len(states) - 1) // (len(plan.t) - 1)], plan.u, plan.duration)
+    if not missed and plan.scene.goal.end == "held" and not plan.scene.load_varies:
+        rest = _stayed(plan, motion.prediction, states[-1])
+        end = f"{_STAYS * plan.scene.finger.rod.natural_time:.2g} s after its end a fine simulation misses "
+        missed = missed_when_played(motion, [part for part in goal if not part.at_rest], rest, u)
+    return f"{end}{' and '.join(missed)}" if missed else ""
+
+
+def _stayed(plan: MotionPlan, model: Prediction, last: Array) -> Array:
+    """State (nx) some time after the end, under the last input."""
+    u = np.tile(plan.u[-1], (2, 1))
+    path = Path(np.zeros((2, 0)), u, _STAYS * plan.scene.finger.rod.natural_time)
+    states = simulated(plan.scene, model, path, last, 1)
+    return np.asarray(states[-1])
 
 
 def _not_reproduced(plan: MotionPlan, model: Prediction, states: Array, deviation: Deviation) -> str:
@@ -208,10 +243,8 @@ def _not_reproduced(plan: MotionPlan, model: Prediction, states: Array, deviatio
     if scene.goal.end != "held" or not any("friction_" in name for name in model.x_names):
         return ""
     # Rest may be asked of the drives alone, and friction may let go: the finger has to stay.
-    u = plan.u[-1]
-    path = Path(plan.x[-2:], np.tile(u, (2, 1)), _STAYS * scene.finger.rod.natural_time)
-    after = np.stack([states[-1], simulated(scene, model, path, states[-1], 1)[-1]])
-    first, last = places(model, after, np.tile(u, (2, 1)))[:, 0]
+    after = np.stack([states[-1], _stayed(plan, model, states[-1])])
+    first, last = places(model, after, np.tile(plan.u[-1], (2, 1)))[:, 0]
     drift = float(np.hypot(*(last - first)))
     return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > tolerance else ""
 

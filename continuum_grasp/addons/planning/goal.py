@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import casadi as ca
@@ -11,9 +12,16 @@ from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
 from continuum_grasp.base import Array, InputError, name_of
 from continuum_grasp.closed_loop import LEAST_FORCE
+from continuum_grasp.nlp import Violation
 
 MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
+_PLAYED = 10.0
+"""Error with which a goal without a weight counts as reached in a fine simulation, per its size and per
+``check.tolerance`` [1]: of points, whose size is a tenth of the finger's length, as far as the tip may depart."""
+_REST = 100.0
+"""Error with which rates count as zero in a fine simulation, per ``check.tolerance`` and per those of an oscillation
+over the reach whose period is the duration [1]."""
 _SETTLED = 1e4
 """Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
 friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""
@@ -24,8 +32,8 @@ class GoalPart:
     """A part of a goal: its entries by name, the target, and the physical amount of one unit of error.
 
     ``weight`` is that of half the squared error [1/unit2]; None: reached exactly. ``tolerance`` is the greatest error
-    with which it counts as reached, per ``scale`` [1]. ``value`` is what is compared with the target, as an expression
-    of the motion's symbols.
+    with which it counts as reached, per ``scale`` [1], and ``played`` that in a fine simulation. ``value`` is what is
+    compared with the target, as an expression of the motion's symbols.
     """
 
     name: str
@@ -37,6 +45,7 @@ class GoalPart:
     weight: float | None
     value: ca.SX
     tolerance: float | Array = MET
+    played: float | Array = math.inf
 
     @property
     def at_rest(self) -> bool:
@@ -51,6 +60,20 @@ class GoalPart:
     def rows(self, motion: PlannedMotion) -> Term:
         """(z = [s, last input], d) -> scaled error."""
         return derived("goal", *self._error(motion), exact=motion.exact)
+
+    def missed(self, motion: PlannedMotion, z: Array, tolerance: float | Array) -> tuple[Violation | None, float]:
+        """The worst entry at a node z = [s, last input] if that is off by more than a tolerance per ``scale``, and the
+        largest error per scale.
+        """
+        error = np.abs(np.array(self.rows(motion).value(z, motion.numbers([1.0]).ravel())).ravel())
+        if self.unit == "m":  # points are missed by their distance, anything else by its worst entry
+            error = np.repeat(np.hypot(*error.reshape(-1, 2).T), 2)
+        if np.all(error <= tolerance):
+            return None, float(error.max())
+        k = int((error / tolerance).argmax())
+        unit = self.unit if self.unit != "state" else self.names[k]
+        amount = float(error[k] * self.scale[k])
+        return Violation(self.name, k, amount, unit, self.key, float(error[k])), float(error.max())
 
     def cost(self, motion: PlannedMotion, relaxed: bool) -> Term:
         """(z, d) -> what the error costs."""
@@ -80,11 +103,14 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
         key, size = f"goal.{name}", value.numel()
         if len(target) != size:
             raise InputError(f"expected {size} entries ({', '.join(names)}), got {len(target)}", key=key)
-        aim = getattr(goal, name)
+        aim, scales = getattr(goal, name), np.full(size, scale)
+        # Forces scale as others do, but a tenth of what bends the finger is no force at all where less is asked.
+        share = (np.abs(target).max() / scales.max() or 1.0) if name == "contact_force" else 1.0
         # 0.1: tolerance of a goal with a weight and no tolerance of its own: 1 % of the finger's length, 0.05 rad
-        met = MET if aim.weight is None else 0.1 if aim.tolerance is None else aim.tolerance / scale
-        scales = np.full(size, scale)
-        parts.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
+        near = 0.1 * share if aim.tolerance is None else aim.tolerance / scales
+        met, played = (MET, _PLAYED * motion.scene.check.tolerance * share) if aim.weight is None else (near, near)
+        values = np.array(target), scales, aim.weight, value, met, played
+        parts.append(GoalPart(f"goal {name}", key, unit, names, *values))
 
     motion.scene.reach(ranges=model.system.finger_model.ranges).check("goal", goal.targets)
     # Scales make errors of different kinds comparable: a tenth of the length, half a radian, the greatest force.
@@ -123,7 +149,10 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
             names, zero, selected = tuple(all_names[chosen][rows].tolist()), np.zeros(rows.size), value[rows.tolist()]
             unit = scale[chosen][rows]
             if weight is None:
-                parts.append(GoalPart(goal.end, "goal.end", "state", names, zero, unit, None, selected))
+                # Accelerations follow from what contacts and cables have within micrometers: what is held is judged by
+                # whether it stays.
+                played = _REST * motion.scene.check.tolerance if goal.end == "still" else math.inf
+                parts.append(GoalPart(goal.end, "goal.end", "state", names, zero, unit, None, selected, MET, played))
             else:
                 name, ones = f"{goal.end}, finger", np.ones(rows.size)
                 share = weight * motion.scales.objective

@@ -42,11 +42,12 @@ class PlanStatus(StrEnum):
     simulation of the inputs is farther from the plan than ``check.tolerance``, with the tip or the object."""
     GOAL_MISSED = "goal_missed"
     """All constraints are satisfied, but a goal that has a weight is missed by more than its tolerance, or a setpoint
-    that stood."""
+    that stood, or any goal in a fine simulation of the inputs."""
     INFEASIBLE = "infeasible"
     """No plan was found that satisfies all constraints; this one comes as near to the goal as was found."""
     NOT_SOLVED = "not_solved"
-    """The solver stopped without a plan, and without showing that there is none."""
+    """The solver stopped without a plan, or with one that misses a goal with a weight, and without showing that there
+    is none."""
     STOPPED = "stopped"
     """The clock stopped the search before there was a plan: an emergency, which another machine may not meet."""
 
@@ -422,6 +423,11 @@ class MotionPlan(MotionResult):
             u=data["u"],
             **{name: meta[name] for name in ("message", "advice", "objective", "iterations", "times", "statistics")},
         )
+
+
+def qualified(message: str, how: str) -> str:
+    """A message with what limits it; one sentence has one "but"."""
+    return f"{message}; {how}" if ", but " in message else f"{message}, but {how}"
 
 
 def _listed(forces: ArrayLike) -> str:

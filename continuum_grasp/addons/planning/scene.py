@@ -46,8 +46,8 @@ class _Aim(Value):
     """Weight of half the squared error [per square of the error's unit]; None: reached exactly."""
     tolerance: Annotated[Positive, Field(examples=[1e-3]), Unit("unit of the error")] | None = None
     """Greatest error with which a goal that has a weight counts as reached [unit of the error]; None: 1 % of the
-    finger's length of a point, 0.05 rad of an angle, and of forces and inputs a tenth of the greatest, of forces at
-    least of 5 E I / L^2."""
+    finger's length of a point, 0.05 rad of an angle, and of forces and inputs a tenth of the greatest; of forces that
+    are all zero a tenth of 5 E I / L^2."""
 
 
 class RowAim(_Aim):
@@ -154,7 +154,8 @@ class PlanSolver(SolverOptions):
     machine is. Where it is not given, large plans take fewer, about a minute of one core."""
     starts: Annotated[int, Field(ge=1, le=9)] | None = None
     """Paths from which the search begins, the direct one first; None: one, or five where there are zones. With an
-    object they are up to three motions that rest sooner or later, until one misses no goal. The best plan counts."""
+    object they are up to three motions that rest sooner or later, until one misses no goal, of presses two. The best
+    plan counts."""
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
     """Runge-Kutta-Chebyshev steps per interval of single shooting; None: as many as the stiffness asks for."""
     degree: Annotated[int, Field(ge=2, le=9)] = 3
@@ -166,7 +167,8 @@ class FineCheck(Value):
 
     tolerance: Annotated[float, Field(ge=1e-9, le=1.0), Unit("1")] = 1e-3
     """Deviation of the tip from the plan, per finger length [1], beyond which collocation takes up to 16 polynomials on
-    the intervals that cause it; where that does not do, there is a warning."""
+    the intervals that cause it; where that does not do, there is a warning. A goal without a weight is
+    met within ten times that share of its size: a tenth of the length, half a radian, the greatest force or input."""
     finer: Fidelity | None = None
     """A finer model on which the inputs are tried too."""
     contact_law: ContactLaw | None = None

@@ -7,13 +7,20 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 
 from continuum_grasp.addons.planning.condensed import Condensed
 from continuum_grasp.addons.planning.diagnosis import Diagnosis, diagnose, missed_goals
-from continuum_grasp.addons.planning.fine import LEFT, PARTS, distances, excess_over_intervals, places, simulated
+from continuum_grasp.addons.planning.fine import (
+    LEFT,
+    PARTS,
+    distances,
+    excess_over_intervals,
+    missed_when_played,
+    places,
+    simulated,
+)
 from continuum_grasp.addons.planning.goal import MET
 from continuum_grasp.addons.planning.guess import Path, Posture, final_postures, first_state_of_plan, smooth_path
 from continuum_grasp.addons.planning.motion import PlannedMotion
@@ -48,8 +55,11 @@ values of the constraints' Jacobian span seven decades, and IPOPT reads the sign
 adds to the Hessian until no step is left. With greater pivots, and regularized from the beginning (by 1e-8), four
 pushes of a disc towards a gap took 58 to 173 iterations; by default none ended in 200. Plans that hold an object that
 stands were not solved when regularized (none of six)."""
-_GREATER = (1.0, 1.6, 2.5, 4.0)
-"""Factors on the inputs of a posture that is to press but is not reached [1]."""
+_RAMP, _RAMP_NODES = 16.0, 80
+"""Natural times of the finger in which a scan raises inputs to their limits, slowly enough for the finger to follow at
+rest, and instants at which it looks [1]."""
+_SECOND = 2
+"""Iterations of a second start of a press, per those that gave the first plan [1]."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
@@ -123,8 +133,8 @@ class PlanSearch:
             self._refine()
 
     def _refine(self) -> None:
-        """While a fine simulation departs from the plan, or leaves its bounds between the places where the problem has
-        them, follow the motion in more elements on the intervals where it does.
+        """While a fine simulation departs from the plan, misses its goal, or leaves its bounds between the places where
+        the problem has them, follow the motion in more elements on the intervals where it does.
 
         Inputs have their nodes as before. The search goes on from the motion that the inputs lead to, or else from that
         of the plan; what gives no plan, or misses a goal, leaves the plan of before.
@@ -146,7 +156,8 @@ class PlanSearch:
                 for x in (states, planned_states)
             )
             coarse = left
-            if whole.max() > tolerance or (left & ~inside).any():
+            played = missed or not missed_when_played(motion, problem.goal, states[-1], path.u[-1])
+            if whole.max() > tolerance or (left & ~inside).any() or not played:
                 # Errors of all intervals would together be as much as the plan may depart. A bound that the planned
                 # motion does not leave itself is left by errors of intervals before.
                 coarse = left | (own[1:] > own[1:].mean() * tolerance / max(whole.max(), tolerance))
@@ -243,17 +254,20 @@ class PlanSearch:
         """Start from paths, up to a plan that misses no goal; as long as none gave a plan, seek the least distance too.
 
         Without an object every path is tried: a way past a zone may be shorter than the first one that leads past it.
-        With one, the distance is sought after all paths: it takes as long as a path, and seldom ends.
+        With one, the distance is sought after all paths: it takes as long as a path, and seldom ends. Where presses
+        end, rounding decides: a second start follows the first one that gave a plan.
         """
-        contact = self.scene.object is not None
+        contact, most = self.scene.object is not None, None
         for name, path, barrier in self._paths():
             if self.over and self.attempts:
                 return
-            planned = self._try(name, self._usual.start(path), barrier) or self.best is not None
+            planned = self._try(name, self._usual.start(path), barrier, most=most) or self.best is not None
             if not (planned or contact) and self._approach(name, path, barrier):
                 return
             if contact and self.best is not None and not self._misses(self.best):
-                return
+                if self.scene.goal.contact_force is None or most is not None:
+                    return
+                most = _SECOND * self.best.iterations
         for start in self._paths() if contact and self.best is None else ():
             if self._approach(*start) or self.best is not None:
                 return
@@ -277,6 +291,11 @@ class PlanSearch:
                 states = simulated(self.scene, motion.prediction, path, self.x0, 1)
                 name, path, barrier = f"{name}, simulated", replace(path, x=states), _NEAR
             yield name, path, barrier
+
+    def _rank(self, problem: PlanProblem, attempt: Attempt) -> tuple[bool, bool, float]:
+        """Order of plans: those that miss no goal first, then those that are solved, then by what they cost."""
+        missed, _ = missed_goals(problem, attempt.x, weighted=True)
+        return bool(missed), not attempt.converged, attempt.objective
 
     def _misses(self, attempt: Attempt) -> bool:
         """Whether a plan misses a goal that has a weight."""
@@ -340,29 +359,56 @@ class PlanSearch:
         return postures[0] if self.scene.goal.contact_force is None else self._pressing(postures)
 
     def _pressing(self, postures: list[Posture]) -> Posture:
-        """The first posture, if the finger presses as it is to under inputs that go there; else, of where it ends under
-        those of all postures and under greater ones, what is nearest to the forces.
+        """The first posture, if the finger presses as it is to under inputs that go there; else, of where it goes while
+        inputs rise to their limits, what is nearest to the forces.
 
         Least squares may end on the far side of the object, or short of balance; a plan that begins where nothing
         touches stays there, since forces have no slopes.
         """
-        motion, model, first = self.motion, self.motion.prediction, self.first
         aim = np.array(self.scene.goal.targets["contact_force"])
-        ends: list[tuple[int, float, float, int, Posture]] = []
-        p = motion.numbers([1.0])[0, : model.np]
-        for factor, posture in product(_GREATER, postures):
-            u = np.clip(first.u + factor * (posture.u - first.u), *self.scene.input_limits)
-            path = smooth_path(motion, self.x0, first, Posture(posture.q, u), share=_SHARES[0])
+        direct = smooth_path(self.motion, self.x0, self.first, postures[0], share=_SHARES[0])
+        ends = list[tuple[int, float, float, int, Posture]]()
+        for path in (direct, *self._ramps(postures)):
             with suppress(NumericalError):
-                x = simulated(self.scene, model, path, self.x0, 1)[-1]
-                force, gap = (np.array(f(x, u, p)).ravel() for f in (model.contact_force, model.gap))
-                # 0.1: share of a force from which on a contact presses
-                loose = force < 0.1 * aim
-                if not (ends or loose.any()):
-                    return posture
-                apart, off = float(np.maximum(gap[loose], 0.0).sum()), float(np.linalg.norm(force - aim))
-                ends.append((int(loose.sum()), apart, off, len(ends), Posture(x[: model.system.n], u)))
+                states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
+                chosen = slice(-1, None) if not ends else slice(1, None)
+                ends += self._presses(states[chosen], path.u[chosen], aim, len(ends))
+                if len(ends) == 1 and not ends[0][0]:
+                    return postures[0]
         return min(ends)[-1] if ends else postures[0]
+
+    def _ramps(self, postures: list[Posture]) -> Iterator[Path]:
+        """Inputs that rise to their limits, each alone and towards postures, without states."""
+        u, (low, high) = self.first.u, (np.array(limit) for limit in self.scene.input_limits)
+        alone = [np.diag(limit - u) for limit in (high, low)]
+        ways = np.vstack([*alone, *(posture.u - u for posture in postures)])
+        rise = np.linspace(0.0, 1.0, _RAMP_NODES + 1)[:, None]
+        taken = list[Array]()
+        for way in ways:
+            if not way.any():
+                continue
+            left = np.where(way > 0.0, high - u, u - low)[way != 0.0]
+            end = u + way * (left / np.abs(way[way != 0.0])).min()
+            # 0.01: share of the input's range within which two ways are one
+            if any(np.abs(end - other).max() <= 0.01 * np.abs(high - low).max() for other in (u, *taken)):
+                continue
+            taken.append(end)
+            time = _RAMP * self.scene.finger.rod.natural_time
+            yield Path(np.zeros((_RAMP_NODES + 1, 0)), u + rise * (end - u), time)
+
+    def _presses(self, x: Array, u: Array, aim: Array, first: int) -> list[tuple[int, float, float, int, Posture]]:
+        """States (count, nx) under inputs (count, nu) by how well they press: contacts that do not though they are to,
+        their gaps [m], distance from the forces [N], and a number from ``first`` on; with the posture of each.
+        """
+        model, count = self.motion.prediction, len(x)
+        p = np.tile(self.motion.numbers([1.0])[:, : model.np], (count, 1))
+        force, gap = (np.array(f.map(count)(x.T, u.T, p.T)).T for f in (model.contact_force, model.gap))
+        # 0.1: share of a force from which on a contact presses
+        loose = force < 0.1 * aim
+        apart = (np.maximum(gap, 0.0) * loose).sum(axis=1).tolist()
+        off = np.linalg.norm(force - aim, axis=1).tolist()
+        ends = zip(loose.sum(axis=1).tolist(), apart, off, range(first, first + count), strict=True)
+        return [(*end, Posture(q, last)) for end, q, last in zip(ends, x[:, : model.system.n], u, strict=True)]
 
     def _try(
         self,
@@ -374,12 +420,12 @@ class PlanSearch:
         problem: PlanProblem | None = None,
         most: int | None = None,
     ) -> bool:
-        """Solve a problem from a start, in ``most`` iterations of single shooting at most; whether that gave a plan."""
+        """Solve a problem from a start, in ``most`` iterations at most; whether that gave a plan."""
         problem, best = problem or self._usual, self.best
         attempt = self._solved(problem, w, barrier, multipliers, most=most)
         self.attempts.append((name, attempt))
         feasible = attempt.violation <= self.feasible
-        if best is None or (feasible and _rank(attempt) < _rank(best)):
+        if best is None or (feasible and self._rank(problem, attempt) < self._rank(self.problem, best)):
             self.problem, self.best = problem, attempt if feasible else None
         return feasible
 
@@ -405,7 +451,8 @@ class PlanSearch:
             else:
                 patience = _PATIENCE if self.scene.object is None else _PATIENCE_IN_CONTACT
                 start = assembly.start(w, multipliers, barrier, patience)
-                attempt = self._solver.solve(assembly.nlp, start, self.budget)
+                with self.budget.share(most) as budget:
+                    attempt = self._solver.solve(assembly.nlp, start, budget)
         self.interrupted |= pressed()
         return attempt
 
@@ -447,7 +494,3 @@ class PlanSearch:
         """Whether an attempt came to an end, as motions do too that creep to theirs along kinks."""
         creeps = attempt.outcome == "Search_Direction_Becomes_Too_Small"
         return (attempt.converged or creeps) and attempt.violation <= self.feasible
-
-
-def _rank(attempt: Attempt) -> tuple[bool, float]:
-    return not attempt.converged, attempt.objective

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from continuum_grasp.addons.planning.diagnosis import missed_goals
+from continuum_grasp.addons.planning.diagnosis import lever, missed_goals
 from continuum_grasp.addons.planning.fine import checked
 from continuum_grasp.addons.planning.guess import closing
-from continuum_grasp.addons.planning.result import MotionPlan, PlanStatus
+from continuum_grasp.addons.planning.result import MotionPlan, PlanStatus, qualified
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.base import Array, Interrupted, SolverError, check_arguments, interruptible
@@ -80,7 +80,7 @@ def plan(
         searched = time.perf_counter()
         result = _result(search)
         if result.solved and not search.interrupted:
-            result = checked(result, search.motion)
+            result = checked(result, search.motion, search.problem.goal)
     except KeyboardInterrupt:  # outside the solver, which keeps it until it has ended
         search.interrupted, searched = True, time.perf_counter()
         if not (search.attempts or search.relaxed):
@@ -116,9 +116,14 @@ def _result(search: PlanSearch) -> MotionPlan:
     if search.best is not None:
         missed, _ = missed_goals(problem, attempt.x, weighted=True)
         missed += motion.missed_setpoints(path.x, path.u, path.duration)
-        if missed:
-            status, message = PlanStatus.GOAL_MISSED, f"{message}, but a goal is missed"
-            advice = "raise the weight of the goal, or a limit that is active (constraints with multipliers)"
+        if missed and (search.budget.cut or not attempt.converged):
+            # Nothing is known of what more iterations would have reached.
+            status, _, advice, _ = _unfinished(search)
+            message = f"no plan was found: {_stopped(search, attempt)}; the motion there misses {' and '.join(missed)}"
+            violated = tuple(missed)
+        elif missed:
+            status, message = PlanStatus.GOAL_MISSED, qualified(message, "a goal is missed")
+            advice = lever(problem, attempt)
             warnings += [f"{goal}: {advice}" for goal in missed]
     tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
     return MotionPlan(
@@ -155,10 +160,10 @@ def _success(search: PlanSearch, attempt: Attempt) -> tuple[PlanStatus, str]:
     motion = search.motion
     if not attempt.converged:
         left = f"{_stopped(search, attempt)} before the optimum was reached"
-        return PlanStatus.FEASIBLE, f"all constraints are satisfied, but {left}"
+        return PlanStatus.FEASIBLE, qualified("all constraints are satisfied", left)
     if search.budget.cut:
         left = f"{_cut(search)} before the search was complete"
-        return PlanStatus.FEASIBLE, f"all constraints are satisfied at the nodes, but {left}"
+        return PlanStatus.FEASIBLE, qualified("all constraints are satisfied at the nodes", left)
     if motion.friction_states:
         # Slopes do not know how friction would change with the motion.
         whose = "tendon friction" if motion.tendon_friction else "friction of motors"
@@ -198,6 +203,11 @@ def _failure(search: PlanSearch) -> tuple[PlanStatus, str, str, tuple[str, ...]]
             diagnosis.advice,
             diagnosis.violated,
         )
+    return _unfinished(search)
+
+
+def _unfinished(search: PlanSearch) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
+    """Status, message, advice and what is violated of a search that ended before anything was known."""
     last = search.attempts[-1][1]
     broken = [v for v in search.problem.violations(last) if v.scaled > search.feasible]
     violated = tuple(str(v) for v in sorted(broken, key=lambda v: -v.scaled))
