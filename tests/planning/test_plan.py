@@ -31,7 +31,7 @@ from continuum_grasp.base import InputError, Interrupted, SolverError
 from continuum_grasp.nlp import SolverStatus
 from tests.declared import assert_declared
 from tests.marks import few
-from tests.rods import after
+from tests.rods import ROOT, after
 
 HAND = cg.Finger.model_validate(
     {
@@ -477,6 +477,17 @@ def test_interrupt_gives_what_there_is():
 def test_wrong_scenes_are_refused(changes, text):
     with pytest.raises(InputError, match=text):
         plan(two_arcs(**changes))
+
+
+def test_a_grasp_of_several_fingers_is_refused_by_its_key(tmp_path):
+    text = (ROOT / "configs/plan/close_on_mug.yaml").read_text(encoding="utf-8")
+    text = text.replace("../grasp/mug.yaml", f"{ROOT}/configs/grasp/pinch.yaml")
+    text = text.replace("../fingers/", f"{ROOT}/configs/fingers/")
+    file = tmp_path / "pinch.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"a plan moves one finger, and this grasp has several.* mission") as caught:
+        plan(file)
+    assert caught.value.key == "grasp"
 
 
 def test_a_bound_that_cannot_be_satisfied_is_named_with_its_amount_and_instant():

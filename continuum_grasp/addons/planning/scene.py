@@ -201,7 +201,8 @@ class PlanScene(CommandedScene):
                 has no effect on method: single_shooting, which has its own; leave it out
             smoothing without objective=least_time: is of objective: least_time
             {cost,reference} without objective=tracking: is of objective: tracking
-            grasp with several: needs one finger
+            grasp with several: a plan moves one finger, and this grasp has several: take one of one finger, or a
+                mission, which has a controller for each
             contacts goal.contact_force with grasp: is that of the grasp: leave it out
             goal.contact_force grasp without object: needs an object
             check.contact_law without check.finer
