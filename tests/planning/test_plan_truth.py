@@ -15,7 +15,7 @@ from scipy.optimize import root
 import continuum_grasp as cg
 from continuum_grasp.addons.planning import PlanScene, guess, plan
 from continuum_grasp.addons.planning.fine import simulated
-from continuum_grasp.addons.planning.guess import closing, final_postures, smooth_path
+from continuum_grasp.addons.planning.guess import Posture, closing, final_postures, smooth_path
 from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.addons.planning.shooting import amplification
 from continuum_grasp.control import Prediction
@@ -168,6 +168,17 @@ def test_a_search_begins_where_its_inputs_press(shape, side):
             ).y[:, -1]
         force = float(model.contact_force(x, path.u[-1], model.p_nominal))
         assert (0.5 < force / 0.08 < 2.0) is presses
+
+
+def test_a_scan_raises_each_input_to_its_limit_and_all_towards_a_posture():
+    """Up to where the first input has no more to give; ways that end at the same inputs are one."""
+    search = PlanSearch(pressing(1.0))
+    towards = [Posture(search.first.q, np.array(u)) for u in ((2.0, 1.0), (4.0, 2.0), (0.0, 3.0), (0.0, 0.0))]
+    ramps = list(search._ramps(towards))
+    assert sorted(np.round(ramp.u[-1], 9).tolist() for ramp in ramps) == [[0.0, 22.7], [22.7, 0.0], [22.7, 11.35]]
+    for ramp in ramps:
+        assert ramp.u[0].tolist() == [0.0, 0.0]
+        assert np.diff(ramp.u, axis=0) == pytest.approx(np.tile(ramp.u[-1] / (len(ramp.u) - 1), (len(ramp.u) - 1, 1)))
 
 
 def test_all_that_was_tried_is_listed():
