@@ -330,12 +330,6 @@ class _Verdict:
             )
         if explored.sampled and not search.proven:
             yield f"for {explored.sampled} of {explored.modes} sets of contacts only samples of postures were tried"
-        if explored.open and search.best is not None:
-            more = explored.best_open / tension_of(self.scene, best.arrays) - 1.0
-            yield (
-                f"{explored.open} of {explored.basins} basins could not be solved, the best of which is estimated to "
-                f"take {amount_text(explored.best_open, 'N', '.4g')} in all ({more:+.1%})"
-            )
         if explored.untried and search.best is not None and not search.proven:
             none = f"from {explored.untried} of {explored.settled} settled exact rods no grasp was sought"
             yield f"{none} ({self._more} does)" if self._more else none

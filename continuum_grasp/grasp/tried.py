@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -63,20 +63,6 @@ class Tried:
         return self.certificate.acceptable
 
 
-def exchanged(scene: GraspScene, start: GraspStart, other: GraspStart, name: str) -> GraspStart:
-    """The start with a finger, by name, as another has it."""
-    (setup,) = (setup for setup in scene.setups if setup.name == name)
-    contacts = [contact for contact in setup.switches if contact in start.contacts]
-    return replace(
-        start,
-        label="exchanged",
-        fingers=start.fingers | {name: other.fingers[name]},
-        contacts=start.contacts | {contact: other.contacts[contact] for contact in contacts},
-        forces=start.forces | {contact: other.forces[contact] for contact in contacts},
-        tensions=start.tensions | {name: other.tensions[name]},
-    )
-
-
 def least_of(tried: list[Tried]) -> Tried | None:
     """The one with the least objective; one that converged, where that costs next to nothing: an interrupted one has no
     sensitivities.
@@ -100,12 +86,11 @@ def branch_of(start: GraspStart) -> tuple[Any, ...]:
 
 
 @dataclass
-class Basin:
-    """A basin of the estimated tension, whether it was tried, and whether a verified grasp was found from it."""
+class Candidate:
+    """A start, and whether it was tried."""
 
     start: GraspStart
     tried: bool = False
-    solved: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,13 +101,8 @@ class Exploration:
     sampled: int = 0  # those of whose postures samples were tried: the others are scanned
     places: int = 0  # of contacts on the object that were scanned
     postures: int = 0  # that touch there and whose forces were balanced
-    basins: int = 0  # minima of the estimated tension among these
     starts_solved: int = 0  # starts of the solver that led to a verified grasp
     starts_failed: int = 0  # the other ones; a failure proves nothing
-    # Basins without a verified grasp that are estimated to take at least 2 % less tension than the result; of fingers
-    # with more than two elements, whose tension the estimates do not tell, those that were not tried.
-    open: int = 0
-    best_open: float = math.nan  # least of their estimates [N]; NaN where there is none
     settled: int = 0  # combinations of exact rods that hold the object
     untried: int = 0  # of these, from which no grasp was sought though it may be better
     # Least sum of the tensions [N] with which one of them does, where it is clearly less than the result's; else NaN.

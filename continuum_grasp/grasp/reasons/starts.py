@@ -44,18 +44,13 @@ class Starts:
             ]
         )
 
-    @property
-    def _lost(self) -> list[GraspStart]:
-        """Grasps of few elements that are none with all."""
-        return [end.attempt.start for end in self._search.lost]
-
     def alone(self, limit: RelaxedLimit, part: float | None = None) -> list[GraspStart]:
         """Scanned starts with a limit relaxed by so many usual amounts, or well beyond what is likely; where no key of
         the scene holds a limit of the shape, those of the search, too.
         """
         if not limit.bounds_shape:
             # Postures stay as they are: however much a limit is relaxed, it is no reason where none comes near.
-            return interleaved([self._lost, self._balanced(limit, LARGER if part is None else (part,))])
+            return self._balanced(limit, LARGER if part is None else (part,))
         relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[GraspStart]()
         if limit.limit is None:
             closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
@@ -71,7 +66,7 @@ class Starts:
         """
         limits = list(limits)
         scans = self._search.rebalanced(eased(self._scene, [limit for limit in limits if not limit.bounds_shape], 1.0))
-        near = [*self._lost, *(self.rough if self._search.unscanned else interleaved(scans))]
+        near = self.rough if self._search.unscanned else interleaved(scans)
         wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
         return [*near[:HELD], *interleaved(wider)[: 2 * HELD]]
 
@@ -111,7 +106,7 @@ class Starts:
             # Behind the last contact a finger is as its tendons bend it, and a small imbalance says little.
             if not tips <= start.contacts.keys():
                 return UNLIKELY
-            alike = (basin.start for basin in search.basins if basin.start.contacts.keys() == start.contacts.keys())
+            alike = search.basins_of(frozenset(start.contacts)) or []
             known = min((other.imbalance for other in alike), default=math.inf)
             # 0.95: imbalance per that without the limit relaxed from which on relaxing it does not help
             return min(threshold, max(0.95 * known, NEAR))

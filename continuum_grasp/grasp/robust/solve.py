@@ -125,8 +125,8 @@ def _where(scene: GraspScene) -> str:
 
 def _others(search: GraspSearch, best: Mapping[str, Array]) -> Iterator[Mapping[str, Array]]:
     """Verified grasps of a search other than the best one, in the order of their tensions, as far as these are known:
-    those it found, then those from basins that it left because they take more. Of grasps with stations those with the
-    fewest come first: others may touch as states ask, while each that the grasp itself has bounds what holds.
+    those it found, then those from exact rods that it left because they take more. Of grasps with stations those with
+    the fewest come first: others may touch as states ask, while each that the grasp itself has bounds what holds.
     """
     scene, seen = search.scene, [best]
 
@@ -147,10 +147,10 @@ def _others(search: GraspSearch, best: Mapping[str, Array]) -> Iterator[Mapping[
     for tried in sorted(search.good, key=order):
         if tried.acceptable and new(tried.arrays):
             yield tried.arrays
-    for basin in sorted((basin for basin in search.basins if not basin.tried), key=lambda basin: basin.start.estimate):
-        candidate = search.attempt(basin.start)
-        if candidate is not None and candidate.acceptable and new(candidate.arrays):
-            yield candidate.arrays
+    for candidate in search.settled:
+        other = None if candidate.tried else search.attempt(candidate.start)
+        if other is not None and other.acceptable and new(other.arrays):
+            yield other.arrays
 
 
 def _none(
