@@ -134,9 +134,9 @@ class GraspSearch:
                 self.attempt(candidate.start, iterations=FIRST_CAP)
 
     def _from_fine(self) -> None:
-        """Start from grasps of the scene with more elements."""
+        """Start from grasps of the scene with more elements, which follow exact rods, curved as its own."""
         segments = max(len(setup.middles) for setup in self.scene.setups) + 1
-        fine = GraspSearch(with_elements(self.scene, FINE // segments), self.budget)
+        fine = GraspSearch(with_elements(self.scene, FINE // segments, as_curved=True), self.budget)
         self._from(fine, "more elements")
         self.settled = fine.settled
 
@@ -164,7 +164,8 @@ class GraspSearch:
         best = self.best
         if best is None or not self._least_tension or self._moves:
             return 0.0
-        return candidate.start.estimate / max(self._tension(best), self._least_difference)
+        # Both may be none, but for rounding.
+        return (candidate.start.estimate + self._least_difference) / (self._tension(best) + self._least_difference)
 
     @property
     def _least_tension(self) -> bool:
@@ -199,22 +200,26 @@ class GraspSearch:
     def _from_samples(self) -> None:
         """Solve from postures that touch; once there is a grasp, as long as the effort allows."""
         self._samples_only = True
-        for start in self._samples():
+        for start, options_at in self._samples():
             if self._is_over or self.proven:
                 return
             # 6: starts without a grasp after which a proof is tried that there is none: it takes as long as one or two
             # of them
             if len(self.tried) >= 6 and not self.good and self.impossible:
                 return
-            self.attempt(start, iterations=FIRST_CAP, patience=PATIENCE, standstill=STANDSTILL, enough=self._enough)
+            ends: dict[str, Any] = {"patience": PATIENCE, "standstill": STANDSTILL, "enough": self._enough}
+            self.attempt(start, options_at=options_at, iterations=FIRST_CAP, **ends)
 
-    def _samples(self) -> Iterator[GraspStart]:
-        """Scanned postures of each set of contacts, then rough ones of all: the likeliest of each first."""
+    def _samples(self) -> Iterator[tuple[GraspStart, int]]:
+        """Scanned postures of each set of contacts, from which the solver starts boldly, then rough ones of all,
+        carefully: the likeliest of each first.
+        """
         for mode in self.modes:
-            yield from (self.basins_of(mode) or [])[: self._effort.basins]
+            yield from ((start, 0) for start in (self.basins_of(mode) or [])[: self._effort.basins])
         modes = self.modes if self.best is None else self.unscanned
         for rank in zip_longest(*map(self.rough_starts_of, modes)):
-            yield from sorted(filter(None, rank), key=lambda start: start.doubt)
+            for start in sorted(filter(None, rank), key=lambda start: start.doubt):
+                yield start, len(OPTION_SETS) - 1
 
     @property
     def unscanned(self) -> list[frozenset[str]]:

@@ -237,11 +237,15 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
 
 
 def _directions(size: int) -> Array:
-    """Unit vectors (D, size), spread evenly and the same for all cells: both ways of each axis, and between axes."""
-    axes = np.eye(size)
-    between = [a + sign * b for k, a in enumerate(axes) for b in axes[:k] for sign in (1, -1)]
-    half = np.concatenate([axes, np.array(between).reshape(-1, size)])
-    half /= np.linalg.norm(half, axis=1)[:, None]
+    """Unit vectors (D, size), spread evenly and the same for all cells: both ways of axes and diagonals of a plane, in
+    more dimensions of the corners of a simplex.
+    """
+    if size == 2:
+        half = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
+    else:
+        # The axes of one dimension more, seen along their sum.
+        half = np.linalg.svd(np.eye(size + 1) - 1.0 / (size + 1))[0][:, :size]
+    half = half / np.linalg.norm(half, axis=1)[:, None]
     return np.concatenate([half, -half])
 
 
