@@ -97,9 +97,9 @@ class GraspSearch:
         """The sets of contacts that are tried."""
         return contact_modes(self.scene)
 
-    def run(self) -> None:
-        """Polish what exact rods hold; where that gives no grasp, solve from samples of postures; then go on from the
-        best grasp where its solver was stopped.
+    def run(self, *, samples: bool = True) -> None:
+        """Polish what exact rods hold; where that gives no grasp, solve from ``samples`` of postures, too; then go on
+        from the best grasp where its solver was stopped.
         """
         if all(setup.elements <= 2 for setup in self.scene.setups):
             self._from_fine()
@@ -107,24 +107,28 @@ class GraspSearch:
             self._from_maps()
         if not self._least_tension and not (self.best and self.best.attempt.optimal):
             self._from(GraspSearch(self.scene.replaced(objective="least_tension"), self.budget), "least tension")
-        if self.best is None:
+        if samples and self.best is None:
             self._from_samples()
         if not self.proven:
             self._converge()
 
     # -- exact rods --------------------------------------------------------------------------------------------
 
-    def _from_maps(self) -> None:
-        """Start from exact rods that hold the object, those of least tension first, as far as they are better."""
-        if self.budget.over or not is_mapped(self.scene):
-            return
+    def settle(self) -> list[Candidate]:
+        """Exact rods that hold the object, those of least tension first; none where fingers have no maps."""
+        if not is_mapped(self.scene):
+            return []
         began, maps = time.perf_counter(), SceneMaps(self.scene)
         places = [(mode, place) for mode in self.modes for place in places_of(self.scene, mode)[: self._effort.places]]
         starts = [start for mode, place in places for start in maps.settled(mode, place)]
         self.start_seconds += time.perf_counter() - began
         # Those that hold nearly come last.
-        ranked = sorted(starts, key=lambda start: (start.imbalance >= BALANCED, start.estimate))
-        self.settled = [Candidate(start) for start in ranked]
+        return [Candidate(each) for each in sorted(starts, key=lambda one: (one.imbalance >= BALANCED, one.estimate))]
+
+    def _from_maps(self) -> None:
+        """Start from exact rods that hold the object, as far as they are better than the best grasp."""
+        if not self.budget.over:
+            self.settled = self.settle()
         for candidate in self.settled[: self._effort.settled]:
             if self.budget.over or self.proven or self._promised(candidate) > SURE:
                 return
@@ -137,20 +141,20 @@ class GraspSearch:
         """Start from grasps of the scene with more elements, which follow exact rods, curved as its own."""
         segments = max(len(setup.middles) for setup in self.scene.setups) + 1
         fine = GraspSearch(with_elements(self.scene, FINE // segments, as_curved=True), self.budget)
-        self._from(fine, "more elements")
+        self._from(fine, "more elements", samples=False)
         self.settled = fine.settled
 
-    def _from(self, before: GraspSearch, label: str) -> None:
+    def _from(self, before: GraspSearch, label: str, *, samples: bool = True) -> None:
         """Start from the grasps of a scene in which they are found more surely."""
-        self.run_before(before)
+        self.run_before(before, samples=samples)
         for held in before.held:
             if not (self.budget.over or self.proven):
                 self.attempt(replace(GraspStart.of(self.scene, held.arrays), label=label))
 
-    def run_before(self, other: GraspSearch) -> None:
+    def run_before(self, other: GraspSearch, *, samples: bool = True) -> None:
         """Run a search of another scene, whose time counts as one's own."""
         try:
-            other.run()
+            other.run(samples=samples)
         finally:  # also on Ctrl-C
             if other.scene.objective != self.scene.objective:
                 self.fallback = other.best

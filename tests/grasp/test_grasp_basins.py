@@ -12,13 +12,9 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 from scipy.optimize import brentq, linprog
 
-from continuum_grasp.grasp import GraspStart
-from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.force import ForceBlock, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.curves import bends_to, chords, exact_bends
-from continuum_grasp.grasp.tried import Basin
-from continuum_grasp.nlp import Budget
 
 
 def ends(bend, turn, steps=4000):
@@ -71,24 +67,6 @@ def test_forces_are_those_of_linear_programming():
             wanted.append(exact.fun)
     assert len(found) > 5
     assert found == pytest.approx(wanted, abs=0.02)
-
-
-def test_an_open_basin_is_counted():
-    """A basin that promises half of the tension and leads nowhere leaves the search incomplete."""
-    scene = make_scene("arc", UPRIGHT, max_tension=60.0)
-    search = GraspSearch(scene, Budget())
-    search.run()
-    best = search.best
-    tension = float(best.arrays["finger.tensions"].sum())
-    start = best.attempt.start
-    search.basins.append(
-        Basin(GraspStart("scan", start.object_pose, {}, start.contacts, estimate=0.5 * tension), tried=True)
-    )
-    assert search.exploration.open == 1
-    assert search.exploration.best_open == pytest.approx(0.5 * tension)
-    search.basins[-1].start = GraspStart("scan", start.object_pose, {}, start.contacts, estimate=0.99 * tension)
-    assert search.exploration.open == 0
-    assert math.isnan(search.exploration.best_open)
 
 
 def test_no_posture_is_no_basin():

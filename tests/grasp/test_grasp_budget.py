@@ -97,7 +97,7 @@ def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
 
 def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
     jump_after(monkeypatch, 2)
-    result = solved(GraspSolver(effort="thorough"), **HELD)
+    result = optimize_grasp("configs/grasp/table_peg.yaml")
     assert result.status is GraspStatus.FEASIBLE
     assert "clock" in result.message
     assert any("cut short" in warning for warning in result.warnings)
@@ -106,7 +106,7 @@ def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
 def test_a_search_says_how_it_stands():
     """The best that it had after each start; at last that of the result, or that reasons are sought."""
     said = []
-    result = optimize_grasp(make_scene(), progress=said.append)
+    result = optimize_grasp(make_scene(elements=4), progress=said.append)
     assert len(said) == result.exploration.starts_solved + result.exploration.starts_failed
     assert said[-1].startswith(f"{result.tension:.4g} N so far; {len(said)} starts tried, ")
     optimize_grasp(make_scene(mass=60.0), raise_on_failure=False, progress=said.append)

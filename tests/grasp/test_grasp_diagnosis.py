@@ -147,7 +147,7 @@ def test_only_a_given_bending_range_is_ever_a_reason(monkeypatch, given):
         needed = setup.bending_range + 0.5
         return [Reason("bending range", "fidelity.bending_range", "rad", setup.bending_range, needed, "", "")]
 
-    monkeypatch.setattr(solve.GraspSearch, "run", lambda search: None)
+    monkeypatch.setattr(solve.GraspSearch, "run", lambda search, **_: None)
     monkeypatch.setattr(solve._Verdict, "_reasons", reasons)
     result = optimize_grasp(scene, raise_on_failure=False)
     if given:

@@ -59,7 +59,9 @@ def test_a_scene_and_its_image_have_the_same_grasp(kind, seed):
 FOUND = [
     # No scanned posture leads there: tensions of the most thorough search.
     *(("one", seed, 4, tension)
-      for seed, tension in ((100, 43.101215), (489, 42.179991), (605, 15.720268))),
+      for seed, tension in ((100, 43.101215), (605, 15.720268))),
+    # Exact rods hold with 43.54 N, which four elements do not follow.
+    ("one", 489, 8, 43.666507),
     # From where the estimates of their basins are least, fingers end with 110.0 and 43.26 N; these are the grasps of
     # eight elements, continued to four.
     ("one", 32, 4, 26.43465),

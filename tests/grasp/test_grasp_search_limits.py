@@ -14,8 +14,8 @@ import pytest
 from continuum_grasp.grasp import search as module
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import GraspSearch
-from continuum_grasp.grasp.tried import Basin, Tried, branch_of, least_of
-from continuum_grasp.nlp import Budget, SolverStatus
+from continuum_grasp.grasp.tried import Candidate, Tried, branch_of, least_of
+from continuum_grasp.nlp import Budget
 from tests import certificate_cases as cases
 
 TENSION, MOST = 10.0, 60.0
@@ -53,39 +53,22 @@ def searching(*grasps, elements=2, **changes):
     return search, solved
 
 
-def explore(search, *scanned):
-    """Go on from such starts of a scan."""
-    search.basins_of = lambda mode: list(scanned)
-    search._from_basins(frozenset({"finger.tip", "palm"}))
+def settled(estimate, imbalance=0.0, tried=False):
+    return Candidate(start(estimate, imbalance), tried)
 
 
-def solved(scanned, *grasps, **more):
+def polished(estimate, *grasps, **more):
+    """Whether a settled exact rod is tried beside grasps."""
     search, starts = searching(*grasps, **more)
-    explore(search, scanned)
+    search.settle = lambda: [settled(estimate)]
+    search._from_maps()
     return bool(starts)
 
 
-def unsolved(imbalance, elements):
-    """Whether a basin is tried after two others led to nothing."""
-    search, starts = searching(elements=elements)
-    search.tried = [grasp(), grasp()]
-    explore(search, start(imbalance=imbalance))
-    return bool(starts)
-
-
-def scanned(imbalance, *grasps, **more):
-    """How many of three scanned starts of more elements are tried, the last of which is so far from balance."""
-    search, starts = searching(*grasps, **{"elements": 3, **more})
-    explore(search, start(1.0, 0.9), start(2.0, 0.9), start(3.0, imbalance))
-    return len(starts)
-
-
-def keeps(tension, **more):
-    """Whether a basin counts as solved by a grasp with so much tension."""
-    search, _ = searching(found := grasp(tension), **more)
-    search.attempt = lambda *_, **options: found
-    search._solve(basin := Basin(start(estimate=TENSION)))
-    return basin.solved
+def explored(candidate, *grasps, **more):
+    search, _ = searching(*grasps, **more)
+    search.settled = [candidate]
+    return search.exploration
 
 
 def over(effort, iterations):
@@ -110,22 +93,17 @@ def proven(press):
 
 
 LIMITS = [
-    ("estimate of a basin that is solved", 1.1 * TENSION, lambda e: solved(start(estimate=e), grasp())),
-    ("estimate of a basin that is open", 0.98 * TENSION - NONE,
-     lambda e: searching(grasp())[0].is_open(Basin(start(estimate=e)))),
-    ("tension of a start that is worth a try", 1.5 * TENSION,
-     lambda t: searching(grasp())[0]._promises(start(tensions=(0.5 * t, 0.5 * t)))),
-    ("estimate of a basin that is solved for another aim", 2.0 * MOST,
-     lambda e: solved(start(estimate=e), grasp(), objective="greatest_friction_margin")),
+    ("estimate of an exact rod that is tried", 1.02 * (TENSION + NONE) - NONE, lambda e: polished(e, grasp())),
+    ("estimate of an exact rod that is missing", 0.98 * (TENSION + NONE) - NONE,
+     lambda e: explored(settled(e), grasp()).untried == 1),
+    ("tension of an exact rod that elements do not follow", 0.97 * (TENSION + NONE) - NONE,
+     lambda e: explored(settled(e, tried=True), grasp()).exact_less == e),
+    ("imbalance of an exact rod that holds", 2e-4, lambda off: explored(settled(1.0, off), grasp()).untried == 1),
     ("iterations of a search with a grasp", 600.0, lambda n: not over("normal", n)),
     ("iterations of a quick one", 150.0, lambda n: not over("quick", n)),
-    ("tension that keeps what a basin promised", (TENSION + NONE) / 0.98, keeps),
-    ("imbalance of a basin", 0.02, lambda off: unsolved(off, 2)),
-    ("imbalance of a scanned start of more elements", 0.2, lambda off: scanned(off) == 3),
     ("press above what is proven", 1.0 + 1e-3, proven),
     ("objective for which a grasp that converged is taken", 2.0 * (1.0 + 1e-3),
      lambda cost: least_of([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
-    ("difference of estimates of one basin", 1.0 / (1.0 - 1e-3), lambda e: module._same(start(1.0), start(e))),
     ("violation of a start that is verified", 1e-2, lambda off: verified(off)),
     ("objective that is clearly worse", 1.05 + 1e-4, lambda cost: cost < searching(grasp())[0]._enough),
     ("turn of contacts of one branch", math.pi / 8, lambda a: branch_of(start(angle=a)) == branch_of(start())),
@@ -143,103 +121,62 @@ def test_directions_are_known_but_for_whole_turns():
     assert branch_of(start(angle=np.pi)) == branch_of(start(angle=-np.pi))
 
 
-def test_a_basin_far_from_balance_is_tried_first_alone():
-    search, starts = searching()
-    for count in (1, 2):
-        explore(search, start(imbalance=0.5))
-        search.tried.append(grasp())
-        assert len(starts) == count
-    explore(search, start(imbalance=0.5))
-    assert len(starts) == 2
+@pytest.mark.parametrize(("changes", "tried"), [({"objective": "greatest_friction_margin"}, 1), ({}, 0)])
+def test_tensions_of_exact_rods_tell_nothing_of_other_aims(changes, tried):
+    assert polished(100.0 * TENSION, grasp(), **changes) == bool(tried)
 
 
-def test_the_start_that_came_nearest_has_more_patience_where_there_is_no_grasp(monkeypatch):
-    search, _ = searching(elements=4)
-    tried, violations = [], iter((0.4, 0.1, 0.3))
-
-    def attempt(start, **options):
-        tried.append((start, options.get("patience")))
-        return Grasp(attempt=SimpleNamespace(stalled=True, badness=next(violations, 0.0), converged=False))
-
-    search.attempt = attempt
-    starts = [start(estimate) for estimate in (1.0, 2.0, 3.0)]
-    monkeypatch.setattr(search, "basins_of", lambda mode: starts)
-    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [])
-    monkeypatch.setattr(module, "contact_modes", lambda scene: [frozenset({"finger.tip"})])
+def test_where_no_exact_rod_holds_samples_are_tried(monkeypatch):
+    search, starts = searching(elements=4)
+    search.settle = list
+    mode = search.modes[0]
+    monkeypatch.setattr(search, "basins_of", lambda mode: [start(1.0), start(2.0)])
+    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start(doubt=0.2), start(doubt=0.3)])
     search.run()
-    assert tried == [*((one, 7) for one in starts), (starts[1], None)]
+    assert [(each.estimate, each.doubt) for each in starts[:2]] == [(1.0, 0.0), (2.0, 0.0)]
+    assert [each.doubt for each in starts[2:]] == [0.2, 0.3]
+    assert search.exploration.sampled == search.exploration.modes == 1
+    assert mode == frozenset({"finger.tip", "palm"})
 
 
-@pytest.mark.parametrize(("grasps", "patience"), [(0, 7), (1, 4)])
-def test_with_a_grasp_a_scanned_start_has_less_patience(grasps, patience):
-    search, _ = searching(*[grasp() for _ in range(grasps)], elements=4)
-    search.attempt = lambda start, **options: asked.update(options)
-    asked: dict = {}
-    search._solve(Basin(start()))
-    # One of an oval takes 47 iterations, and is the best.
-    assert (asked["patience"], asked["iterations"]) == (patience, None)
-
-
-@pytest.mark.parametrize(("effort", "most"), [("quick", 4), ("normal", 4), ("thorough", 9)])
-def test_with_a_grasp_four_rough_starts_in_a_row_may_lead_to_nothing_better(effort, most, monkeypatch):
-    search, starts = searching(grasp(), elements=4, **{"solver.effort": effort})
-    turns = (start(angle=0.8 * k) for k in range(1, 10))
-    monkeypatch.setattr(search, "rough_starts_of", lambda mode: list(turns))
-    search._from_rough([frozenset({"finger.tip"})], search._effort.in_vain)
-    assert len(starts) == most
-    assert search.exploration.pruned.get("after others that led to nothing better", 0) == 9 - most
-
-
-def test_rough_starts_of_a_branch_that_holds_do_not_count_as_in_vain(monkeypatch):
-    search, starts = searching(grasp(), elements=4)
-    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
-    search._from_rough([frozenset({"finger.tip"})], search._effort.in_vain)
-    assert len(starts) == 9
-
-
-def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeypatch):
+def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_samples(monkeypatch):
     search, _ = searching(elements=4)
     search.attempt = lambda start, **options: search.tried.append(grasp())
     monkeypatch.setattr(GraspSearch, "impossible", True)
+    monkeypatch.setattr(search, "basins_of", lambda mode: [])
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
-    search._from_rough(frozenset({"finger.tip"}), 4)
+    search._from_samples()
     assert len(search.tried) == 6
-
-
-def test_without_a_tip_no_scanned_start_is_too_far_from_balance():
-    assert (scanned(0.9), scanned(0.9, grasp())) == (2, 2)
-    search, starts = searching(elements=3)
-    search.basins_of = lambda mode: [start(float(k), 0.9) for k in range(3)]
-    search._from_basins(frozenset({"finger.middle", "palm"}))
-    assert len(starts) == 3
 
 
 def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     search, starts = searching(objective="greatest_friction_margin")
-    monkeypatch.setattr(search, "run_before", lambda before: before.good.extend(grasp(objective=k) for k in range(5)))
+    monkeypatch.setattr(
+        search, "run_before", lambda before, **_: before.good.extend(grasp(objective=k) for k in range(5))
+    )
     monkeypatch.setattr(module.GraspStart, "of", lambda scene, arrays: arrays)
     monkeypatch.setattr(module, "replace", lambda start, label: start)
-    search._from(search.scene.replaced(objective="least_tension"), "least tension")
+    search._from(GraspSearch(search.scene.replaced(objective="least_tension"), search.budget), "least tension")
     assert len(starts) == 3
 
 
 @pytest.mark.parametrize(
-    ("effort", "basins", "starts"),
-    [("quick", 3, 2), ("normal", 12, 8), ("thorough", 12, 24)],
+    ("effort", "rods", "basins", "starts"), [("quick", 4, 3, 2), ("normal", 8, 12, 8), ("thorough", 24, 12, 24)]
 )
-def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, monkeypatch):
+def test_an_effort_is_so_many_exact_rods_and_samples(effort, rods, basins, starts, monkeypatch):
     """Rough starts are three times as many of four fingers."""
-    search, found = searching(**{"solver.effort": effort})
-    mode, asked = frozenset({"finger.tip", "palm"}), []
+    search, found = searching(elements=4, **{"solver.effort": effort})
+    search.settle = lambda: [settled(1.0 + k) for k in range(30)]
+    search._from_maps()
+    # Boldly, then carefully.
+    assert len(found) == 2 * rods
+    found.clear()
     monkeypatch.setattr(search, "basins_of", lambda *_: [start(estimate=1.0 + k) for k in range(20)])
-    search._from_basins(mode)
+    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [])
+    search._from_samples()
     assert len(found) == basins
-    # Of sets of contacts that are scanned a thorough search alone takes rough starts, too.
-    monkeypatch.setattr(search, "_from_basins", lambda *_: True)
-    monkeypatch.setattr(search, "_from_rough", lambda modes, _: asked.extend(modes))
-    search.run()
-    assert asked == (contact_modes(search.scene) if effort == "thorough" else [])
-    asked.clear()
+    monkeypatch.undo()
+    mode, asked = frozenset({"finger.tip", "palm"}), []
     monkeypatch.setattr(module, "make_starts", lambda scene, mode, count: asked.append(count) or [])
     for count in (1, 2, 4):
         search.scene = SimpleNamespace(setups=[None] * count)
@@ -250,83 +187,24 @@ def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, mo
     assert asked == [starts, starts, 3 * starts, starts]
 
 
-def test_estimates_of_more_elements_than_a_scan_has_prune_nothing():
-    """However much tension a basin is estimated to take, and however far from balance it is."""
-    far = start(estimate=100.0 * TENSION, imbalance=0.9, tensions=(100.0 * TENSION, 0.0))
-    for elements, tried in ((2, False), (3, True)):
-        assert solved(far, grasp(), elements=elements) == tried
-        assert searching(grasp(), elements=elements)[0]._promises(far) == tried
-    assert keeps(100.0 * TENSION, elements=3)
-    search, _ = searching(grasp(100.0 * TENSION), elements=3)
-    # What the budget left out is open.
-    assert search.is_open(Basin(far))
-    assert not search.is_open(Basin(far, tried=True))
-
-
-@pytest.mark.parametrize(("elements", "few"), [(4, None), (5, 4), (8, 4)])
-def test_more_than_four_elements_begin_with_four(elements, few):
-    coarse = searching(elements=elements)[0]._few
-    assert (coarse and coarse.scene.setups[0].elements) == few
-
-
-def ended(objective, badness=0.0, *, converged=True):
-    """An attempt with few elements, and the start that it was made from."""
-    attempt = SimpleNamespace(start=start(), converged=converged, objective=objective, badness=badness)
-    return SimpleNamespace(attempt=attempt, start=f"held {objective:.3g}")
-
-
-def with_few(monkeypatch, *ends):
-    """The starts that a search of many elements tries after one of few came to these ends, which are grasps where they
-    converged.
-    """
-    search, tried = searching(elements=8)
-    few = search._few
-    monkeypatch.setattr(few, "run", lambda: few.tried.extend(ends))
-    few.good.extend(end for end in ends if end.attempt.converged)
+@pytest.mark.parametrize(("elements", "fine"), [(2, 8), (4, None)])
+def test_two_elements_begin_with_eight(elements, fine, monkeypatch):
+    search, _ = searching(elements=elements)
+    before = []
+    monkeypatch.setattr(search, "run_before", lambda other, **_: before.append(other.scene.setups[0].elements))
+    search.settle = list
+    monkeypatch.setattr(search, "_samples", lambda: iter(()))
     search.run()
-    return tried
-
-
-def test_grasps_of_few_elements_are_continued_once_and_the_nearest_misses_are_tried(monkeypatch):
-    """Of six starts two lead to one grasp with few elements, the others to none: of these so many are tried."""
-    misses = [ended(0.0, badness, converged=False) for badness in (0.5, 3, 2, 1)]
-    grasps = [ended(1.0), ended(1.0 + 1e-9)]
-    tried = with_few(monkeypatch, grasps[0], misses[0], grasps[1], *misses[1:])
-    # The grasp with few elements was none with many: it is the nearest.
-    assert tried == ["held 1", *(end.attempt.start for end in (grasps[0], misses[0], misses[3]))]
-
-
-def test_grasps_of_few_elements_are_continued_the_best_first(monkeypatch):
-    assert with_few(monkeypatch, ended(2.0), ended(1.0), ended(1.5))[:3] == ["held 1", "held 1.5", "held 2"]
-
-
-@pytest.mark.parametrize(("status", "again"), [("stopped", 1), ("infeasible", 0)])
-def test_a_grasp_of_few_elements_goes_on_from_where_it_was_cut(status, again, monkeypatch):
-    cut = Grasp(attempt=SimpleNamespace(status=SolverStatus(status)), start="cut", acceptable=False)
-    search, _ = searching(elements=8)
-    few, tried = search._few, []
-    monkeypatch.setattr(few, "run", lambda: few.tried.append(ended(1.0)))
-    monkeypatch.setattr(few, "good", few.tried)
-    monkeypatch.setattr(search, "attempt", lambda start, **options: tried.append(start) or cut)
-    search.run()
-    assert tried.count("cut") == again
-
-
-@pytest.mark.parametrize(("grasps", "iterations"), [((), 80), ((grasp(),), 40)])
-def test_rough_starts_get_few_iterations_and_fewer_with_a_grasp(grasps, iterations, monkeypatch):
-    search, _ = searching(*grasps)
-    seen = []
-    monkeypatch.setattr(search, "rough_starts_of", lambda _: [start(angle=3.0)])
-    monkeypatch.setattr(search, "attempt", lambda start, **options: seen.append(options["iterations"]))
-    search._from_rough([frozenset({"finger.tip"})], search._effort.in_vain)
-    assert seen == [iterations]
+    assert before == ([fine] if fine else [])
 
 
 def test_rough_starts_of_all_sets_of_contacts_take_turns_the_likeliest_first(monkeypatch):
     search, solved = searching()
     doubts = {"one": (0.3, 0.4), "two": (0.5,), "three": (0.1, 0.2)}
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start(doubt=doubt) for doubt in doubts[mode]])
-    search._from_rough([*doubts], 4)
+    search.modes = [*doubts]
+    monkeypatch.setattr(search, "basins_of", lambda mode: [])
+    search._from_samples()
     assert [each.doubt for each in solved] == [0.1, 0.3, 0.5, 0.2, 0.4]
 
 

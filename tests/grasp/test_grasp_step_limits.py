@@ -51,9 +51,8 @@ def reason(name="tension", limit=1.0, needed=1.0):
 
 
 def searching(scene=SCENE, **more):
-    known = {"scene": scene, "budget": Budget(), "basins": [], "tried": [], "good": [], "best": None, "unscanned": []}
-    known["lost"] = []
-    return Some(**{**known, "impossible": False, **more})
+    known = {"scene": scene, "budget": Budget(), "settled": [], "tried": [], "good": [], "best": None, "unscanned": []}
+    return Some(**{**known, "basins_of": lambda mode: None, "impossible": False, **more})
 
 
 # -- reasons ---------------------------------------------------------------------------------------------------
@@ -62,7 +61,7 @@ def searching(scene=SCENE, **more):
 def hopeful(imbalance, known=math.inf, elements=2):
     """Whether a start is tried whose best forces leave so much, where the scan without the limit relaxed left more."""
     contacts, scene = {"finger.tip": None}, SCENE.changed({"fidelity.elements": elements})
-    search = searching(scene, basins=[Some(start=Some(imbalance=known, contacts=contacts))])
+    search = searching(scene, basins_of=lambda mode: [Some(imbalance=known, contacts=contacts)])
     return bool(Starts(scene, search)._hopeful([Some(imbalance=imbalance, contacts=contacts)]))
 
 

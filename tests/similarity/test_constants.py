@@ -10,6 +10,8 @@ LEFT = {
     ("simulation/statics.py", "1e12"): "beyond all numbers of a scene",
     ("simulation/accuracy/space.py", "_LONG"): "patience of a user, which changes no result",
     ("simulation/accuracy/motion.py", "1.0"): "motions of users, whose durations are theirs",
+    ("simulation/stepping.py", "_BESIDE"): "rounding of instants",
+    ("simulation/replay.py", "_AFTER"): "rounding of instants",
     ("closed_loop/chain_system.py", "1e-9"): "no tension",
     ("control/estimation/estimator.py", "_LONGEST"): "a time in another unit, whatever the finger",
 }
