@@ -63,7 +63,7 @@ def _feature_slopes(at: Traced) -> Array:
     share, size = _use(finger, touches)
     normal, along = touches.force
     turned = (share * finger.friction * np.sign(normal.value))[..., None] * normal.slope
-    slope = (along.slope - turned) / size[..., None] / (finger.friction * FRICTION)
+    slope = (along.slope - turned) / size[..., None] / (max(finger.friction, 1e-9) * FRICTION)
     slope = np.where((np.abs(share) < 2.0)[..., None], slope, 0.0)
     rows.append(Jet(share[:, :used], slope[:, :used]))
     steep = NORMAL * np.hypot(normal.value, LIGHT)
