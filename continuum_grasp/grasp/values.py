@@ -38,10 +38,11 @@ class GraspStatus(StrEnum):
     """Outcome of the search."""
 
     OPTIMAL = "optimal"
-    """A local optimum that the certificate confirms; of all basins that the search found, none that was not solved is
-    estimated to take 2 % less tension."""
+    """A local optimum that the certificate confirms, next to the exact rod that holds with the least tension; rods
+    under the forces found are off by 1 % of the length at most."""
     FEASIBLE = "feasible"
-    """A grasp that the certificate confirms, but the solver stopped early, or a basin that may be better is open."""
+    """A grasp that the certificate confirms, but the solver stopped early, the elements are too few, exact rods hold
+    with less, or only samples were tried: the message says which."""
     UNSTABLE = "unstable"
     """All checks of the certificate pass, but small motions that the contacts allow lower the energy, where the scene
     requires a stable grasp: the fingers do not hold the object."""
