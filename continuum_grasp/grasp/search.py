@@ -5,8 +5,8 @@
    elements do not follow, the grasp is not called optimal.
 2. Fingers of two elements bend otherwise: they start from grasps with eight. Another objective is also sought from
    grasps with the least tension, where those starts do not lead to its optimum.
-3. Where that gives no grasp, or there are no maps, postures that touch are sampled for each set of contacts, scanned
-   ones first, and solved in the order of their estimates.
+3. Where that gives no grasp, or one far above what is proven, and where there are no maps, postures that touch are
+   sampled for each set of contacts, scanned ones first, and solved in the order of their estimates.
 4. The best grasp is solved to the end.
 
 What ends it early: a proof by `bound` that nothing is better, or that there is nothing, and the budget.
@@ -107,7 +107,7 @@ class GraspSearch:
             self._from_maps()
         if not self._least_tension and not (self.best and self.best.attempt.optimal):
             self._from(GraspSearch(self.scene.replaced(objective="least_tension"), self.budget), "least tension")
-        if samples and self.best is None:
+        if samples and (self.best is None or self.excess > OPEN):
             self._from_samples()
         if not self.proven:
             self._converge()

@@ -37,7 +37,7 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.scene.reading import load
 loaded = []
 equations._loaded = lambda *given, whole=equations._loaded: loaded.append(given) or whole(*given)
-found = optimize_grasp(load(sys.argv[1]).changed({"fidelity.elements": 2}))
+found = optimize_grasp(load(sys.argv[1]).changed({"fidelity.elements": 4}))
 print(json.dumps([len(loaded), {name: values.tolist() for name, values in found.arrays.items()}]))
 """
 
@@ -188,4 +188,9 @@ def test_compiled_equations_find_the_same_grasp(tmp_path):
     for _ in range(2):  # compiled, then from the cache
         loaded, compiled = solved()
         assert loaded
-        assert compiled == plain
+        assert compiled.keys() == plain.keys()
+        for name, values in plain.items():
+            if np.asarray(values).dtype.kind == "U":
+                assert compiled[name] == values
+            else:  # to rounding: the map of the finger is compiled otherwise, too
+                np.testing.assert_allclose(compiled[name], values, rtol=1e-9, atol=1e-12, err_msg=name)

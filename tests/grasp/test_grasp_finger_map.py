@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 import continuum_grasp as cg
 from benchmarks.grasp_images import mirrored
 from continuum_grasp.core import Compiler
-from continuum_grasp.grasp.finger_map import SceneMaps, fill, rod
+from continuum_grasp.grasp.finger_map import SceneMaps, fill, places_of, rod
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.scene import GraspScene
 
@@ -129,7 +129,7 @@ def test_exact_rods_hold_with_what_fine_models_need(name, elements):
     segments = max(len(setup.middles) for setup in scene.setups) + 1
     fine = cg.optimize_grasp(with_elements(scene, elements // segments, as_curved=True))
     (mode, *_) = contact_modes(scene)
-    best, *_ = SceneMaps(scene).settled(mode)
+    best, *_ = SceneMaps(scene).settled(mode, places_of(scene, mode)[0])
     assert best.estimate == pytest.approx(fine.tension, rel=0.01)
 
 
@@ -140,7 +140,7 @@ def test_images_are_held_with_the_same_tension():
     tensions = []
     for each in (scene, GraspScene.model_validate(mirrored(data))):
         (mode, *_) = contact_modes(each)
-        tensions.append(SceneMaps(each).settled(mode)[0].estimate)
+        tensions.append(SceneMaps(each).settled(mode, places_of(each, mode)[0])[0].estimate)
     assert tensions[1] == pytest.approx(tensions[0], rel=1e-4)
 
 
@@ -150,7 +150,7 @@ def test_a_finger_on_a_corner_has_the_direction_of_its_force():
     scene = grasp_scene("gear")
     grasp = cg.optimize_grasp(scene)
     (mode, *_) = contact_modes(scene)
-    settled = SceneMaps(scene).settled(mode)
+    settled = SceneMaps(scene).settled(mode, places_of(scene, mode)[0])
     start = min(settled, key=lambda each: each.imbalance)
     for name, normal in zip(grasp.arrays["contact_names"], grasp.arrays["contact_normals"], strict=True):
         angle = start.contacts[str(name)].normal_angle + start.object_pose[2]

@@ -184,4 +184,5 @@ def test_fingers_may_wrap_from_either_side():
     result = optimize_grasp(scene)
     assert result.tension <= 1.005 * 181.2
     assert result.status is GraspStatus.FEASIBLE
-    assert result.exploration.sampled == 1
+    # Exact rods hold with 174.3 N.
+    assert result.exploration.exact_less < 0.97 * result.tension

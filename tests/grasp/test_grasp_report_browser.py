@@ -132,7 +132,7 @@ def each(measured):
 
 @pytest.mark.deep
 def test_nothing_is_cut_or_outside(measured):
-    assert len(measured) == 8 * 4
+    assert len(measured) == 9 * 4
     for case, found in each(measured):
         assert found["scrolls"] <= 0, case
         assert found["outside"] == [], case

@@ -75,7 +75,8 @@ def test_the_mug_needs_the_tension_of_its_worst_corner() -> None:
         alone.append(optimize_grasp(scene.replaced(object=body, contacts=slippery)).tension)
     # The errors share nothing but the tensions: what holds the worst corner holds all.
     assert found.tension == pytest.approx(max(alone), rel=2e-4)
-    assert found.status is GraspStatus.OPTIMAL
+    # Two arcs are too few for it to be called optimal.
+    assert found.status is GraspStatus.FEASIBLE
     assert found.robustness.robust.held == 20
     assert found.robustness.nominal.held < 20
 

@@ -54,7 +54,8 @@ def depth(result, vertices):
 def test_an_outline_is_grasped_as_the_union_of_its_bars_is():
     whole = optimize_grasp(scene_of({"shape": "polygon", "vertices": ELL.tolist()}))
     union = optimize_grasp(scene_of({"shape": "union", "members": BARS}))
-    assert whole.status == union.status == "optimal"
+    # Two arcs are too few for either to be called optimal.
+    assert whole.status == union.status == "feasible"
     assert whole.tension == pytest.approx(union.tension, rel=1e-9)
     assert depth(whole, ELL) < 2e-6
     # The same finger beside an object that is elsewhere.
@@ -133,8 +134,8 @@ HELD = [
     # the solver leaves a narrow feasible set, so that limits relaxed by nothing would be reasons.
     (855, 2, 45.35),
     (409, 2, 19.16),
-    # The scan's postures lead to 24.76 and 24.70 N, three times as many starts, on other faces, to these tensions.
-    *few([(16, 4, 15.771749), (8, 4, 23.417704)], 1),
+    # Four elements are held with these by three times as many starts as were usual, on other faces.
+    *few([(16, 8, 15.771749), (8, 8, 23.417704)], 1),
 ]
 
 

@@ -52,7 +52,9 @@ def features(at: Traced) -> Array:
     columns.append(np.arcsinh(touches.force[0].value[:, :used] / LIGHT) / NORMAL)
     if finger.tip:
         nx, ny = (part.value[:, -1:] for part in touches.normal)
-        columns.append(np.arctan2(ny, nx) / TURN)
+        # Relative to the base, which may be turned.
+        turned = np.exp(-1j * finger.base[2]) * (nx + 1j * ny)
+        columns.append(np.angle(turned) / TURN)
     return np.concatenate(columns, axis=1)
 
 
@@ -105,7 +107,8 @@ def _grid(finger: MapFinger) -> tuple[tuple[int, int, int], Array]:
     # 0.12: arm [L] at which the tendons' greatest moment is a force
     strongest = min(strongest, 2.5 * finger.greatest_moment / 0.12)
     curvatures = np.linspace(-most, most, CURVATURES)
-    directions = (np.arange(DIRECTIONS) + 0.5) * (math.tau / DIRECTIONS)
+    # From the base, so that a scene that is turned has the same rods.
+    directions = finger.base[2] + (np.arange(DIRECTIONS) + 0.5) * (math.tau / DIRECTIONS)
     sizes = np.append(0.0, np.geomspace(min(0.05, 0.5 * strongest), strongest, FORCES - 1))
     bent, turn, size = np.meshgrid(curvatures, directions, sizes, indexing="ij")
     z = np.stack([bent, size * np.cos(turn), size * np.sin(turn), np.zeros(bent.shape)], axis=-1)
@@ -223,9 +226,12 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
     directions = _directions(finger.numbers - finger.conditions)
 
     def fresh(at: Traced) -> Traced:
-        cells = np.round(features(at)).astype(np.int32)
+        # Of each cell the one nearest to its middle, so that images of a scene have the same.
+        place = features(at)
+        cells = np.round(place).astype(np.int32)
+        order = np.argsort(np.round(np.abs(place - cells).max(axis=1), 6), kind="stable")
         rows = []
-        for row, key in enumerate(map(bytes, np.ascontiguousarray(cells))):
+        for row, key in zip(order.tolist(), map(bytes, np.ascontiguousarray(cells[order])), strict=True):
             if key not in known:
                 known.add(key)
                 rows.append(row)

@@ -256,16 +256,19 @@ def _flat_angles(
 
 
 def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:
-    """Points spread evenly within bounds; none where nothing is free."""
+    """Points spread evenly within bounds, every second one opposite the one before, so that mirror images agree; none
+    where nothing is free.
+    """
     dims = [k for k, (low, high) in enumerate(bounds) if high > low]
     poses: list[Pose] = []
-    for shares in evenly(len(dims), count, skip * count) if dims else ():
-        pose = [low for low, _ in bounds]
-        for share, k in zip(shares, dims, strict=True):
-            low, high = bounds[k]
-            pose[k] = low + (high - low) * share
-        poses.append((pose[0], pose[1], pose[2]))
-    return poses
+    for shares in evenly(len(dims), count, skip * count)[::2] if dims else ():
+        for each in (shares, [1.0 - share for share in shares]):
+            pose = [low for low, _ in bounds]
+            for share, k in zip(each, dims, strict=True):
+                low, high = bounds[k]
+                pose[k] = low + (high - low) * share
+            poses.append((pose[0], pose[1], pose[2]))
+    return poses[:count]
 
 
 def evenly(dims: int, count: int, skip: int = 0) -> list[list[float]]:
