@@ -19,6 +19,7 @@ from continuum_grasp.scene import (
     CommandedScene,
     ForceLoad,
     Initial,
+    LengthDrive,
     MomentLoad,
     MotorDrive,
     Scene,
@@ -31,10 +32,15 @@ _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""
 
 SLACK_STIFFNESS = 3e-3
-"""Share of their stiffness that tendons of winches keep while they are slack [1]. Without any, no derivative says that
+"""Share of their stiffness that tendons keep while winches let them go [1]. Without any, no derivative says that
 winding up bends the finger, and it stays where it is, with pretension too where a plan lets it go: of eight plants of
 ``configs/mpc/winches.yaml`` four stayed 94 mm off. With a third, 1 mm of slack takes 0.4 s in place of 0.2 s. A cable
 of 20 N/mm that is 1 mm slack seems to push by 0.06 N."""
+
+
+def _lets_go(drive: LengthDrive | MotorDrive) -> bool:
+    """Whether no tendon of a drive may pull: one pulley pulls one tendon or the other, unless both have slack."""
+    return drive.arrangement != "one_pulley" or drive.slack > 0.0
 
 
 class DriveState(NamedTuple):
@@ -91,7 +97,7 @@ class Prediction(Remade):
             elements=fidelity.elements,
             bending_range=fidelity.bending_range,
             accuracy=fidelity.accuracy,
-            slack_stiffness=SLACK_STIFFNESS * bool(finger.winches),
+            slack_stiffness=SLACK_STIFFNESS * any(map(_lets_go, finger.winches)),
             # The lag of a tip moment is not in the system.
             parameters=[name for name in scene.model_parameters if self._own_lag is None or name != _LAG],
             loads=[MomentLoad(at=finger.rod.length, moment=0.0)] if self._couple else [],
