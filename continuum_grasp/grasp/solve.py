@@ -222,7 +222,7 @@ class _Verdict:
         stabilize(search)
         best = self._best()
         if self._are_too_few(best):
-            return self._with_more_elements("exact rods take other forces")
+            return self._refined(best)
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
@@ -263,15 +263,31 @@ class _Verdict:
             return self.search.exact
         return not math.isnan(self.search.exact_less) or best.certificate.model_error.is_large
 
+    def _refined(self, best: Tried | None) -> GraspResult:
+        """The verdict with more elements, which exact rods ask for, unless the best grasp with fewer is better."""
+        search, why = self.search, "exact rods take other forces"
+        if best is None:
+            return self._with_more_elements(why)
+        try:
+            result = self._with_more_elements(why)
+        except Interrupted:
+            self.interrupted = True
+            return self._solved(best)
+        doubted = not best.acceptable or best.certificate.model_error.is_large
+        if result.solved and (doubted or result.tension <= tension_of(self.scene, best.arrays)):
+            return result
+        self.search = search
+        return self._solved(best)
+
     def _with_more_elements(self, why: str) -> GraspResult:
         """The verdict with twice as many elements, and why that is asked."""
         per_segment = max(2 * s.elements // (len(s.middles) + 1) for s in self.scene.setups)
-        scene = with_elements(self.scene, per_segment)
+        scene = with_elements(self.scene, per_segment, as_curved=not self._chosen_range)
         return self._again(scene, f"{max(setup.elements for setup in scene.setups)} elements: {why}")
 
     def _again(self, scene: GraspScene, note: str) -> GraspResult:
         """The verdict with another model that the program chose."""
-        other = _Verdict(scene, self.budget, chosen_range=True, chosen_elements=self._chosen_elements)
+        other = _Verdict(scene, self.budget, chosen_range=self._chosen_range, chosen_elements=self._chosen_elements)
         result, self.search = other.result(), other.search
         return replace(result, statistics={**result.statistics, "fidelity": note})
 

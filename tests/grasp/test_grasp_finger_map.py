@@ -14,9 +14,12 @@ from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from benchmarks.grasp_images import mirrored
+from benchmarks.grasp_populations import document
 from continuum_grasp.core import Compiler
+from continuum_grasp.grasp import GraspStatus, solve
 from continuum_grasp.grasp.finger_map import SceneMaps, fill, places_of, rod
 from continuum_grasp.grasp.modes import contact_modes, with_elements
+from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.scene import GraspScene
 
 pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="the map is compiled")
@@ -120,6 +123,57 @@ def test_samples_touch_as_they_should():
     assert np.abs(samples.touches.gap.value).max() < 2e-3
     assert np.abs(samples.touches.lean.value[:, 0]).max() < 5e-3
     assert np.abs(samples.conditions.value[:, 0]).max() < 2e-3
+
+
+def drawn(population, k, elements=8):
+    return GraspScene.model_validate(document(population, k, elements=elements))
+
+
+def least_of_rods(scene):
+    (mode, *_) = contact_modes(scene)
+    settled = SceneMaps(scene).settled(mode, places_of(scene, mode)[0])
+    return min(start.estimate for start in settled if start.imbalance < 2e-4)
+
+
+def test_exact_rods_hold_with_what_a_search_without_them_needed():
+    """16.62 N, with the tendons of one finger slack, where small steps along the set change its force the most."""
+    assert least_of_rods(drawn("two_outline", 0)) == pytest.approx(16.62, rel=1e-3)
+
+
+def test_a_set_that_the_nearest_seeds_miss_is_found():
+    """A search without maps held it, with 26.88 N."""
+    assert least_of_rods(drawn("one_outline", 7)) == pytest.approx(26.88, rel=2e-2)
+
+
+def test_elements_that_nobody_gave_are_as_many_as_exact_rods_ask_for():
+    """Rods hold with 10.51 N, eight elements with 33.96 N."""
+    scene = drawn("one", 2, elements=None)
+    grasp = cg.optimize_grasp(scene)
+    assert [setup.elements for setup in (*scene.setups, *grasp.scene.setups)] == [8, 16]
+    assert grasp.tension == pytest.approx(10.51, rel=0.05)
+    given = cg.optimize_grasp(scene.changed({"fidelity.elements": 8}))
+    assert given.status is GraspStatus.FEASIBLE
+    assert given.tension > 30.0
+    assert "exact rods hold with 10.51 N" in given.message
+
+
+@pytest.mark.parametrize("ends", ["without a grasp", "by Ctrl-C"])
+def test_where_more_elements_lead_nowhere_the_grasp_with_fewer_stays(ends, monkeypatch):
+    whole = GraspSearch.run
+
+    def run(search, **options):
+        if search.scene.setups[0].elements == 8:
+            return whole(search, **options)
+        if ends == "by Ctrl-C":
+            raise KeyboardInterrupt
+        return None
+
+    monkeypatch.setattr(GraspSearch, "run", run)
+    monkeypatch.setattr(solve._Verdict, "_reasons", lambda *_, **__: [])
+    grasp = cg.optimize_grasp(drawn("one", 2, elements=None))
+    assert grasp.status is GraspStatus.FEASIBLE
+    assert [setup.elements for setup in grasp.scene.setups] == [8]
+    assert grasp.statistics["interrupted"] is (ends == "by Ctrl-C")
 
 
 @pytest.mark.deep

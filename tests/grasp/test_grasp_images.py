@@ -16,6 +16,7 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
+from continuum_grasp.grasp.starts.supports import object_poses
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene
@@ -76,6 +77,17 @@ FOUND_BY_MORE_WORK = [
 @pytest.mark.parametrize(("kind", "seed", "elements", "tension"), [*FOUND, *few(FOUND_BY_MORE_WORK, 0)])
 def test_the_least_tension_is_that_of_more_work(kind, seed, elements, tension):
     assert least(scene_of(drawn(kind, seed), elements)) == pytest.approx(tension, rel=1e-6)
+
+
+def test_poses_that_are_tried_have_their_mirror_images():
+    scene = cg.load("configs/grasp/mug.yaml").changed({"object.free": {"y": (-0.01, 0.03)}})
+    image = GraspScene.model_validate(mirrored(scene.model_dump(exclude_unset=True)))
+    palm = frozenset({"palm"})
+    own, other = (np.array([pose[1] for pose in object_poses(one, palm)]) for one in (scene, image))
+    assert len(own) == 7
+    assert sorted(-own) == pytest.approx(sorted(other), abs=1e-12)
+    # The first ones, too: an effort may take no more.
+    assert sorted(-own[:5]) == pytest.approx(sorted(other[:5]), abs=1e-12)
 
 
 @pytest.mark.parametrize(("seed", "where"), few([(s, w) for s in (5, 7, 100, 3, 4) for w in ("y", "angle", "base")], 2))

@@ -126,6 +126,12 @@ def test_tensions_of_exact_rods_tell_nothing_of_other_aims(changes, tried):
     assert polished(100.0 * TENSION, grasp(), **changes) == bool(tried)
 
 
+def test_rods_do_not_tell_of_histories_of_friction():
+    candidate, friction = settled(0.5 * TENSION, tried=True), {"finger.tendons.friction": 0.1, "fidelity.family": "arc"}
+    assert explored(candidate, grasp()).exact_less == 0.5 * TENSION
+    assert math.isnan(explored(candidate, grasp(), **friction).exact_less)
+
+
 def test_where_no_exact_rod_holds_samples_are_tried(monkeypatch):
     search, starts = searching(elements=4)
     search.settle = list

@@ -62,18 +62,6 @@ def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[GraspStart
     return starts_of(basins, refined=True), basins
 
 
-def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
-    """The scene of one finger with object and base held where it has them, or as near to that as the contacts ``on`` by
-    name allow, where its postures are scanned; None where nothing may move, or nothing is scanned.
-    """
-    pose, bases = object_poses(scene, on)[0], dict(scene.named_fingers)
-    free = scene.object.free is not None or any(finger.base_free is not None for finger in bases.values())
-    held = scene.object.moved_to(pose, free=None)
-    still = scene.with_fingers({name: finger.replaced(base_free=None) for name, finger in bases.items()})
-    still = still.model_copy(update={"object": held})
-    return still if free and is_scanned(still, on) else None
-
-
 def starts_of(basins: Basins, *, refined: bool = False) -> list[GraspStart]:
     """Starts from the basins of a scan, which may be ``refined``."""
     if not basins.postures:

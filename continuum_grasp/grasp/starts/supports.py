@@ -15,7 +15,7 @@ from continuum_grasp.scene import FingerSetup, GraspScene, Peg, Wall
 
 Interval = tuple[float, float]
 
-_MORE_BASES = (4, 1)
+_MORE_BASES = (4, 2)
 """Further poses of a free base: for the first pose of the object, and for the others."""
 
 
@@ -120,8 +120,8 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
         tries.append(((scene_pose[0], scene_pose[1], angle), [bounds[0], bounds[1], (angle, angle)]))
     tries.insert(min(1, len(tries)), (scene_pose, bounds))
     # Of the further ones every other lies flat, too, where a face can.
-    # 5: further poses of a free object
-    for k, pose in enumerate(_spread(bounds, 5)):
+    # 6: further poses of a free object
+    for k, pose in enumerate(_spread(bounds, 6)):
         angle = scene_pose[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
         held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
         tries.append(((pose[0], pose[1], angle), held))
@@ -256,8 +256,8 @@ def _flat_angles(
 
 
 def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:
-    """Points spread evenly within bounds, every second one opposite the one before, so that mirror images agree; none
-    where nothing is free.
+    """Points spread evenly within bounds, every second one opposite the one before: mirror images agree where one
+    coordinate is free; none where nothing is.
     """
     dims = [k for k, (low, high) in enumerate(bounds) if high > low]
     poses: list[Pose] = []
