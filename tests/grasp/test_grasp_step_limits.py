@@ -498,7 +498,7 @@ COUNTS = [
     ("draws of a nominal grasp, and of a robust one", (1, [200, 1000]), lambda: robustly(True, friction=0.1)),
     ("elements per segment", [6, 1, 2, 3, 4, 5], within_tolerance),
     ("parts by which an object yields", [0.2, 0.2, 0.2], lambda: pytest.approx(yields_by())),
-    ("poses", (6, 5, 2, 2), tried_poses),
+    ("poses", (7, 5, 3, 3), tried_poses),
     ("weight of postures in error", [1e-6], effort_in_error),
     ("starts of a limit that gives no grasp", [0, 1], lambda: starts_per_limit(None)),
     ("starts of a limit that gives as much", [0, 1, 2], lambda: starts_per_limit(True)),
