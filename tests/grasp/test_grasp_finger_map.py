@@ -145,7 +145,7 @@ def test_a_set_that_the_nearest_seeds_miss_is_found():
     assert least_of_rods(drawn("one_outline", 7)) == pytest.approx(26.88, rel=2e-2)
 
 
-def test_elements_that_nobody_gave_are_as_many_as_exact_rods_ask_for():
+def test_elements_not_given_are_as_many_as_exact_rods_ask_for():
     """Rods hold with 10.51 N, eight elements with 33.96 N."""
     scene = drawn("one", 2, elements=None)
     grasp = cg.optimize_grasp(scene)
