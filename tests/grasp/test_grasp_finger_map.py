@@ -17,7 +17,7 @@ from benchmarks.grasp_images import mirrored
 from benchmarks.grasp_populations import document
 from continuum_grasp.core import Compiler
 from continuum_grasp.grasp import GraspStatus, solve
-from continuum_grasp.grasp.finger_map import SceneMaps, fill, places_of, rod
+from continuum_grasp.grasp.finger_map import SceneMaps, balance, fill, places_of, rod
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.scene import GraspScene
@@ -123,6 +123,51 @@ def test_samples_touch_as_they_should():
     assert np.abs(samples.touches.gap.value).max() < 2e-3
     assert np.abs(samples.touches.lean.value[:, 0]).max() < 5e-3
     assert np.abs(samples.conditions.value[:, 0]).max() < 2e-3
+
+
+def balance_of(scene):
+    """Balance of a scene with all contacts, and the maps of its fingers."""
+    (mode, *_) = contact_modes(scene)
+    pose, bases = places_of(scene, mode)[0]
+    held = SceneMaps(scene)
+    maps = [held.map_of(setup, base, pose, mode) for setup, base in zip(scene.setups, bases, strict=True)]
+    return balance.ObjectBalance(scene, mode, [one.finger for one in maps], pose), maps
+
+
+def wrench_of(contacts, center):
+    """Force and moment about a center of forces (normal, friction) at points with normals, all complex."""
+    forces = [normal * complex(*force) for _, normal, force in contacts]
+    moment = sum(((p - center).conjugate() * f).imag for (p, _, _), f in zip(contacts, forces, strict=True))
+    return sum(forces), moment
+
+
+@pytest.mark.parametrize("name", ["mug", "pinch"])
+def test_settled_combinations_hold_the_weight_within_their_cones(name):
+    scene = grasp_scene(name)
+    held, maps = balance_of(scene)
+    settled = held.settle(held.candidates(maps))
+    (row, *_) = settled.different(scene.object.size)
+    best = held.refined(settled.x[row : row + 1])
+    traced = held.traced(best.x, slopes=False)
+    normal, friction = (force[0] for force in held.forces(best.x, traced))
+    contacts, borne = [], list(zip(normal, friction, strict=True))
+    for at in traced:
+        on, length = at.finger.middles + at.finger.tip, at.finger.length
+        parts = [part.value[0, :on] for part in (*at.touches.skin, *at.touches.normal)]
+        for x, y, nx, ny in zip(*parts, strict=True):
+            contacts.append((length * complex(x, y), complex(nx, ny), borne[len(contacts)]))
+    for start in held.supports.values():
+        turn = complex(math.cos(held.pose[2]), math.sin(held.pose[2]))
+        normal_there = turn * complex(math.cos(start.normal_angle), math.sin(start.normal_angle))
+        point = complex(*held.pose[:2]) + turn * complex(*start.point)
+        contacts.append((point, normal_there, borne[len(contacts)]))
+    force, moment = wrench_of(contacts, complex(*scene.object.pose[:2]))
+    weight = scene.object.mass * complex(*scene.gravity_in_plane)
+    # Contacts' forces act on fingers and supports.
+    assert force == pytest.approx(weight, abs=1e-3 * held.force)
+    assert moment == pytest.approx(0.0, abs=1e-3 * held.force * scene.object.size)
+    assert (np.abs(friction) <= scene.contacts.friction * normal + 1e-3 * held.force).all()
+    assert normal.min() > 0.0
 
 
 def drawn(population, k, elements=8):

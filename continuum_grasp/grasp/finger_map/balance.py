@@ -7,6 +7,7 @@ the lift of each contact where friction carries a weight out of the plane.
 from __future__ import annotations
 
 import cmath
+import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations
@@ -15,8 +16,7 @@ import numpy as np
 
 from continuum_grasp.base import Numbers as Array
 from continuum_grasp.grasp.finger_map.fill import FingerMap
-from continuum_grasp.grasp.finger_map.jets import Jet
-from continuum_grasp.grasp.finger_map.rod import MapFinger, Traced
+from continuum_grasp.grasp.finger_map.rod import MapFinger, Traced, call
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.grasp.starts.values import Pose
 from continuum_grasp.scene import GraspScene
@@ -32,47 +32,25 @@ SUPPORTED = {1: 100_000, 2: 330, 3: 48, 4: 18}
 """Most samples of each finger beside supports, where all combinations are tried."""
 ROUNDS = 30
 """Steps in which combinations are settled."""
-REFINED, STIFF = 15, 1e6
-"""Steps in which the best of them are brought to their optimum, and the penalty of a residual of one there."""
+REFINED = 15
+"""Steps in which the best of them are brought to their optimum."""
 SETTLED = 4e-3
 """Residual beyond which a settled combination is none."""
 
 
-@dataclass(frozen=True)
-class _Reached:
-    """B combinations with the values of their constraints."""
+class _BalanceStruct(ctypes.Structure):
+    """The structure of `balance.c`."""
 
-    x: Array  # (B, n)
-    value: Array  # (B, m) of constraints, those that vanish first
-    slope: Array  # (B, m, n)
-    tension: Jet  # per the greatest
-    equal: Array  # (m,) which constraints vanish; the others are not above zero
-
-    @property
-    def active(self) -> Array:
-        """Constraints that act (B, m)."""
-        return np.asarray((self.value > 0.0) | self.equal)
-
-    @property
-    def wrong(self) -> Array:
-        """Residuals (B, m)."""
-        return np.where(self.active, self.value, 0.0)
-
-    def merit(self, stiff: float) -> Array:
-        """Tensions and penalties (B,)."""
-        return np.asarray(self.tension.value + 0.5 * stiff * (self.wrong**2).sum(axis=1))
-
-    def where(self, chosen: Array, other: _Reached) -> _Reached:
-        """Rows of this where chosen (B,), those of the other elsewhere."""
-        wide = chosen[:, None]
-        tension = Jet(
-            np.where(chosen, self.tension.value, other.tension.value),
-            np.where(wide, self.tension.slope, other.tension.slope),
-        )
-        slope = np.where(wide[..., None], self.slope, other.slope)
-        return _Reached(
-            np.where(wide, self.x, other.x), np.where(wide, self.value, other.value), slope, tension, self.equal
-        )
+    _fields_ = (
+        *((name, ctypes.c_int) for name in ("fingers", "supports", "contacts", "lifted", "tilts")),
+        *((name, ctypes.c_int) for name in ("numbers", "equal", "rows")),
+        ("center", ctypes.c_double * 2),
+        ("size", ctypes.c_double),
+        ("weight", ctypes.c_double * 2),
+        ("lift", ctypes.c_double),
+        ("force", ctypes.c_double),
+        *((name, ctypes.c_void_p) for name in ("rod", "finger", "support", "cone", "step")),
+    )
 
 
 @dataclass(frozen=True)
@@ -85,12 +63,12 @@ class Settled:
     places: Array  # (B, 2 C) of the contacts of fingers [m]
 
     @staticmethod
-    def of(balance: ObjectBalance, reached: _Reached) -> Settled:
-        traced = balance.traced(reached.x, slopes=False)
+    def of(balance: ObjectBalance, x: Array, off: Array) -> Settled:
+        traced = balance.traced(x, slopes=False)
         parts = [part.value * at.finger.length for at in traced for part in at.touches.place]
         places = np.concatenate(parts, axis=1)
         tension = np.sum([at.tension for at in traced], axis=0)
-        return Settled(reached.x, np.abs(reached.wrong).max(axis=1), tension, places)
+        return Settled(x, off, tension, places)
 
     def different(self, size: float) -> list[int]:
         """Rows within the limits that differ, before an object of a size [m], those of least tension first."""
@@ -105,15 +83,6 @@ class Settled:
             if self.off[row] <= SETTLED and not any(alike):
                 rows.append(row)
         return rows
-
-
-@dataclass(frozen=True)
-class ObjectContacts:
-    """C contacts of B combinations, in SI units and world axes: those of fingers, then those with supports."""
-
-    point: tuple[Jet, Jet]
-    normal: tuple[Jet, Jet]
-    force: tuple[Jet, Jet]  # on the finger or support
 
 
 class ObjectBalance:
@@ -139,12 +108,49 @@ class ObjectBalance:
         self.greatest = sum(f.setup.max_tension for f in fingers)
         frictions = [[f.friction] * len(names) for f, names in zip(fingers, self.names, strict=True)]
         forces = [[f.setup.normal_force_max] * len(names) for f, names in zip(fingers, self.names, strict=True)]
-        self._frictions = np.array([*chain(*frictions), *map(scene.held_friction, self._places)])
-        self._greatest_forces = np.array([*chain(*forces), *map(scene.normal_force_max, self._places)])
+        frictions.append(list(map(scene.held_friction, self._places)))
+        forces.append(list(map(scene.normal_force_max, self._places)))
         bends = [0.02 * f.greatest_moment * f.moment / self.size for f in fingers]
         self.force = max(float(np.abs(self.weight).max()), self.lift, sum(bends))
+        shares = [(f.setup.max_tension - f.least_tension) / self.greatest for f in fingers]
+        self._arrays = {
+            "rod": np.array([ctypes.addressof(f.struct) for f in fingers], np.uintp),
+            "finger": np.array([[f.length, f.force, share] for f, share in zip(fingers, shares, strict=True)]),
+            "support": np.array([[p.real, p.imag, n.real, n.imag] for p, n in self._places.values()] or [[0.0] * 4]),
+            "cone": np.column_stack([list(chain(*frictions)), list(chain(*forces))]),
+            "step": self._steps(),
+        }
+        balances = 3 + (1 + 2 * scene.balances_tilt if self.lift else 0)
+        equal = sum(f.conditions for f in fingers) + balances
+        self.struct = _BalanceStruct(
+            fingers=len(fingers),
+            supports=len(self.supports),
+            contacts=contacts,
+            lifted=bool(self.lift),
+            tilts=bool(self.lift and scene.balances_tilt),
+            numbers=self.numbers,
+            equal=equal,
+            rows=equal + sum(f.shape_limits for f in fingers) + 3 * contacts,
+            center=(self.center.real, self.center.imag),
+            size=self.size,
+            weight=tuple(self.weight),
+            lift=self.lift,
+            force=self.force,
+        )
+        for name, array in self._arrays.items():
+            setattr(self.struct, name, array.ctypes.data)
 
     # -- settling ----------------------------------------------------------------------------------------------
+
+    def forces(self, x: Array, traced: Sequence[Traced]) -> tuple[Array, Array]:
+        """Normal forces and friction (B, C) of all contacts that are on, those with supports last [N]."""
+        borne = self.force * x[:, self.at[-1] : self.first_lift]
+        parts = [
+            [part.value[:, : f.middles + f.tip] * f.force for part in at.touches.force]
+            for f, at in zip(self.fingers, traced, strict=True)
+        ]
+        normal, friction = zip(*parts, (borne[:, ::2], borne[:, 1::2]), strict=True)
+        return np.concatenate(normal, axis=1), np.concatenate(friction, axis=1)
 
     def traced(self, x: Array, *, slopes: bool = True) -> list[Traced]:
         """The fingers of combinations (B, n)."""
@@ -152,119 +158,19 @@ class ObjectBalance:
             f.traced(x[:, a:b], slopes=slopes) for f, a, b in zip(self.fingers, self.at[:-1], self.at[1:], strict=True)
         ]
 
-    def _wide(self, k: int, jet: Jet, unit: float = 1.0) -> Jet:
-        """A jet of a finger's numbers as one of all."""
-        return (jet * unit).among(int(self.at[k]), self.numbers)
-
-    def _numbers(self, x: Array, places: slice) -> Jet:
-        """Forces among the unknowns (B, C)."""
-        slope = np.broadcast_to(
-            self.force * np.eye(self.numbers)[places], (len(x), *np.eye(self.numbers)[places].shape)
-        )
-        return Jet(self.force * x[:, places], slope)
-
-    def contacts(self, x: Array, traced: list[Traced]) -> ObjectContacts:
-        """All contacts that are on."""
-        parts = list[tuple[Jet, ...]]()
-        for k, (finger, at) in enumerate(zip(self.fingers, traced, strict=True)):
-            on, touches = finger.middles + finger.tip, at.touches
-            units = (finger.length, finger.length, 1.0, 1.0, finger.force, finger.force)
-            pairs = (*touches.skin, *touches.normal, *touches.force)
-            parts.append(
-                tuple(
-                    self._wide(k, Jet(jet.value[:, :on], jet.slope[:, :on]), unit)
-                    for jet, unit in zip(pairs, units, strict=True)
-                )
-            )
-        if self._places:
-            point, normal = (np.array([place[k] for place in self._places.values()]) for k in (0, 1))
-            still = np.zeros((len(x), len(point), self.numbers))
-            fixed = (
-                np.broadcast_to(part, still.shape[:2]) for part in (point.real, point.imag, normal.real, normal.imag)
-            )
-            first, end = int(self.at[-1]), self.first_lift
-            forces = self._numbers(x, slice(first, end, 2)), self._numbers(x, slice(first + 1, end, 2))
-            parts.append((*(Jet(part, still) for part in fixed), *forces))
-        px, py, nx, ny, normal_force, friction = (first.followed_by(*rest) for first, *rest in zip(*parts, strict=True))
-        return ObjectContacts((px, py), (nx, ny), (normal_force, friction))
-
-    def residual(self, x: Array, traced: list[Traced]) -> tuple[Jet, Jet, Jet]:
-        """Constraints that vanish, those that are not above zero, scaled, and the tensions per their greatest."""
-        tension = Jet(np.zeros(len(x)), np.zeros(x.shape))
-        for k, (finger, at) in enumerate(zip(self.fingers, traced, strict=True)):
-            # 1e-3: rounding of the greatest moment, else straight fingers stall
-            share = (finger.setup.max_tension - finger.least_tension) / self.greatest
-            tension += self._wide(k, at.pull.size(1e-3), share)
-        contacts = self.contacts(x, traced)
-        (px, py), (nx, ny), (normal, along) = contacts.point, contacts.normal, contacts.force
-        fx, fy = normal * nx - along * ny, normal * ny + along * nx
-        rx, ry = (px - self.center.real) * (1 / self.size), (py - self.center.imag) * (1 / self.size)
-        # What the fingers bear acts on the object with the other sign.
-        balance = [-fx.summed() + self.weight[0], -fy.summed() + self.weight[1], (ry * fx - rx * fy).summed()]
-        shear = [along]
-        if self.lift:
-            up = self._numbers(x, slice(self.first_lift, self.numbers))
-            shear.append(up)
-            balance += [up.summed() - self.lift]
-            if self.scene.balances_tilt:
-                balance += [(rx * up).summed(), (ry * up).summed()]
-        # 0.3: a force of the object's weight counts as much as so many lengths
-        unit = 0.3 / self.force
-        cone = (Jet.norm(shear, 1e-8 * self.force) - self._frictions * normal) * unit
-        below = [cone, -normal * unit, normal * (1.0 / self._greatest_forces) - 1.0]
-        equal = [self._wide(k, at.conditions) for k, at in enumerate(traced)]
-        equal += [row.beside() * unit for row in balance]
-        shapes = [self._wide(k, at.shape_limits) for k, at in enumerate(traced)]
-        return equal[0].followed_by(*equal[1:]), shapes[0].followed_by(*shapes[1:], *below), tension
-
     def settle(self, x: Array) -> Settled:
-        """Combinations (B, n) of least tension under all constraints, all at once: a penalty that grows, and damped
-        steps of Gauss and Newton.
-        """
-        here, scale, damping = self._reached(x), self._steps(), np.full(len(x), 1e-2)
-        for round_ in range(ROUNDS):
-            stiff = 30.0 * 1000.0 ** min(1.0, round_ / (0.6 * ROUNDS))
-            merit, slope = here.merit(stiff), here.slope * scale
-            across = slope.transpose(0, 2, 1)
-            gradient = stiff * (across @ here.wrong[..., None])[..., 0] + here.tension.slope * scale
-            square = stiff * (across * here.active[:, None]) @ slope
-            going = np.ones(len(x), bool)
-            # 4: dampings that are tried
-            for _ in range(4):
-                matrix = square + damping[:, None, None] * np.eye(self.numbers)
-                move = -np.linalg.solve(matrix, gradient[..., None])[..., 0]
-                move *= np.minimum(1.0, 0.5 / np.maximum(np.abs(move).max(axis=1), 1e-12))[:, None]
-                there = self._reached(here.x + np.where(going[:, None], move * scale, 0.0))
-                better = going & (there.merit(stiff) < merit)
-                here = there.where(better, here)
-                damping = np.where(better, 0.3 * damping, np.where(going, 5.0 * damping, damping)).clip(1e-7, 1e6)
-                going &= ~better
-                if not going.any():
-                    break
-        return Settled.of(self, here)
+        """Combinations (B, n) brought to the least tension under all constraints."""
+        return self._held(x, ROUNDS, near=False)
 
     def refined(self, x: Array) -> Settled:
-        """Settled combinations brought to the optimum next to them.
+        """Settled combinations (B, n) brought to the optimum next to them."""
+        return self._held(x, REFINED, near=True)
 
-        Each step is the minimum of the tension and a stiff penalty of all constraints, to first order, within a radius
-        that grows and shrinks as the step keeps what it promises.
-        """
-        here, scale, radius = self._reached(x), self._steps(), np.full(len(x), 0.1)
-        for _ in range(REFINED):
-            slope = here.slope * scale
-            move = _first_order(here.tension.slope * scale, slope, here.value, here.equal)
-            move *= np.minimum(1.0, radius / np.maximum(np.abs(move).max(axis=1), 1e-12))[:, None]
-            plain = self._reached(here.x + move * scale)
-            # What curved constraints left over, by the same slopes: else steps along them are short.
-            back = _first_order(0.0 * move, slope, plain.value, here.equal)
-            there = self._reached(plain.x + back * scale)
-            there = there.where(there.merit(STIFF) < plain.merit(STIFF), plain)
-            better = there.merit(STIFF) < here.merit(STIFF)
-            here, step = there.where(better, here), np.abs(move).max(axis=1)
-            radius = np.where(better, np.maximum(radius, 2.0 * step), 0.25 * np.minimum(radius, step))
-            if radius.max() < 1e-9 or (better.any() and step[better].max() < 1e-9):
-                break
-        return Settled.of(self, here)
+    def _held(self, x: Array, rounds: int, *, near: bool) -> Settled:
+        x, off = np.array(x, dtype=float, order="C"), np.empty(len(x))
+        if not call(max(f.lanes for f in self.fingers), "hold", self.struct, len(x), rounds, int(near), x, off):
+            raise MemoryError
+        return Settled.of(self, x, off)
 
     def _steps(self) -> Array:
         """Steps of the numbers that change a combination alike (n,)."""
@@ -274,14 +180,6 @@ class ObjectBalance:
             for c in range(finger.middles):
                 steps[a + 4 + 3 * c : a + 7 + 3 * c] = 0.2, 5.0, 5.0
         return steps
-
-    def _reached(self, x: Array) -> _Reached:
-        equal, below, tension = self.residual(x, self.traced(x))
-        rows = equal.followed_by(below)
-        # 1e6: of a rod that makes a few turns slopes are below 1e4; what coils up without end is as wrong as can be
-        lost = ~(np.abs(rows.slope) < 1e6).all(axis=(1, 2))
-        rows.value[lost], rows.slope[lost] = 1e3, 0.0
-        return _Reached(x, rows.value, rows.slope, tension, np.arange(rows.value.shape[1]) < equal.value.shape[1])
 
     # -- combining ---------------------------------------------------------------------------------------------
 
@@ -391,47 +289,16 @@ class ObjectBalance:
 
     def _differing(self, maps: Sequence[FingerMap], index: Array, score: Array) -> Array:
         """The best that differ: by places of contacts, direction of tips, forces."""
+        most = CANDIDATES * len(self.fingers) // len(WEIGHTS)
+        # 20,000: combinations that are looked at
+        order = np.argsort(score, kind="stable")[:20_000]
         columns = []
         for k, one in enumerate(maps):
             touches = one.samples.touches
             nx, ny = (part.value[:, -1:] for part in touches.normal)
             turn = 0.7 * np.concatenate([nx, ny], axis=1) / np.hypot(nx, ny)
             force = 0.3 * np.arcsinh(0.3 * touches.force[0].value)
-            columns.append(
-                np.concatenate([*(3.0 * part.value for part in touches.place), force, turn], axis=1)[index[:, k]]
-            )
-        order = np.argsort(score, kind="stable")[:20_000]
-        place, chosen = np.concatenate(columns, axis=1), list[int]()
-        while len(order) and len(chosen) < CANDIDATES * len(self.fingers) // len(WEIGHTS):
-            chosen.append(order[0])
-            order = order[np.linalg.norm(place[order] - place[order[0]], axis=1) > APART]
-        return np.array(chosen, int)
-
-
-def _first_order(gradient: Array, slope: Array, value: Array, equal: Array) -> Array:
-    """Steps (B, n) to the least of the tension and the penalties, both of first order: Newton's method on the active
-    ones, of which there are finitely many sets.
-    """
-    count, _, size = slope.shape
-    across, move = slope.transpose(0, 2, 1), np.zeros((count, size))
-    here = value
-    for _ in range(20):
-        active = (here > 0.0) | equal
-        wrong = np.where(active, here, 0.0)
-        force = gradient + STIFF * (across @ wrong[..., None])[..., 0] + 1e-4 * move
-        square = STIFF * (across * active[:, None]) @ slope + 1e-4 * np.eye(size)
-        step = -np.linalg.solve(square, force[..., None])[..., 0]
-        change = (slope @ step[..., None])[..., 0]
-        best, share = np.full(count, np.inf), np.ones(count)
-        for part in (1.0, 0.5, 0.25, 0.1, 0.03):
-            there = np.where(equal, here + part * change, np.maximum(here + part * change, 0.0))
-            to = move + part * step
-            cost = (gradient * to).sum(axis=1) + 0.5 * STIFF * (there**2).sum(axis=1) + 0.5e-4 * (to**2).sum(axis=1)
-            share = np.where(cost < best, part, share)
-            best = np.minimum(cost, best)
-        move = move + share[:, None] * step
-        here = here + share[:, None] * change
-        settled = (share == 1.0) & (((here > 0.0) | equal) == active).all(axis=1)
-        if (settled | (np.abs(step).max(axis=1) < 1e-10)).all():
-            break
-    return move
+            features = np.concatenate([*(3.0 * part.value for part in touches.place), force, turn], axis=1)
+            columns.append(features[index[order, k]])
+        place, chosen = np.concatenate(columns, axis=1), np.empty(most, np.int32)
+        return order[chosen[: call(0, "differing", *place.shape, most, APART, place, chosen)]]

@@ -2,10 +2,12 @@
 
    Units: lengths L, forces E I / L^2, moments E I / L of the finger. Numbers z of an equilibrium: curvature at the base,
    internal force there (2), moment of the tendons at the base; per middle contact its place, normal force and friction.
-   A dual number has a value, and slopes by each of these numbers. `touching.c`, which follows this file, exports what
-   `rod.py` calls. */
+   A dual number has a value, and slopes by each of these numbers. `touching.c` and `balance.c`, which follow this file,
+   export what `rod.py` and `balance.py` call. */
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #ifndef LANES
 #define LANES 8

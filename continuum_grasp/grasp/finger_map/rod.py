@@ -39,13 +39,27 @@ _CELLS = 220
 """Cells of the table of distances from the object, each way."""
 
 
+def call(lanes: int, name: str, *given: Any) -> Any:
+    """Call a function of `rod.c` and what follows it, with so many slopes."""
+
+    def passed(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return ctypes.c_void_p(value.ctypes.data)
+        if isinstance(value, ctypes.Structure):
+            return ctypes.byref(value)
+        return ctypes.c_double(value) if isinstance(value, float) else value
+
+    # A process that had no compiler for a while, or another one, is not bound to what it had then.
+    return getattr(_library(lanes, os.environ.get("CC"), os.environ.get("PATH")), name)(*map(passed, given))
+
+
 @cache
 def _library(lanes: int, _named: str | None, _path: str | None) -> ctypes.CDLL:
     compiler = Compiler.find()
     if compiler is None:
         raise RuntimeError(Compiler.why_none())
     folder = files(__package__)
-    source = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in ("rod.c", "touching.c"))
+    source = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in ("rod.c", "touching.c", "balance.c"))
     # What coils up without end must remain no number.
     fast = '#pragma GCC optimize("O3", "fast-math", "no-finite-math-only")\n'
     return ctypes.CDLL(str(compiler.library(f"#define LANES {lanes}\n{fast}{source}", "the map of fingers")))
@@ -178,70 +192,63 @@ class MapFinger:
         return 1 + 2 * self.middles + (1 if self.tip else 2)
 
     @property
-    def _lanes(self) -> int:
+    def shape_limits(self) -> int:
+        """Number of limits of tension and shape."""
+        return 6 + 4 * self.middles + self.tip
+
+    @property
+    def lanes(self) -> int:
         """Slopes that are computed at a time."""
         return 8 if self.numbers <= 8 else 16
 
     def traced(self, z: Array, *, slopes: bool = True, entered: float = 0.0) -> Traced:
         """Integrate equilibria (B, 4 + 3 k), which may be so deep in obstacles [L]."""
         z = np.ascontiguousarray(z, dtype=float)
-        lanes = self._lanes if slopes else 0
-        numbers, shape = 7 * (self.middles + 1) + 2, 5 + 4 * self.middles + 1 + self.tip
+        lanes = self.lanes if slopes else 0
+        numbers, shape = 7 * (self.middles + 1) + 2, self.shape_limits
         rows = numbers + self.conditions + shape + 3 * (self.middles + self.tip)
         out = np.empty((len(z), rows, 1 + lanes))
-        self._call(lanes, "trace", len(z), z, entered, out)
+        call(lanes, "trace", self.struct, len(z), z, entered, out)
         return Traced(self, z, out, numbers, numbers + self.conditions, numbers + self.conditions + shape)
 
     def touching(self, z: Array) -> Array:
         """Residuals of the conditions alone (B, m)."""
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty((len(z), self.conditions))
-        self._call(0, "touching", len(z), z, out)
+        call(0, "touching", self.struct, len(z), z, out)
         return out
 
     def scales(self, z: Array) -> Array:
         """Steps (B, n) of the numbers of equilibria that change them alike."""
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty(z.shape)
-        self._call(0, "scales", len(z), z, out)
+        call(0, "scales", self.struct, len(z), z, out)
         return out
 
     def onto(self, z: Array, rounds: int, entered: float, close: float) -> Array:
         """Bring equilibria (B, n) onto the set within the limits by so many damped steps; the ones that arrive."""
         z, landed = np.array(z, dtype=float, order="C"), np.empty(len(z), np.int32)
-        self._call(self._lanes, "onto", len(z), rounds, entered, close, z, landed)
+        call(self.lanes, "onto", self.struct, len(z), rounds, entered, close, z, landed)
         return z[landed > 0]
 
     def corrected(self, z: Array, rounds: int, back: Array, step: Array) -> Array:
         """Equilibria (B, n) moved back to the conditions by inverses (B, n, m) of slopes per ``step`` (B, n)."""
         z = np.array(z, dtype=float, order="C")
-        self._call(0, "corrected", len(z), rounds, np.ascontiguousarray(back), np.ascontiguousarray(step), z)
+        call(0, "corrected", self.struct, len(z), rounds, np.ascontiguousarray(back), np.ascontiguousarray(step), z)
         return z
 
     def nearest(self, z: Array) -> Array:
         """Places of the first two minima of the gap beyond the last contact, and the gaps (B, 4)."""
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty((len(z), 4))
-        self._call(0, "nearest", len(z), z, *self.place_bounds, out)
+        call(0, "nearest", self.struct, len(z), z, *self.place_bounds, out)
         return out
 
     def curve(self, z: Array) -> Array:
         """Rows of place, curvature, x, y along one equilibrium."""
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty(((STEPS + 1) * (self.middles + 1), 4))
-        return np.asarray(out[: self._call(0, "curve", z, out)])
-
-    def _call(self, lanes: int, name: str, *given: Any) -> Any:
-        """Call a function of `rod.c`."""
-        # A process that had no compiler for a while, or another one, is not bound to what it had then.
-        library = _library(lanes, os.environ.get("CC"), os.environ.get("PATH"))
-        return getattr(library, name)(ctypes.byref(self.struct), *map(_passed, given))
-
-
-def _passed(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return ctypes.c_void_p(value.ctypes.data)
-    return ctypes.c_double(value) if isinstance(value, float) else value
+        return np.asarray(out[: call(0, "curve", self.struct, z, out)])
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
     }
     names = [*backbones, *balance.supports]
     lifts = x[balance.first_lift :] * balance.force if balance.lift else np.zeros(len(names))
-    normal, friction = (part.value[0] for part in balance.contacts(x[None], traced).force)
+    normal, friction = (part[0] for part in balance.forces(x[None], traced))
     borne = dict(zip(names, zip(normal.tolist(), friction.tolist(), lifts.tolist(), strict=True), strict=True))
     # In one order, so that equal sets share one solver.
     middles = [name for setup in scene.setups for name in setup.middle_names if name in backbones]

@@ -162,28 +162,30 @@ void corrected(const Rod *rod, int count, int rounds, const double *back, const 
 }
 
 #if LANES > 0
-/* Solve a symmetric positive definite system in place by the factors of Cholesky. */
-static void solve(int n, double a[NUMBERS][NUMBERS], double *x)
+/* Solve a symmetric positive definite system in place by the factors of Cholesky; `a` has its lower triangle. */
+static void solve(int n, double *a, double *x)
 {
     for (int j = 0; j < n; ++j) {
+        double *row = a + n * j;
+        const double least = 1e-14 * row[j] + 1e-300; /* of a pivot: rounding makes those of free directions negative */
         for (int k = 0; k < j; ++k)
-            a[j][j] -= a[j][k] * a[j][k];
-        a[j][j] = sqrt(fmax(a[j][j], 1e-300));
+            row[j] -= row[k] * row[k];
+        row[j] = sqrt(fmax(row[j], least));
         for (int i = j + 1; i < n; ++i) {
             for (int k = 0; k < j; ++k)
-                a[i][j] -= a[i][k] * a[j][k];
-            a[i][j] /= a[j][j];
+                a[n * i + j] -= a[n * i + k] * row[k];
+            a[n * i + j] /= row[j];
         }
     }
     for (int i = 0; i < n; ++i) {
         for (int k = 0; k < i; ++k)
-            x[i] -= a[i][k] * x[k];
-        x[i] /= a[i][i];
+            x[i] -= a[n * i + k] * x[k];
+        x[i] /= a[n * i + i];
     }
     for (int i = n - 1; i >= 0; --i) {
         for (int k = i + 1; k < n; ++k)
-            x[i] -= a[k][i] * x[k];
-        x[i] /= a[i][i];
+            x[i] -= a[n * k + i] * x[k];
+        x[i] /= a[n * i + i];
     }
 }
 
@@ -217,14 +219,14 @@ void onto(const Rod *rod, int count, int rounds, double entered, double close, d
     const int size = 4 + 3 * rod->contacts;
     Residual pair[2], *here = pair, *there = pair + 1;
     for (; count > 0; --count, z += size) {
-        double damping = 1e-3, step[NUMBERS], trial[NUMBERS], a[NUMBERS][NUMBERS], move[NUMBERS];
+        double damping = 1e-3, step[NUMBERS], trial[NUMBERS], a[NUMBERS * NUMBERS], move[NUMBERS];
         residual_of(rod, z, entered, here);
         for (int round = 0; round < rounds && here->sane && here->off >= close; ++round) {
             scale_of(rod, z, step);
             for (int i = 0; i < size; ++i) {
                 move[i] = 0.0;
                 for (int j = 0; j <= i; ++j)
-                    a[i][j] = i == j ? damping : 0.0;
+                    a[size * i + j] = i == j ? damping : 0.0;
             }
             for (int k = 0; k < here->rows; ++k) {
                 const double *slope = (const double *)&here->row[k].d;
@@ -232,7 +234,7 @@ void onto(const Rod *rod, int count, int rounds, double entered, double close, d
                     const double scaled_slope = slope[i] * step[i];
                     move[i] -= scaled_slope * here->row[k].v;
                     for (int j = 0; j <= i; ++j)
-                        a[i][j] += scaled_slope * slope[j] * step[j];
+                        a[size * i + j] += scaled_slope * slope[j] * step[j];
                 }
             }
             solve(size, a, move);

@@ -1,0 +1,373 @@
+/* Fingers and supports in one balance of the object: constraints and tension of combinations, and steps to their optimum.
+
+   Unknowns x of a combination are the numbers of each finger, normal force and friction of each support, and the lift of
+   each contact, where the object is lifted; forces are in units of `force`. */
+
+/* 0.3: a force of the object's weight counts as much as so many lengths */
+#define WEIGHED 0.3
+/* Rounding of a finger's moment per its greatest, else straight fingers stall, and of friction per force. */
+#define STRAIGHT 1e-3
+#define SLIGHT 1e-8
+/* Penalty of a residual of one where combinations are refined, and what holds a step that nothing else fixes. */
+#define STIFF 1e6
+#define SLACK 1e-4
+
+typedef struct {
+    int fingers, supports, contacts, lifted, tilts, numbers, equal, rows;
+    double center[2], size, weight[2], lift, force;
+    const Rod *const *rod;
+    const double *finger;  /* (fingers, 3): length, unit of force, greatest tension per that of all */
+    const double *support; /* (supports, 4): point, normal */
+    const double *cone;    /* (contacts, 2): friction coefficient, greatest normal force */
+    const double *step;    /* (numbers,): what changes a combination alike */
+} Balance;
+
+#if LANES > 0
+/* What a finger or a support has at a contact, by the `count` unknowns from `at` on. */
+typedef struct { dual x, y, nx, ny, normal, along; int at, count; } Contact;
+
+/* A combination: constraints that vanish, then those that are not above zero, and the tension per the greatest; slopes
+   by steps of the unknowns. */
+typedef struct { double tension, *x, *value, *pull, *slope; } Held;
+
+static double *slopes_of(const Balance *b, Held *to, int row) { return to->slope + row * b->numbers; }
+
+static void add(const Balance *b, double factor, dual a, int at, int count, double *value, double *slope)
+{
+    *value += factor * a.v;
+    for (int k = 0; k < count; ++k)
+        slope[at + k] += factor * ((const double *)&a.d)[k] * b->step[at + k];
+}
+
+static void add_row(const Balance *b, double factor, dual a, const Contact *by, Held *to, int row)
+{
+    add(b, factor, a, by->at, by->count, to->value + row, slopes_of(b, to, row));
+}
+
+static void add_unknown(const Balance *b, double factor, int k, const Held *at, double *value, double *slope)
+{
+    *value += factor * b->force * at->x[k], slope[k] += factor * b->force * b->step[k];
+}
+
+static Contact finger_contact(const Rod *rod, const double *unit, const Finger *at, const dual *z, int k, int first)
+{
+    const Touch *touch = at->touch + k;
+    const int tip = k == rod->contacts;
+    return (Contact){
+        scaled(unit[0], minus(touch->x, times(touch->half, touch->nx))),
+        scaled(unit[0], minus(touch->y, times(touch->half, touch->ny))), touch->nx, touch->ny,
+        scaled(unit[1], tip ? at->normal : z[5 + 3 * k]), scaled(unit[1], tip ? at->friction : z[6 + 3 * k]),
+        first, 4 + 3 * rod->contacts};
+}
+
+static Contact support_contact(const Balance *b, int k, const double *x, int first)
+{
+    const double *s = b->support + 4 * k;
+    dual force[2];
+    for (int j = 0; j < 2; ++j) {
+        force[j] = constant(b->force * x[first + j]);
+        ((double *)&force[j].d)[j] = b->force;
+    }
+    return (Contact){constant(s[0]), constant(s[1]), constant(s[2]), constant(s[3]), force[0], force[1], first, 2};
+}
+
+/* The fingers' own constraints and tension; their contacts. */
+static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal, int *below)
+{
+    int first = 0;
+    for (int f = 0; f < b->fingers; ++f) {
+        const Rod *rod = b->rod[f];
+        const int size = 4 + 3 * rod->contacts;
+        Finger at;
+        dual z[NUMBERS], row[ROWS];
+        read_numbers(rod, to->x + first, z);
+        integrate(rod, z, 1, &at);
+        for (int k = 0; k < rod->contacts + rod->tip; ++k)
+            *contact++ = finger_contact(rod, b->finger + 3 * f, &at, z, k, first);
+        const Contact of_all = {.at = first, .count = size};
+        for (int n = conditions(rod, &at, row), k = 0; k < n; ++k)
+            add_row(b, 1.0, row[k], &of_all, to, (*equal)++);
+        for (int n = shape_limits(rod, z, &at, 0.0, row), k = 0; k < n; ++k)
+            add_row(b, 1.0, row[k], &of_all, to, (*below)++);
+        const dual pull = scaled(1.0 / rod->moment, z[3]);
+        const double size_of_pull = sqrt(pull.v * pull.v + STRAIGHT * STRAIGHT);
+        add(b, b->finger[3 * f + 2], with(pull, size_of_pull, pull.v / size_of_pull), first, size, &to->tension, to->pull);
+        first += size;
+    }
+    for (int k = 0; k < b->supports; ++k, first += 2)
+        *contact++ = support_contact(b, k, to->x, first);
+}
+
+/* Balance of the object: forces and moment, lift and tilt. */
+static void add_balance(const Balance *b, Held *to, const Contact *contact, int row)
+{
+    const double unit = WEIGHED / b->force, arm = unit / b->size;
+    const int lifts = b->numbers - b->contacts;
+    to->value[row] = unit * b->weight[0], to->value[row + 1] = unit * b->weight[1];
+    if (b->lifted)
+        to->value[row + 3] = -unit * b->lift;
+    for (int k = 0; k < b->contacts; ++k) {
+        const Contact *c = contact + k;
+        const dual fx = minus(times(c->normal, c->nx), times(c->along, c->ny));
+        const dual fy = plus(times(c->normal, c->ny), times(c->along, c->nx));
+        const dual rx = minus(c->x, constant(b->center[0])), ry = minus(c->y, constant(b->center[1]));
+        add_row(b, -unit, fx, c, to, row), add_row(b, -unit, fy, c, to, row + 1);
+        add_row(b, arm, minus(times(ry, fx), times(rx, fy)), c, to, row + 2);
+        if (!b->lifted)
+            continue;
+        const double up = b->force * to->x[lifts + k];
+        add_unknown(b, unit, lifts + k, to, to->value + row + 3, slopes_of(b, to, row + 3));
+        for (int j = 0; b->tilts && j < 2; ++j) {
+            const dual r = j ? ry : rx;
+            add_row(b, arm * up, r, c, to, row + 4 + j);
+            slopes_of(b, to, row + 4 + j)[lifts + k] += arm * r.v * b->force * b->step[lifts + k];
+        }
+    }
+}
+
+/* Friction within its cone, normal forces between zero and their greatest. */
+static void add_cones(const Balance *b, Held *to, const Contact *contact, int row)
+{
+    const double unit = WEIGHED / b->force, rounded = SLIGHT * b->force;
+    const int lifts = b->numbers - b->contacts;
+    for (int k = 0; k < b->contacts; ++k, row += 3) {
+        const Contact *c = contact + k;
+        const double up = b->lifted ? b->force * to->x[lifts + k] : 0.0;
+        const double shear = sqrt(c->along.v * c->along.v + up * up + rounded * rounded);
+        add_row(b, unit, with(c->along, shear, c->along.v / shear), c, to, row);
+        if (b->lifted)
+            slopes_of(b, to, row)[lifts + k] += unit * up / shear * b->force * b->step[lifts + k];
+        add_row(b, -unit * b->cone[2 * k], c->normal, c, to, row);
+        add_row(b, -unit, c->normal, c, to, row + 1);
+        add_row(b, 1.0 / b->cone[2 * k + 1], c->normal, c, to, row + 2), to->value[row + 2] -= 1.0;
+    }
+}
+
+/* Constraints and tension of a combination; what coils up without end is as wrong as can be. */
+static void reach(const Balance *b, Held *to)
+{
+    Contact contact[b->contacts];
+    int equal = 0, below = b->equal, sane = 1;
+    const int entries = b->rows * b->numbers;
+    to->tension = 0.0;
+    memset(to->value, 0, b->rows * sizeof(double)), memset(to->slope, 0, entries * sizeof(double));
+    memset(to->pull, 0, b->numbers * sizeof(double));
+    add_fingers(b, to, contact, &equal, &below);
+    add_balance(b, to, contact, equal);
+    add_cones(b, to, contact, below);
+    for (int k = 0; k < entries; ++k)
+        sane &= fabs(to->slope[k]) < SANE;
+    if (sane)
+        return;
+    memset(to->slope, 0, entries * sizeof(double));
+    for (int k = 0; k < b->rows; ++k)
+        to->value[k] = 1e3;
+}
+
+static double wrong_by(const Balance *b, const double *value, int row)
+{
+    return row < b->equal ? value[row] : fmax(value[row], 0.0);
+}
+
+static double merit(const Balance *b, const Held *at, double stiff)
+{
+    double squares = 0.0;
+    for (int k = 0; k < b->rows; ++k)
+        squares += wrong_by(b, at->value, k) * wrong_by(b, at->value, k);
+    return at->tension + 0.5 * stiff * squares;
+}
+
+/* Normal equations of a penalty of what is wrong with `value`, and of a gradient; the lower triangle. */
+static void normal_equations(const Balance *b, const double *slope, const double *value, double stiff, double *matrix,
+                             double *gradient)
+{
+    const int n = b->numbers;
+    memset(matrix, 0, n * n * sizeof(double));
+    for (int k = 0; k < b->rows; ++k, slope += n) {
+        if (k >= b->equal && !(value[k] > 0.0))
+            continue;
+        for (int i = 0; i < n; ++i) {
+            const double part = stiff * slope[i];
+            gradient[i] += part * value[k];
+            for (int j = 0; j <= i && part != 0.0; ++j)
+                matrix[n * i + j] += part * slope[j];
+        }
+    }
+}
+
+static double longest(int n, const double *move)
+{
+    double most = 1e-12;
+    for (int k = 0; k < n; ++k)
+        most = fmax(most, fabs(move[k]));
+    return most;
+}
+
+/* The move against a gradient, which may have `more` on the diagonal of its matrix. */
+static void newton(int n, const double *matrix, double more, const double *gradient, double *factors, double *move)
+{
+    memcpy(factors, matrix, n * n * sizeof(double));
+    for (int k = 0; k < n; ++k)
+        factors[(n + 1) * k] += more, move[k] = -gradient[k];
+    solve(n, factors, move);
+}
+
+static void stepped(const Balance *b, const Held *from, double part, const double *move, Held *to)
+{
+    for (int k = 0; k < b->numbers; ++k)
+        to->x[k] = from->x[k] + part * move[k] * b->step[k];
+    reach(b, to);
+}
+
+static void exchange(Held *a, Held *b) { const Held other = *a; *a = *b, *b = other; }
+
+/* The least tension under all constraints: a penalty that grows, and damped steps of Gauss and Newton. */
+static void settled(const Balance *b, int rounds, Held *here, Held *there, double *work)
+{
+    const int n = b->numbers;
+    double damping = 1e-2, *matrix = work, *factors = matrix + n * n, *gradient = factors + n * n, *move = gradient + n;
+    for (int round = 0; round < rounds; ++round) {
+        const double grown = round / (0.6 * rounds), stiff = 30.0 * pow(1000.0, fmin(1.0, grown));
+        const double before = merit(b, here, stiff);
+        memcpy(gradient, here->pull, n * sizeof(double));
+        normal_equations(b, here->slope, here->value, stiff, matrix, gradient);
+        /* 4: dampings that are tried */
+        int better = 0;
+        for (int attempt = 0; attempt < 4 && !better; ++attempt) {
+            newton(n, matrix, damping, gradient, factors, move);
+            stepped(b, here, fmin(1.0, 0.5 / longest(n, move)), move, there);
+            better = merit(b, there, stiff) < before;
+            damping = fmin(fmax(better ? 0.3 * damping : 5.0 * damping, 1e-7), 1e6);
+        }
+        if (better)
+            exchange(here, there);
+        if (grown >= 1.0 && longest(n, move) < 1e-9)
+            return;
+    }
+}
+
+/* The step to the least of a gradient and the penalties, both of first order: Newton's method on the active ones, of
+   which there are finitely many sets. */
+static void first_order(const Balance *b, const double *gradient, const double *slope, const double *value, double *move,
+                        double *work)
+{
+    static const double parts[] = {1.0, 0.5, 0.25, 0.1, 0.03};
+    const int n = b->numbers, rows = b->rows;
+    double *matrix = work, *factors = matrix + n * n, *force = factors + n * n, *step = force + n, *here = step + n;
+    double *change = here + rows;
+    memcpy(here, value, rows * sizeof(double)), memset(move, 0, n * sizeof(double));
+    for (int round = 0; round < 20; ++round) {
+        for (int k = 0; k < n; ++k)
+            force[k] = gradient[k] + SLACK * move[k];
+        normal_equations(b, slope, here, STIFF, matrix, force);
+        newton(n, matrix, SLACK, force, factors, step);
+        for (int k = 0; k < rows; ++k) {
+            change[k] = 0.0;
+            for (int i = 0; i < n; ++i)
+                change[k] += slope[n * k + i] * step[i];
+        }
+        double least_cost = INFINITY, part = 1.0;
+        for (int p = 0; p < 5; ++p) {
+            double cost = 0.0;
+            for (int k = 0; k < n; ++k) {
+                const double to = move[k] + parts[p] * step[k];
+                cost += gradient[k] * to + 0.5 * SLACK * to * to;
+            }
+            for (int k = 0; k < rows; ++k) {
+                const double to = here[k] + parts[p] * change[k];
+                if (k < b->equal || to > 0.0)
+                    cost += 0.5 * STIFF * to * to;
+            }
+            if (cost < least_cost)
+                least_cost = cost, part = parts[p];
+        }
+        int same = part == 1.0;
+        for (int k = 0; k < rows; ++k) {
+            const double to = here[k] + part * change[k];
+            same &= k < b->equal || (here[k] > 0.0) == (to > 0.0);
+            here[k] = to;
+        }
+        for (int k = 0; k < n; ++k)
+            move[k] += part * step[k];
+        if (same || longest(n, step) < 1e-10)
+            return;
+    }
+}
+
+/* The optimum next to a combination: each step is that of first order within a radius that grows and shrinks as the step
+   fulfills what it promises; what curved constraints leave over is taken back by the same slopes, else steps along them
+   are short. */
+static void refined(const Balance *b, int rounds, Held *here, Held *there, Held *back, double *work)
+{
+    const int n = b->numbers;
+    double radius = 0.1, *move = work, *none = work + n, *rest = none + n;
+    memset(none, 0, n * sizeof(double));
+    for (int round = 0; round < rounds && radius > 1e-9; ++round) {
+        first_order(b, here->pull, here->slope, here->value, move, rest);
+        const double part = fmin(1.0, radius / longest(n, move)), step = part * longest(n, move);
+        stepped(b, here, part, move, there);
+        first_order(b, none, here->slope, there->value, move, rest);
+        stepped(b, there, 1.0, move, back);
+        if (merit(b, back, STIFF) < merit(b, there, STIFF))
+            exchange(there, back);
+        const int better = merit(b, there, STIFF) < merit(b, here, STIFF);
+        radius = better ? fmax(radius, 2.0 * step) : 0.25 * fmin(radius, step);
+        if (better)
+            exchange(here, there);
+        if (better && step < 1e-9)
+            return;
+    }
+}
+
+static double *held_in(const Balance *b, Held *at, double *memory)
+{
+    at->x = memory, at->pull = at->x + b->numbers, at->value = at->pull + b->numbers, at->slope = at->value + b->rows;
+    return at->slope + b->rows * b->numbers;
+}
+
+/* Bring combinations (count, numbers) to the least tension: from afar, or to the optimum next to them; what is wrong with
+   each at most. 0: there is no memory. */
+int hold(const Balance *b, int count, int rounds, int near, double *x, double *off)
+{
+    const int n = b->numbers;
+    double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + 2 * b->rows) * sizeof(double));
+    Held here, there, back;
+    if (!memory)
+        return 0;
+    double *work = held_in(b, &back, held_in(b, &there, held_in(b, &here, memory)));
+    for (; count > 0; --count, x += n, ++off) {
+        memcpy(here.x, x, n * sizeof(double));
+        reach(b, &here);
+        if (near)
+            refined(b, rounds, &here, &there, &back, work);
+        else
+            settled(b, rounds, &here, &there, work);
+        memcpy(x, here.x, n * sizeof(double));
+        *off = 0.0;
+        for (int k = 0; k < b->rows; ++k)
+            *off = fmax(*off, fabs(wrong_by(b, here.value, k)));
+    }
+    free(memory);
+    return 1;
+}
+#endif
+
+/* The first `most` of rows (count, size) that are farther than `apart` from all those before them that are chosen; their
+   number. */
+int differing(int count, int size, int most, double apart, const double *place, int *chosen)
+{
+    int found = 0;
+    for (int row = 0; row < count && found < most; ++row) {
+        int differs = 1;
+        for (int k = 0; k < found && differs; ++k) {
+            const double *a = place + row * size, *b = place + chosen[k] * size;
+            double squares = 0.0;
+            for (int i = 0; i < size; ++i)
+                squares += (a[i] - b[i]) * (a[i] - b[i]);
+            differs = squares > apart * apart;
+        }
+        if (differs)
+            chosen[found++] = row;
+    }
+    return found;
+}
