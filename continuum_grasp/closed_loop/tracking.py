@@ -18,10 +18,11 @@ _STOOD = 6.5
 """Natural times of a finger for which a setpoint has to stand for its error at the end to count [1]: some periods of
 its sway, 0.5 s of the hand finger."""
 LEAST_FORCE = 5.0
-"""Least size that a setpoint of a force counts with, per E I / L^2 of the finger [1]: 0.9 N of the hand finger."""
+"""Size that a force counts with where none is asked for, and least scale of goals, per E I / L^2 of the finger [1]: 0.9 N of
+the hand finger."""
 _OFF = 0.05
 """Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
-moves the tip as far; of forces twice that share of them, or of a newton, as of weighted goals of plans."""
+moves the tip as far; of forces twice that share of the greatest that is asked for, as of weighted goals of plans."""
 _NEARING = 0.95
 """Share of its distance a tenth of the time before up to which what is off is still on its way [1]: noise of a tip that
 stays moves means over a tenth by less."""
@@ -82,7 +83,9 @@ def missed_setpoints(
         stood = t[-1] - t[others[-1] + 1 if others.size else 0]
         # Zeros that are not stated are a default, and no aim.
         aim = rows.any() or getattr(reference, group.reference) is not None
-        force = max(LEAST_FORCE * rod.stiffness / rod.length**2, float(np.abs(rows[-1]).max()))
+        # By the greatest force that the reference asks for, over the run: a tenth of what bends the finger is all that is
+        # asked where that is less. One of zeros asks that nothing presses.
+        force = float(np.abs(rows).max()) or LEAST_FORCE * rod.stiffness / rod.length**2
         limit = {"m": _OFF * rod.length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
         # Instants are sums of rounded periods.
         if aim and off > limit and stood >= max(_STOOD * rod.natural_time, FINAL * t[-1]) * (1.0 - 1e-9):

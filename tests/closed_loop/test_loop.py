@@ -526,6 +526,8 @@ HAND = SimpleNamespace(length=0.18, stiffness=0.2 * 0.18**2, natural_time=0.0764
         ("tip_angle [rad]", 2.0, 0.1001, True, True),
         ("contact_force_finger.1 [N]", 0.0, 0.0999, True, False),
         ("contact_force_finger.1 [N]", 0.0, 0.1001, True, True),
+        ("contact_force_finger.1 [N]", 0.4, 0.0399, True, False),
+        ("contact_force_finger.1 [N]", 0.4, 0.0401, True, True),
         ("contact_force_finger.1 [N]", 30.0, 2.999, True, False),
         ("contact_force_finger.1 [N]", 30.0, 3.001, True, True),
         ("bending_1 [rad]", 0.0, 9.0, False, False),
@@ -539,6 +541,14 @@ def test_angles_and_forces_are_missed_too_and_defaults_are_no_aims(name, setpoin
     given = Reference(bending=(0.0,), tip_angle=2.0, contact_force=(setpoint,)) if stated else Reference()
     found = missed_setpoints((name,), r + error, r, t, given, HAND)
     assert ["off a setpoint that stood" in text for text in found] == [True] * missed
+
+
+@pytest.mark.parametrize(("error", "missed"), [(0.039, False), (0.041, True)])
+def test_a_force_that_is_let_go_is_judged_by_what_was_asked_for(error, missed):
+    t = np.linspace(0.0, 1.0, 101)
+    r = np.where(t < 0.3, 0.4, 0.0)[:, None]
+    found = missed_setpoints(("contact_force_finger.1 [N]",), r + error, r, t, Reference(contact_force=(0.0,)), HAND)
+    assert bool(found) == missed
 
 
 def slack_scene(tip, arrangement):
