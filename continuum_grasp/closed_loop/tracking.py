@@ -18,8 +18,8 @@ _STOOD = 6.5
 """Natural times of a finger for which a setpoint has to stand for its error at the end to count [1]: some periods of
 its sway, 0.5 s of the hand finger."""
 LEAST_FORCE = 5.0
-"""Size that a force counts with where none is asked for, and least scale of goals, per E I / L^2 of the finger [1]: 0.9 N of
-the hand finger."""
+"""Size that a force counts with where none is asked for, and least scale of goals, per E I / L^2 of the finger [1]:
+0.9 N of the hand finger."""
 _OFF = 0.05
 """Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
 moves the tip as far; of forces twice that share of the greatest that is asked for, as of weighted goals of plans."""
@@ -83,8 +83,8 @@ def missed_setpoints(
         stood = t[-1] - t[others[-1] + 1 if others.size else 0]
         # Zeros that are not stated are a default, and no aim.
         aim = rows.any() or getattr(reference, group.reference) is not None
-        # By the greatest force that the reference asks for, over the run: a tenth of what bends the finger is all that is
-        # asked where that is less. One of zeros asks that nothing presses.
+        # By the greatest force that the reference asks for over the run: a tenth of what bends the finger may be all of
+        # it. One of zeros asks that nothing presses.
         force = float(np.abs(rows).max()) or LEAST_FORCE * rod.stiffness / rod.length**2
         limit = {"m": _OFF * rod.length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
         # Instants are sums of rounded periods.

@@ -66,6 +66,10 @@ _FAR = 0.1
 """Distance of the tip from its setpoint beyond which it is away, in finger lengths [1]: working loops stay below 0.09
 (configs/mpc/keep_out.yaml: 16 mm of 180 mm), lost ones reach 0.5."""
 
+_CORRECTED = 0.03
+"""Greatest correction of a setpoint that stands, in finger lengths [1]: configs/mpc/trunk_2m.yaml needs 0.023 where it
+reaches the setpoint (benchmarks/results/soak_standing.md); against an unknown contact a finger presses no further."""
+
 
 class ControllerCalls(NamedTuple):
     """Calls of a controller: numbers that its C needs beside the problem."""
@@ -92,6 +96,7 @@ class ControlParts:
     rate: Array  # (nu,) greatest change of the command per time
     supervisor: Settings  # members of ``supervisor_settings``
     filter: Settings  # members of ``ekf_settings``, none without an estimator
+    correction: Settings  # members of ``controller_settings`` that correct setpoints which stand
     estimation: Estimation | None = None
     periods: int = 0  # age of a measurement when it arrives
 
@@ -115,6 +120,7 @@ class ControlParts:
             rate=np.full(stages.nu, asked.input.rate_max or ABSENT),
             supervisor=_supervised(scene, stages, estimation, touches),
             filter={} if estimation is None else _filter(scene, model, stages, estimation, ranges),
+            correction=_correction(scene, stages, estimation, touches),
             estimation=estimation,
             periods=scene.delay_periods,
         )
@@ -133,6 +139,7 @@ class ControlParts:
             rate=np.full(stages.nu, ABSENT),
             supervisor=_unsupervised(stages),
             filter={},
+            correction=dict(_UNCORRECTED),
         )
 
     @property
@@ -217,6 +224,7 @@ class ControlParts:
         return {
             **_nested("rti", iteration),
             **settings,
+            **self.correction,
             **_nested("supervisor", self.supervisor),
             **_nested("ekf", self.filter),
         }
@@ -346,6 +354,22 @@ def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | No
         # A plan's length and the time in which disturbances are found.
         "settling": math.ceil(stages.stages * stages.stage / period - 1e-9) + 5 * _window(scene),
         "offset": max(_OFFSET * length, 4.0 * scene.measurement_std("tip_x [m]")) if tip >= 0 else 0.0,
+    }
+
+
+_UNCORRECTED: Settings = {"correction": 0.0, "correction_most": 0.0, "correction_after": 0}
+
+
+def _correction(scene: ControlScene, stages: Stages, estimation: Estimation | None, touches: bool) -> Settings:
+    """Members of ``controller_settings`` by which setpoints that stand are corrected where a finger touches nothing."""
+    measured = estimation.measurement_names if estimation is not None else ()
+    if touches or "tip_x [m]" not in measured or "tip_x [m]" not in stages.r_names:
+        return dict(_UNCORRECTED)
+    return {
+        # Means over five windows, as those of the supervisor, from a horizon after the setpoint moved.
+        "correction": 1.0 / (5 * _window(scene)),
+        "correction_most": _CORRECTED * scene.finger.rod.length,
+        "correction_after": math.ceil(stages.stages * stages.stage / scene.controller.step - 1e-9),
     }
 
 

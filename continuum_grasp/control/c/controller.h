@@ -65,6 +65,7 @@
 #include "supervisor.h"
 
 #define CONTROLLER_PHASES 3
+#define CONTROLLER_CORRECTS (CONTROLLER_ESTIMATES && RTI_NR > 0)
 #ifndef CONTROLLER_TICKS
 #define CONTROLLER_TICKS() 0u
 #endif
@@ -118,6 +119,10 @@ typedef struct {
   real x_min[CONTROLLER_ND], x_max[CONTROLLER_ND];      /* of a measured state */
   int sqp_iterations, start_iterations;         /* from the last plan, and from one at rest */
   int start_calls;            /* calls over which the latter are spread, the fewest in the first, which integrates a motion too */
+  /* of setpoints of the tip that stand: share of a call in the mean by which they are corrected, 0: they are not; greatest
+   * correction [m]; calls until the mean begins */
+  real correction, correction_most;
+  int correction_after;
   supervisor_settings supervisor;
 } controller_settings;
 
@@ -126,6 +131,10 @@ typedef struct {
   int blind;                  /* calls since something was measured */
   int pending;                /* iterations of its start that are left */
   real aim[2];                /* setpoint of the tip where it stands */
+#if CONTROLLER_CORRECTS
+  int stood;                  /* calls for which it stands, up to `correction_after` */
+  real bias[2];               /* mean distance of the measured tip from where plans end [m] */
+#endif
   real stalls;                /* leaky count of gaps between calls */
 #ifdef RTI_CHECKS_GAPS
   int unchecked, gaps;        /* calls since its gaps were checked, how often in a row they were too large */
@@ -148,6 +157,9 @@ typedef struct {
   rti_settings detuned;       /* settings of a call with a raised weight of the command's rate */
 #if CONTROLLER_ESTIMATES
   ekf_work ekf;
+#endif
+#if CONTROLLER_CORRECTS
+  real setpoints[(RTI_N + 1) * RTI_NR];         /* corrected */
 #endif
 } controller_work;
 
