@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.harness import Timing, compiled, compiler, defines, linked, one_core, race, run
 from benchmarks.report import Report, begun
-from continuum_grasp.core import generated as package_source
+from continuum_grasp.core import CSource
 from continuum_grasp.core.source import symbol_of
 from continuum_grasp.model import Equations, FingerModel, pattern
 from continuum_grasp.scene import BasePose, Finger, PointMass
@@ -52,7 +52,7 @@ class Compiled:
     """A function in a C loop: seconds of compiling, size of the code [kB], instructions, and time of an evaluation."""
 
     def __init__(self, function: ca.Function) -> None:
-        source = package_source(function.name(), function)
+        source = CSource([function]).of_core(function.name())
         folder = Path(tempfile.mkdtemp(prefix="continuum-grasp-benchmark-"))
         words: dict[str, Any] = {"FUNCTION": symbol_of(function), "NX": function.nnz_in(0)}
         for name, least in (("w", 1), ("iw", 1), ("arg", 3), ("res", 1)):

@@ -12,7 +12,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.control import Controller
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.core import Backend, generated
+from continuum_grasp.core import Backend, CSource
 from continuum_grasp.core.caller import Caller
 from continuum_grasp.core.code import FunctionCode
 
@@ -47,7 +47,7 @@ class World:
         outputs = [ca.densify(after), ca.densify(measured)]
         world = ca.Function("world", [z, u, p], outputs, ["z", "u", "p"], ["zn", "y"])
         backend = Backend(what="the plant of a benchmark")
-        code = FunctionCode(world, partial(generated, "world", world), backend, from_python=True)
+        code = FunctionCode(world, partial(CSource([world]).of_core, "world"), backend, from_python=True)
         self._advance = Caller(world, code, np.array(stages.p_nominal)).prepare()
         mixing = np.eye(nz) if estimation is None else estimation.mixing
         self._unmix = np.linalg.pinv(mixing)

@@ -110,9 +110,9 @@ class Output:
 
     def __post_init__(self) -> None:
         if self.optimize:
-            from continuum_grasp.core import force_optimized
+            from continuum_grasp.core import CodeKind
 
-            force_optimized()
+            CodeKind.force_optimized()
         if self.quiet and (self.as_json or self.verbose):
             raise InputError("--quiet cannot be combined with --json or --verbose")
         if self.animation == "mp4" and shutil.which("ffmpeg") is None:

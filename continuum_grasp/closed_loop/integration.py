@@ -14,14 +14,11 @@ from continuum_grasp.control import load_library
 from continuum_grasp.core import (
     Backend,
     CodeKind,
+    CSource,
     HalfStepSignal,
     Rollouts,
-    filled,
-    generated,
-    kind_of_source,
-    pointer,
+    Template,
     step_function,
-    template,
 )
 from continuum_grasp.model import Remade
 
@@ -75,7 +72,7 @@ class ChainIntegration(Integration):
     def __init__(self, model: PlantModel | SharedModel) -> None:
         self._chains = model if isinstance(model, SharedModel) else SharedModel([model])
         source = chain_source(self._chains)
-        self._kind = kind_of_source(source)
+        self._kind = CodeKind.of_source(source)
         quick = self._kind is CodeKind.QUICK
         self._run_steps = load_library(source, "a plant of plant.guides", quick=quick).chain_steps
         self._run_steps.restype = ctypes.c_longlong
@@ -91,9 +88,10 @@ class ChainIntegration(Integration):
         states[0] = x
         numbers = np.concatenate([plant.chain.numbers(plant.p) for plant in model.plants])
         p = np.concatenate([plant.p[plant.finger_parameters :] for plant in model.plants])
-        pointers = [pointer(each) for each in (numbers, u, rows)]
         begin = ctypes.c_longlong(count), ctypes.c_double(step)
-        done = self._run_steps(*begin, *pointers, ctypes.c_longlong(model.nw), pointer(p), pointer(states))
+        done = self._run_steps(
+            *begin, numbers.ctypes, u.ctypes, rows.ctypes, ctypes.c_longlong(model.nw), p.ctypes, states.ctypes
+        )
         why = "the plant's step after t = {time} s has no solution: its loads or inputs move it too fast"
         return states, int(done), why
 
@@ -124,6 +122,6 @@ def chain_source(model: SharedModel) -> str:
         "others": x.numel(),
         "nu": u.numel(),
         "nw": model.nw,
-        "functions": "\n".join([generated("chain", drums, around), *sizes]),
+        "functions": "\n".join([CSource([drums, around]).of_core("chain"), *sizes]),
     }
-    return filled(template("closed_loop", "chain.c"), words)
+    return Template.of("closed_loop", "chain.c").filled(words)

@@ -14,7 +14,7 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.iteration import source as rti
 from continuum_grasp.control.members import REPORTED
 from continuum_grasp.control.parts import ControlParts, Settings, is_whole
-from continuum_grasp.core import CodeKind, in_lanes, kind_of_source, plain_source
+from continuum_grasp.core import CodeKind, CSource
 
 
 def estimator_source(parts: ControlParts, real: str) -> str:
@@ -66,10 +66,10 @@ def _estimator(parts: ControlParts, real: str, *, has_lanes: bool = False) -> li
     """Write generated functions, those in lanes unless they are there already, and templates of an estimator."""
     e = parts.observed
     # Step and half a step are two lanes of one, where they are made alike.
-    vector = in_lanes([e.single], real) if e.single is not None and not has_lanes else ""
+    vector = CSource([e.single], real).lanes() if e.single is not None and not has_lanes else ""
     scalar = [] if vector or has_lanes else [e.step, *([e.flow] if parts.ahead > 1 else [])]
     return [
-        plain_source("estimator", [*scalar, e.outputs, e.parameters], real),
+        CSource([*scalar, e.outputs, e.parameters], real).plain("estimator"),
         f"{vector}#define EKF_VECTOR" if vector else "",
         _templates("checks.h", "ekf.h", "ekf.c"),
     ]
@@ -138,7 +138,7 @@ class Compiled:
         passes: float = math.inf,
     ) -> None:
         # Each line of the source runs once in a pass.
-        self.code = kind_of_source(source, passes * source.count("\n"))
+        self.code = CodeKind.of_source(source, passes * source.count("\n"))
         self.library = rti.load_library(source, what, quick=self.code is CodeKind.QUICK)
         for name in ("cg_size", "cg_state_size"):
             getattr(self.library, name).restype = ctypes.c_size_t

@@ -37,6 +37,35 @@ class CodeKind(StrEnum):
     QUICK = "quickly compiled"
     INTERPRETED = "interpreted"
 
+    @staticmethod
+    def forced() -> CodeKind | None:
+        """Kind of code that the environment asks for; None where the rule of this file decides."""
+        if not os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE"):
+            return None
+        return CodeKind.QUICK if quick_compile() else CodeKind.OPTIMIZED
+
+    @staticmethod
+    def force_optimized() -> None:
+        """Have all code of this process, and of those that it starts, optimized."""
+        os.environ["CONTINUUM_GRASP_QUICK_COMPILE"] = "0"
+
+    @staticmethod
+    def of_source(source: str, instructions: float = math.inf) -> CodeKind:
+        """Kind of code for C that cannot be interpreted, of which a run executes so many instructions."""
+        if (kind := CodeKind.forced()) is not None:
+            return kind
+        compiler = Compiler.find()
+        if compiler is None or math.isinf(instructions) or compiler.is_known(source, quick=False):
+            return CodeKind.OPTIMIZED
+        lines = source.count("\n")
+
+        def seconds(kind: CodeKind) -> float:
+            file, line = _COMPILING[kind]
+            known = kind is CodeKind.QUICK and compiler.is_known(source, quick=True)
+            return (0.0 if known else file + lines * line) + instructions * _RUNNING[kind]
+
+        return min(CodeKind.OPTIMIZED, CodeKind.QUICK, key=seconds)
+
 
 _WRITING = 5e-6
 """Seconds of writing a line of C."""
@@ -49,18 +78,6 @@ _OPERATION = 0.2e-6
 """Seconds of an operation of the virtual machine on whole matrices: a call, or a product."""
 _CALL_FROM_PYTHON = 100
 """Operations that a call from Python takes as long as: 20 us."""
-
-
-def forced() -> CodeKind | None:
-    """Kind of code that the environment asks for; None where the rule of this file decides."""
-    if not os.environ.get("CONTINUUM_GRASP_QUICK_COMPILE"):
-        return None
-    return CodeKind.QUICK if quick_compile() else CodeKind.OPTIMIZED
-
-
-def force_optimized() -> None:
-    """Have all code of this process, and of those that it starts, optimized."""
-    os.environ["CONTINUUM_GRASP_QUICK_COMPILE"] = "0"
 
 
 @dataclass(frozen=True)
@@ -103,23 +120,6 @@ def _size(function: ca.Function, known: dict[int, Size]) -> Size:
     instructions = sum(size.instructions for size in sizes) + sum(e.nnz() for e in expressions)
     known[key] = Size(count, instructions, 1 + count + sum(size.operations for size in sizes))
     return known[key]
-
-
-def kind_of_source(source: str, instructions: float = math.inf) -> CodeKind:
-    """Kind of code for C that cannot be interpreted, of which a run executes so many instructions."""
-    if (kind := forced()) is not None:
-        return kind
-    compiler = Compiler.find()
-    if compiler is None or math.isinf(instructions) or compiler.is_known(source, quick=False):
-        return CodeKind.OPTIMIZED
-    lines = source.count("\n")
-
-    def seconds(kind: CodeKind) -> float:
-        file, line = _COMPILING[kind]
-        known = kind is CodeKind.QUICK and compiler.is_known(source, quick=True)
-        return (0.0 if known else file + lines * line) + instructions * _RUNNING[kind]
-
-    return min(CodeKind.OPTIMIZED, CodeKind.QUICK, key=seconds)
 
 
 class Backend:
@@ -200,7 +200,7 @@ class FunctionCode:
         return written / max(gain, 1e-12), (written + file + line * size.lines) / max(gain, 1e-12)
 
     def _choose(self, calls: float) -> None:
-        compiler, kind = self._backend.compiler, forced()
+        compiler, kind = self._backend.compiler, CodeKind.forced()
         if compiler is None or self.kind is CodeKind.OPTIMIZED:
             return
         if kind is None:

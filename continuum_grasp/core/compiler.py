@@ -45,8 +45,10 @@ _PER_LINE, _PER_LINE_QUICK = 0.25e-3, 0.03e-3
 the controller of ``configs/mpc/tip_steps.yaml``, 18,000 lines, takes 4.7 s, a plant of 75,000 lines 16 s)."""
 _ANNOUNCED = 2.0
 """Seconds from which compiling is announced."""
-TIMEOUT = 1800.0
+_TIMEOUT = 1800.0
 """Most seconds that the compiler may take for a translation unit."""
+_ASKING = 60.0
+"""Most seconds that a compiler may take to say what it is and what it takes."""
 
 
 _LOG = logging.getLogger(__name__)
@@ -154,7 +156,7 @@ class Compiler:
     def run(self, arguments: Sequence[str], folder: Path | None = None) -> None:
         """Run the compiler, in a folder; CompileError if it fails, OSError where the disk is full."""
         try:
-            done = said_by([*self.command, *arguments], folder, TIMEOUT)
+            done = said_by([*self.command, *arguments], folder)
         except (OSError, subprocess.TimeoutExpired) as error:
             raise CompileError(f"{shlex.join(self.command)}: {error}") from error
         if done.returncode != 0:
@@ -202,7 +204,7 @@ def _describe(command: tuple[str, ...], path: str) -> Compiler | str:
     line = [*command, "--version"]
     asked = shlex.join(line)
     try:
-        done = said_by(line)
+        done = said_by(line, seconds=_ASKING)
     except (OSError, ValueError, subprocess.TimeoutExpired) as error:
         return " ".join(f"{asked}: {error}".split())
     if done.returncode != 0 or not done.stdout:
@@ -215,7 +217,7 @@ def _describe(command: tuple[str, ...], path: str) -> Compiler | str:
 def _takes(command: tuple[str, ...], flag: str) -> bool:
     """Whether the compiler takes a flag: clang before 15 refuses ``-march=native`` on Apple's processors."""
     with suppress(OSError, subprocess.TimeoutExpired):
-        return said_by([*command, flag, "-fsyntax-only", "-x", "c", os.devnull]).returncode == 0
+        return said_by([*command, flag, "-fsyntax-only", "-x", "c", os.devnull], seconds=_ASKING).returncode == 0
     return False
 
 
@@ -226,7 +228,9 @@ def split(line: str) -> list[str]:
     return [word.strip("\"'") for word in shlex.split(line, posix=False)]
 
 
-def said_by(line: Sequence[str], folder: Path | None = None, seconds: float = 60.0) -> subprocess.CompletedProcess[str]:
+def said_by(
+    line: Sequence[str], folder: Path | None = None, seconds: float = _TIMEOUT
+) -> subprocess.CompletedProcess[str]:
     """Run a program to its end and read what it says, in whatever encoding the system's messages are."""
     return subprocess.run(
         line, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=seconds, check=False

@@ -26,7 +26,7 @@ from continuum_grasp.core.caller import Caller, check_moment, finite, section_ch
 from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import HalfStepSignal, Rollouts, row
-from continuum_grasp.core.source import generated
+from continuum_grasp.core.source import CSource
 from continuum_grasp.model import FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
 
@@ -137,7 +137,7 @@ class Core(Remade, Summarized):
         if name not in self._callers:
             function = getattr(self.model, name)
             nominal = np.array(self.model.p_nominal)
-            source = partial(generated, function.name(), function)
+            source = partial(CSource([function]).of_core, function.name())
             code = FunctionCode(function, source, self.backend, from_python=True)
             self._callers[name] = Caller(function, code, nominal, self.check_of(name))
         return self._callers[name]

@@ -10,10 +10,8 @@ import os
 import re
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache, lru_cache, reduce
-from importlib.resources import files
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
 
@@ -21,76 +19,111 @@ from continuum_grasp.base import InputError
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.lanes import lane_function, with_loops
 from continuum_grasp.core.precision import literal, single
-
-_MARK = re.compile(
-    r"<<(?:(?P<end>end)|(?P<else>else)|if (?P<no>not )?(?P<if>[\w.]+)"
-    r"|for (?P<names>[\w, ]+) in (?P<in>[\w.]+)(?:\|(?P<between>.*?))?|(?P<word>\w[\w.]*):?(?P<format>[\w.]*))>>"
-)
-
-
-def filled(text: str, words: Mapping[str, object]) -> str:
-    r"""Text with its words for ``<<word>>``, and with its blocks, which may be in each other.
-
-    ``<<word.name:format>>`` is an attribute or an entry of a word, in a format of Python. ``<<if word>>...<<end>>`` is
-    left out where the word is false or empty, ``<<if not word>>...<<end>>`` where it is not; ``<<else>>`` may be in it.
-    ``<<for a in word>>...<<end>>`` is written for each entry, ``<<for a, b in word>>`` for each tuple; what follows a
-    bar, as in ``<<for a in word|, >>``, stands between, with ``\n`` for the end of a line.
-    """
-    return _written(_pieces(text), words)
-
-
-@lru_cache(256)
-def _pieces(text: str) -> list[Any]:
-    """Texts and marks of a template in their order, each mark with the pieces of its block and behind its ``else``."""
-    top: list[Any] = []
-    open_blocks, at = [top], 0
-    for mark in _MARK.finditer(text):
-        open_blocks[-1].append(text[at : mark.start()])
-        at, blocks = mark.end(), (list[Any](), list[Any]())
-        if mark["end"] or mark["else"]:
-            open_blocks.pop()
-        if mark["else"]:
-            open_blocks.append(open_blocks[-1][-1][1][1])
-        elif not mark["end"]:
-            open_blocks[-1].append((mark, blocks))
-            open_blocks += [] if mark["word"] else [blocks[0]]
-    top.append(text[at:])
-    return top
-
-
-def _part(of: Any, name: str) -> Any:
-    return of[name] if isinstance(of, Mapping) else getattr(of, name)
-
-
-def _written(pieces: list[Any], words: Mapping[str, object]) -> str:
-    texts: list[str] = []
-    for piece in pieces:
-        if isinstance(piece, str):
-            texts.append(piece)
-            continue
-        mark, (block, other) = piece
-        first, *names = (mark["word"] or mark["if"] or mark["in"]).split(".")
-        value: Any = reduce(_part, names, words[first])
-        if mark["word"]:
-            texts.append(format(value, mark["format"]))
-        elif mark["if"]:
-            texts.append(_written(block if bool(value) != bool(mark["no"]) else other, words))
-        else:
-            block_names = mark["names"].split(", ")
-            rows = [dict(zip(block_names, each if len(block_names) > 1 else (each,), strict=True)) for each in value]
-            between = (mark["between"] or "").replace("\\n", "\n")
-            texts.append(between.join(_written(block, {**words, **row}) for row in rows))
-    return "".join(texts)
-
-
-@cache
-def template(package: str, name: str) -> str:
-    """Text of a file in the folder ``templates`` of a package."""
-    return files(f"continuum_grasp.{package}").joinpath("templates", name).read_text(encoding="utf-8")
+from continuum_grasp.core.template import Template
 
 
 def _fill(file: str, /, **words: object) -> str:
-    return filled(template("core", file), words)
+    return Template.of("core", file).filled(words)
+
+
+@dataclass(frozen=True)
+class CSource:
+    """C of some functions, for one caller or another.
+
+    Parameters
+    ----------
+    functions : sequence of casadi.Function
+        Straight-line functions, or calls of such functions.
+    real : {"double", "float"}
+        Type in which ``plain`` and ``lanes`` compute.
+    """
+
+    functions: Sequence[ca.Function]
+    real: str = "double"
+
+    @property
+    def straight(self) -> list[ca.Function]:
+        """Straight-line functions that the functions are or call, each once.
+
+        Raises
+        ------
+        InputError
+            If one computes more than sums beside its calls.
+        """
+        return straight_functions(self.functions)
+
+    def of_core(self, name: str) -> str:
+        """CasADi's C, by the symbols of the core; ``name`` stands before those of its own help functions."""
+        # The type of lanes is that of the source, which ``single`` may change.
+        prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
+        code = _with_static_help(str(_generator_of(name, self.functions, with_export=False).dump()))
+        for function in self.functions:
+            exported = rf"^((?:const )?\w+\*? ){function.name()}(?=\(|_\w+\()"
+            code = re.sub(exported, rf"\g<1>{symbol_of(function)}", code, flags=re.MULTILINE)
+        return with_loops(code, _fill, prelude)
+
+    def externals(self) -> str:
+        """CasADi's C, as ``casadi.external`` takes it from a library."""
+        return _with_static_help(str(_generator_of("functions", self.functions).dump()))
+
+    def with_header(self, name: str) -> tuple[str, str]:
+        """CasADi's C, and its header; OSError where the disk is full."""
+        generator = _generator_of(name, self.functions, with_header=True, with_export=False)
+        with tempfile.TemporaryDirectory() as folder:
+            generator.generate(f"{folder}/")
+            source, header = ((Path(folder) / f"{name}.{suffix}").read_text(encoding="utf-8") for suffix in ("c", "h"))
+        # CasADi writes to files alone, and reports nothing where the disk is full.
+        if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
+        return _with_static_help(source), header
+
+    def plain(self, name: str) -> str:
+        """C of the functions and of nothing else that CasADi writes around them.
+
+        Each is ``static int NAME(const casadi_real *const arg[], casadi_real *const res[])``. From the first result of
+        a straight-line function that is null on, nothing is computed. ``name`` stands before the names of help
+        functions.
+        """
+        code = CSource(self.straight).of_core(name)
+        begin = _HELP_ENDS.split(code, 1)[0]
+        arguments = "(const casadi_real *const arg[], casadi_real *const res[])"
+        bodies = [f"static int {f}{arguments}\n{{{_until_null(body)}}}\n" for f, body in _STRAIGHT.findall(code)]
+        code = "\n".join([begin, *bodies, *self.calls("casadi_real")])
+        return single(code) if self.real == "float" else code
+
+    def calls(self, kind: str) -> list[str]:
+        """C on arrays of a type ``kind``, of those functions that are calls."""
+        return [calls_source(f, kind, repr) for f in self._calling]
+
+    def lanes(self, written: Mapping[str, str] | None = None) -> str:
+        """C in vector lanes, ``NAME_lanes``; empty if a function has an operation that lanes do not have.
+
+        ``written`` has the C of some, by their names.
+        """
+        try:
+            texts = self.lane_bodies(written)
+        except InputError:
+            return ""
+        return "\n".join(["#ifndef CG_LANES", lane_prelude(self.real), "#endif", *texts, ""])
+
+    def lane_bodies(self, written: Mapping[str, str] | None = None) -> list[str]:
+        """C in vector lanes, of each function alone; see ``lanes``.
+
+        Raises
+        ------
+        InputError
+            If an operation has no vector code, or ``real`` cannot hold a constant.
+        """
+        known = written or {}
+        straight = [known.get(f.name()) or lane_function(f, self.real) for f in self.straight]
+        return straight + [calls_source(f, "cg_lanes", self._lane, "_lanes") for f in self._calling]
+
+    @property
+    def _calling(self) -> list[ca.Function]:
+        return [f for f in self.functions if not f.is_a("SXFunction")]
+
+    def _lane(self, value: float) -> str:
+        return f"(cg_lanes){{0}} + {literal(value, self.real)}"
 
 
 def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:
@@ -123,34 +156,6 @@ def _names(function: ca.Function) -> dict[str, object]:
     }
 
 
-def generated(name: str, *functions: ca.Function) -> str:
-    """CasADi's C of functions, by their symbols; ``name`` stands before those of its own help functions."""
-    # The type of lanes is that of the source, which ``single`` may change.
-    prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
-    code = _with_static_help(str(_generator_of(name, functions, with_export=False).dump()))
-    for function in functions:
-        exported = rf"^((?:const )?\w+\*? ){function.name()}(?=\(|_\w+\()"
-        code = re.sub(exported, rf"\g<1>{symbol_of(function)}", code, flags=re.MULTILINE)
-    return with_loops(code, _fill, prelude)
-
-
-def externals_source(functions: Sequence[ca.Function]) -> str:
-    """CasADi's C of functions, as ``casadi.external`` takes it from a library."""
-    return _with_static_help(str(_generator_of("functions", functions).dump()))
-
-
-def source_and_header(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
-    """CasADi's C of functions, and its header; OSError where the disk is full."""
-    generator = _generator_of(name, functions, with_header=True, with_export=False)
-    with tempfile.TemporaryDirectory() as folder:
-        generator.generate(f"{folder}/")
-        source, header = ((Path(folder) / f"{name}.{suffix}").read_text(encoding="utf-8") for suffix in ("c", "h"))
-    # CasADi writes to files alone, and reports nothing where the disk is full.
-    if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
-    return _with_static_help(source), header
-
-
 def _generator_of(name: str, functions: Iterable[ca.Function], **options: bool) -> ca.CodeGenerator:
     """CasADi's writer of C for functions."""
     generator = ca.CodeGenerator(f"{name}.c", {"with_mem": False, **options})
@@ -176,21 +181,6 @@ _HELP_ENDS = re.compile(r"^(?:/\* Configuration this file|static const casadi_in
 """Head of what CasADi writes behind its help functions: the first from 3.8 on, sparsities, the first function."""
 
 
-def plain_source(name: str, functions: Sequence[ca.Function], real: str = "double") -> str:
-    """C of straight-line functions and of calls of such functions, and of nothing else that CasADi writes around them.
-
-    Each is ``static int NAME(const casadi_real *const arg[], casadi_real *const res[])``. From the first result of a
-    straight-line function that is null on, nothing is computed. ``name`` stands before the names of help functions.
-    """
-    code = generated(name, *straight_functions(functions))
-    begin = _HELP_ENDS.split(code, 1)[0]
-    arguments = "(const casadi_real *const arg[], casadi_real *const res[])"
-    bodies = [f"static int {f}{arguments}\n{{{_until_null(body)}}}\n" for f, body in _STRAIGHT.findall(code)]
-    bodies += [calls_source(f, "casadi_real", repr) for f in functions if not f.is_a("SXFunction")]
-    code = "\n".join([begin, *bodies])
-    return single(code) if real == "float" else code
-
-
 def _until_null(body: str) -> str:
     """A body that returns at a null result; CasADi writes the results one after the other."""
     lines = body.split("\n")
@@ -207,30 +197,12 @@ _WRITTEN = re.compile(r"if \(res\[(\d+)\]!=0\)")
 def lane_prelude(real: str) -> str:
     """C that must stand before lane functions, whose lanes are ``real``: double or float."""
     # <tgmath.h>: sin and the like of the lanes' own type, so that float lanes do not go through double.
-    return f"#include <tgmath.h>\ntypedef {real} cg_real;\n\n{template('core', 'lanes.h')}"
-
-
-def in_lanes(functions: Sequence[ca.Function], real: str, written: Mapping[str, str] | None = None) -> str:
-    """C of straight-line functions and of calls of such functions in vector lanes, ``NAME_lanes``.
-
-    Empty if one of them has an operation that lanes do not have. ``written`` has the C of some, by their names.
-    """
-    known = written or {}
-    try:
-        texts = [known.get(f.name()) or lane_function(f, real) for f in straight_functions(functions)]
-        texts += [
-            calls_source(f, "cg_lanes", lambda value: f"(cg_lanes){{0}} + {literal(value, real)}", "_lanes")
-            for f in functions
-            if not f.is_a("SXFunction")
-        ]
-    except InputError:
-        return ""
-    return "\n".join(["#ifndef CG_LANES", lane_prelude(real), "#endif", *texts, ""])
+    return f"#include <tgmath.h>\ntypedef {real} cg_real;\n\n{Template.of('core', 'lanes.h').text}"
 
 
 def _in_lanes(function: ca.Function) -> str:
     """A function on vectors of lanes, with what loads and stores them."""
-    return f"{lane_prelude('double')}\n{template('core', 'gather.c')}\n{lane_function(function, 'double')}"
+    return f"{lane_prelude('double')}\n{Template.of('core', 'gather.c').text}\n{lane_function(function, 'double')}"
 
 
 def _in_one_lane(function: ca.Function) -> str:
@@ -238,8 +210,8 @@ def _in_one_lane(function: ca.Function) -> str:
     inputs, outputs = _sizes(function)
     sizes: dict[str, object] = {"from": len(inputs), "to": len(outputs), "sizes": ", ".join(map(str, outputs))}
     sizes |= {"sz_w": max(function.sz_w(), 1), "sz_iw": max(function.sz_iw(), 1)}
-    lane = _fill("one_lane.c", **_names(function), **sizes, gather=template("core", "gather.c"))
-    return f"{generated(function.name(), function)}\n{lane}"
+    lane = _fill("one_lane.c", **_names(function), **sizes, gather=Template.of("core", "gather.c").text)
+    return f"{CSource([function]).of_core(function.name())}\n{lane}"
 
 
 def batch_source(function: ca.Function) -> str:
@@ -253,8 +225,8 @@ def scan_source(function: ca.Function) -> str:
 
     ``function`` is (carry, *signals) -> (next carry, *results); see ``Scan`` of ``core.batches``.
     """
-    lanes = in_lanes([function], "double")
-    code = f"{lanes}{template('core', 'gather.c')}" if lanes else _in_one_lane(function)
+    lanes = CSource([function]).lanes()
+    code = f"{lanes}{Template.of('core', 'gather.c').text}" if lanes else _in_one_lane(function)
     return f"{code}\n{_fill('scan.c', **_names(function), carry=function.nnz_in(0))}"
 
 
@@ -274,7 +246,7 @@ def rollout_source(step: ca.Function) -> str:
     ``SYMBOL_levels`` does the same with steps of several lengths: ``ratio`` times h, the longer ones stored at every
     ``every``-th instant only.
     """
-    return f"{generated(step.name(), step)}\n" + _fill("rollout.c", **_step_words(step))
+    return f"{CSource([step]).of_core(step.name())}\n" + _fill("rollout.c", **_step_words(step))
 
 
 def rollouts_source(step: ca.Function) -> str:

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.core import TIMEOUT, Cache, Compiler, said_by
+from continuum_grasp.core import Cache, Compiler, said_by
 from continuum_grasp.export.fields import fill
 
 FLAGS = {
@@ -96,7 +96,7 @@ def wasm_module(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
 
 def clang(folder: Path, *arguments: str) -> str:
     """Run clang for WebAssembly in a folder and return its output; SolverError if it fails."""
-    done = said_by(["clang", *_WASM, *arguments], folder, TIMEOUT)
+    done = said_by(["clang", *_WASM, *arguments], folder)
     if done.returncode != 0:
         raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
     return done.stdout

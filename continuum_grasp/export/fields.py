@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import name_of
-from continuum_grasp.core import filled, literal, template
+from continuum_grasp.core import Template, literal
 
 
 @dataclass(frozen=True)
@@ -233,4 +233,4 @@ def unit_of(label: str) -> str:
 
 def fill(name: str, words: Mapping[str, object]) -> str:
     """Fill a template, by its path below ``templates``, of some of the words; ``P`` is the prefix ``p`` in capitals."""
-    return filled(template("export", name), {"P": str(words.get("p", "")).upper(), **words})
+    return Template.of("export", name).filled({"P": str(words.get("p", "")).upper(), **words})

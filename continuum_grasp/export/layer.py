@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from continuum_grasp import __version__
-from continuum_grasp.core import filled
+from continuum_grasp.core import Template
 from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.fields import LINE, Struct, each_once, fill
 from continuum_grasp.export.kernel import Kernel
@@ -131,7 +131,7 @@ def _header(contents: Contents) -> str:
     last = contents.stateful[-1] if contents.stateful else None
     begun = [contents.fill("state.h")] if _begun(contents) else []
     documented = [*begun, *(_documented(call, prefix) for call in calls)]
-    declared = [filled(part.declarations, contents.words) for part in contents.parts if part.declarations]
+    declared = [Template(part.declarations).filled(contents.words) for part in contents.parts if part.declarations]
     return contents.fill(
         "header.h",
         constants=constants.items(),

@@ -12,11 +12,9 @@ import pytest
 from continuum_grasp.base import InputError
 from continuum_grasp.core import (
     Compiler,
+    CSource,
     call,
-    in_lanes,
-    plain_source,
     straight_function,
-    straight_functions,
 )
 
 needs_compiler = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
@@ -46,14 +44,14 @@ def euler(x, h):
 def test_calls_give_what_the_formula_gives(lanes, tmp_path):
     function = doubled_pendulum()
     if lanes:
-        parts = [in_lanes([function], "double")]
+        parts = [CSource([function]).lanes()]
         body = """
   cg_lanes x[2], h[1], xn[2], A[4]; const cg_lanes *in[] = {x, h}; cg_lanes *out[] = {xn, A};
   for (int l = 0; l < CG_LANES; ++l) { x[0][l] = given[0]; x[1][l] = given[1]; h[0][l] = given[2]; }
   two_steps_lanes(in, out);
   for (int k = 0; k < 6; ++k) found[k] = k < 2 ? xn[k][CG_LANES - 1] : A[k - 2][CG_LANES - 1];"""
     else:
-        parts = [plain_source("test", [function])]
+        parts = [CSource([function]).plain("test")]
         body = """
   const double *in[] = {given, given + 2}; double *out[] = {found, found + 2};
   two_steps(in, out);"""
@@ -82,7 +80,7 @@ def test_calls_give_what_the_formula_gives(lanes, tmp_path):
 
 def test_what_is_not_needed_is_not_computed():
     """The Jacobian of the second slope: its result is null, at which the slope returns."""
-    text = plain_source("test", [doubled_pendulum()])
+    text = CSource([doubled_pendulum()]).plain("test")
     assert text.count("slope(in, out)") == 2
     assert ", 0};" in text
     body = text[text.index("static int slope(") :]
@@ -97,4 +95,4 @@ def test_anything_but_calls_is_refused():
     x = ca.MX.sym("x", 2)
     slope = straight_function("f", {"x": ca.SX.sym("x", 2)}, {"y": ca.SX.ones(2)})
     with pytest.raises(InputError, match="g: expected a straight-line SX function, or calls of such functions"):
-        straight_functions([ca.Function("g", [x], [2.0 * call(slope, x)[0]])])
+        _ = CSource([ca.Function("g", [x], [2.0 * call(slope, x)[0]])]).straight

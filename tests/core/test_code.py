@@ -13,10 +13,9 @@ from continuum_grasp.core import (
     Batch,
     CodeKind,
     Compiler,
+    CSource,
     HalfStepSignal,
     Rollouts,
-    generated,
-    kind_of_source,
 )
 from continuum_grasp.core.caller import Caller
 from continuum_grasp.core.code import FunctionCode, Size
@@ -102,17 +101,17 @@ def test_the_environment_decides_where_it_is_set(value, kind, monkeypatch):
     one = code(polynomial(20))
     assert one.library() is not None
     assert one.kind is kind
-    assert kind_of_source("int x;", 1.0) is kind
+    assert CodeKind.of_source("int x;", 1.0) is kind
 
 
 @needs_compiler
 def test_c_that_cannot_be_interpreted_is_compiled_quickly_for_few_instructions():
     source = "int answer(void)\n{\n  return 42;\n}\n" + "/* a line */\n" * 5000
-    assert kind_of_source(source) is CodeKind.OPTIMIZED
-    assert kind_of_source(source, 1e15) is CodeKind.OPTIMIZED
-    assert kind_of_source(source, 1e6) is CodeKind.QUICK
+    assert CodeKind.of_source(source) is CodeKind.OPTIMIZED
+    assert CodeKind.of_source(source, 1e15) is CodeKind.OPTIMIZED
+    assert CodeKind.of_source(source, 1e6) is CodeKind.QUICK
     Compiler.find().library(source, quick=False)
-    assert kind_of_source(source, 1e6) is CodeKind.OPTIMIZED  # it costs nothing any more
+    assert CodeKind.of_source(source, 1e6) is CodeKind.OPTIMIZED  # it costs nothing any more
 
 
 @needs_compiler
@@ -144,7 +143,7 @@ def test_a_function_may_have_the_name_of_one_of_the_c_library(name):
     many = ca.MX.sym("x", 2)
     calling = ca.Function(name, [many], [ca.solve(4.0 * ca.MX.eye(2), 2.0 * many + 1.0)], ["x"], ["y"])
     for function, factor in ((straight, 1.0), (calling, 4.0)):
-        source = partial(generated, name, function)
+        source = partial(CSource([function]).of_core, name)
         caller = Caller(function, FunctionCode(function, source, Backend(), from_python=True), np.zeros(0)).prepare()
         batch = Batch(function, Backend())
         batch.code.expect(np.inf)

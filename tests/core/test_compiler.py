@@ -18,10 +18,9 @@ import pytest
 from continuum_grasp.core import (
     CompileError,
     Compiler,
+    CSource,
     cache,
     compiler,
-    externals_source,
-    generated,
 )
 from continuum_grasp.core.compiler import longest_function, translation_units
 from continuum_grasp.core.source import batch_source, rollout_source, symbol_of
@@ -81,7 +80,7 @@ def test_each_function_has_the_level_of_its_own_length(command, levels, monkeypa
         pytest.skip(f"no {command}")
     monkeypatch.setenv("CC", command)
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
-    code = externals_source([chain(20, "brief"), chain(400, "long_one"), chain(30, "after")])
+    code = CSource([chain(20, "brief"), chain(400, "long_one"), chain(30, "after")]).externals()
     library = ctypes.CDLL(str(Compiler.find().library(code)))
     assert sorted(level for _, level in levels) == ["-O1", "-O3"]
     assert all((level == "-O3") == (lines <= 300) for lines, level in levels)
@@ -114,14 +113,14 @@ def test_units_export_what_the_source_exports(levels, tmp_path):
 
 
 def test_source_without_long_functions_stays_one_unit():
-    source = generated("chain", chain(20))
+    source = CSource([chain(20)]).of_core("chain")
     assert translation_units(source, 300) == [source]
 
 
 def test_optimized_units_have_a_variable_per_assignment(monkeypatch):
     """Variables that are used again and again take clang's SROA a time in the square of the length."""
     monkeypatch.setenv("CONTINUUM_GRASP_QUICK_COMPILE", "0")
-    _, unit = translation_units(generated("chain", chain(400)), 300)
+    _, unit = translation_units(CSource([chain(400)]).of_core("chain"), 300)
     assigned = re.findall(r"^  (?:const casadi_real )?(\w+)=", unit, re.MULTILINE)
     assert len(assigned) > 1000
     assert len(set(assigned)) == len(assigned)
@@ -134,7 +133,7 @@ def test_quick_builds_do_not_optimize_long_functions(levels, monkeypatch, tmp_pa
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
     for length, level in ((20, "-O1"), (400, "-O0")):
         levels.clear()
-        library = ctypes.CDLL(str(Compiler.find().library(generated("chain", chain(length)))))
+        library = ctypes.CDLL(str(Compiler.find().library(CSource([chain(length)]).of_core("chain"))))
         assert {found for lines, found in levels if lines > 300 or length == 20} == {level}
         x = np.array([0.4, -0.7])
         assert called(library, symbol_of(chain(length)), x) == pytest.approx(reference(x, length), rel=1e-12)
@@ -173,7 +172,7 @@ def test_a_compiler_that_knows_no_march_native_is_asked_without(tmp_path, monkey
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
     assert "-march=native" not in Compiler.find().flags("")
     x = np.array([0.4, -0.7])
-    library = ctypes.CDLL(str(Compiler.find().library(generated("chain", chain(20)))))
+    library = ctypes.CDLL(str(Compiler.find().library(CSource([chain(20)]).of_core("chain"))))
     assert called(library, symbol_of(chain(20)), x) == pytest.approx(reference(x, 20), rel=1e-12)
     monkeypatch.delenv("CC")
     assert "-march=native" in Compiler.find().flags("")
@@ -200,7 +199,7 @@ def test_a_path_of_windows_is_one_word_of_a_command(monkeypatch):
 def test_a_library_that_another_process_has_loaded_serves(tmp_path, monkeypatch):
     """Windows refuses to replace it; where it is none of this content, the error is reported."""
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
-    entry = Compiler.find().library(generated("chain", chain(20)))
+    entry = Compiler.find().library(CSource([chain(20)]).of_core("chain"))
     whole = entry.read_bytes()
 
     def refused(source, target):
@@ -209,8 +208,8 @@ def test_a_library_that_another_process_has_loaded_serves(tmp_path, monkeypatch)
     sound, known = cache._sound, [False, True]
     monkeypatch.setattr(cache.os, "replace", refused)
     monkeypatch.setattr(cache, "_sound", lambda *names: known.pop(0) and sound(*names))
-    assert Compiler.find().library(generated("chain", chain(20))) == entry
+    assert Compiler.find().library(CSource([chain(20)]).of_core("chain")) == entry
     assert entry.read_bytes() == whole
     known[:] = [False, False]
     with pytest.raises(PermissionError):
-        Compiler.find().library(generated("chain", chain(20)))
+        Compiler.find().library(CSource([chain(20)]).of_core("chain"))

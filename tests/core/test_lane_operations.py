@@ -1,4 +1,4 @@
-"""Operations in vector lanes against numpy and LAPACK; from inside: the C of single operations, and one elimination.
+"""Operations in vector lanes against numpy and LAPACK; from inside: one elimination.
 
 Operations in vector lanes against numpy, at the edges of their ranges too, and elimination against LAPACK.
 """
@@ -12,9 +12,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.core import Compiler, lane_function
+from continuum_grasp.core import Compiler, CSource
 from continuum_grasp.core.integrators.derivatives import solve
-from continuum_grasp.core.source import lane_prelude
 
 pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
 
@@ -29,8 +28,7 @@ def in_lanes(folder, kind, flags):
     )
     function = ca.Function("operations", [a, b], [ca.densify(found)])
     source = folder / "lanes.c"
-    source.write_text(f"""{lane_prelude(kind)}
-{lane_function(function, kind)}
+    source.write_text(f"""{CSource([function], kind).lanes()}
 void run(int count, const cg_real *given, cg_real *found)
 {{
   for (int k = 0; k < count; k += CG_LANES) {{

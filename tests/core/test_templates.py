@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from continuum_grasp.core import filled
+from continuum_grasp.core import Template
 
 PAIRS = [("a", 1), ("b", 2)]
 WORDS = {"n": 3, "none": (), "of": SimpleNamespace(size=0.5, map={"k": 7}), "pairs": PAIRS, "rows": [[1, 2], []]}
@@ -26,8 +26,8 @@ WORDS = {"n": 3, "none": (), "of": SimpleNamespace(size=0.5, map={"k": 7}), "pai
     ],
 )
 def test_filled(template, text):
-    assert filled(template, WORDS) == text
+    assert Template(template).filled(WORDS) == text
 
 
 def test_what_is_filled_in_is_no_template():
-    assert filled("<<n>>", {"n": "<<m>>"}) == "<<m>>"
+    assert Template("<<n>>").filled({"n": "<<m>>"}) == "<<m>>"

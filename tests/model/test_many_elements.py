@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.core import generated
+from continuum_grasp.core import CSource
 from continuum_grasp.model import MOST_ELEMENTS, FingerModel
 from continuum_grasp.scene import (
     BasePose,
@@ -227,7 +227,8 @@ def test_what_sweeps_do_not_have_is_solved_densely(why):
 def test_code_does_not_grow_with_the_elements():
     def assignments(count: int) -> int:
         model = FingerModel(Finger(**FULL), family="arc", elements=count)
-        return len(re.findall(r"^ +(?:a\d+|const \w+ v\d+) ?=", generated("one", model.forward_dynamics), re.MULTILINE))
+        source = CSource([model.forward_dynamics]).of_core("one")
+        return len(re.findall(r"^ +(?:a\d+|const \w+ v\d+) ?=", source, re.MULTILINE))
 
     # Series are shorter where elements bend less.
     assert assignments(MOST_ELEMENTS) <= assignments(COUNT)

@@ -19,7 +19,7 @@ import numpy as np
 from continuum_grasp.addons.fmu.variable import TIP, Kind, UnitContents, count, variables_of
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.control import Prediction
-from continuum_grasp.core import source_and_header, step_function
+from continuum_grasp.core import CSource, step_function
 from continuum_grasp.export import (
     Code,
     ContactFields,
@@ -139,7 +139,7 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
             # 100_000: instructions of one function of a plant, without loops: the 80,000 of configs/mpc/spirob.yaml
             # take 31 s and 0.8 GB to compile, once
             Kernel.check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, 100_000)
-    return source_and_header(name, functions)
+    return CSource(functions).with_header(name)
 
 
 def finger_unit(

@@ -26,7 +26,7 @@ from continuum_grasp.addons.fmu.plant import finger_unit, loop_plant_unit
 from continuum_grasp.addons.fmu.variable import UnitContents
 from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionScene
 from continuum_grasp.base import InputError, check_arguments, interruptible
-from continuum_grasp.core import CompileError, Compiler, filled
+from continuum_grasp.core import CompileError, Compiler, Template
 from continuum_grasp.export import (
     check_file,
     chosen,
@@ -309,7 +309,7 @@ def _source(unit: UnitContents, fmi: str) -> str:
     words |= {**parts, "prototypes": "<<prototypes>>", "others": _rest(fmi)}
     standard = fill(f"fmu/fmi{fmi}.c", words)
     declared = "\n".join(f"{head};" for head in _FUNCTION.findall(standard))
-    standard = filled(standard, {"prototypes": declared})
+    standard = Template(standard).filled({"prototypes": declared})
     return fill("fmu/common.c", {**words, "types": types, "glue": "".join(glue)}) + "\n" + standard
 
 

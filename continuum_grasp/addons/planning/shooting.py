@@ -16,7 +16,7 @@ from numpy.polynomial import Chebyshev
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array
-from continuum_grasp.core import CompileError, Compiler, externals_source
+from continuum_grasp.core import CompileError, Compiler, CSource
 
 _MARGIN = np.array([1.0, 1.2, 1.5])[:, None]
 """Factors on the eigenvalues up to which steps must be stable [1], since they are those of some shapes alone."""
@@ -72,7 +72,7 @@ def compiled(term: Term) -> Term:
         return term
     functions = (term.value, term.jacobian, term.hessian)
     try:
-        library = str(compiler.library(externals_source(functions), "the plan"))
+        library = str(compiler.library(CSource(functions).externals(), "the plan"))
     except (CompileError, OSError):
         return term
     return Term(*(ca.external(function.name(), library) for function in functions))

@@ -16,7 +16,7 @@ import numpy as np
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.control import Prediction, Stages, stages_of
-from continuum_grasp.core import GAMMA
+from continuum_grasp.core import Sdirk2Stages
 from continuum_grasp.export import REALS, SETTLED, Field, Kernel, SeenKernels, fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import (
@@ -166,7 +166,7 @@ class WebPlant:
             # 8: most Newton corrections with one slope
             "corrections": 8,
             "few": _FEW,
-            "gamma": real.literal(GAMMA),
+            "gamma": real.literal(Sdirk2Stages.gamma),
             "settled": real.literal(SETTLED),
             "arrays": [(name, max(size, 1)) for name, size in self.arrays.items()],
             "rate": self._rates.call("plant", x="at"),

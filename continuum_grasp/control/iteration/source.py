@@ -17,11 +17,8 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core import (
     CompileError,
     Compiler,
-    in_lanes,
-    lane_function,
-    plain_source,
+    CSource,
     straight_function,
-    straight_functions,
 )
 
 TOLERANCE = {"double": 1e-8, "float": 1e-4}
@@ -70,7 +67,7 @@ class SharedSlope(NamedTuple):
 
     def lanes(self, stage: str, filtered: str, real: str) -> dict[str, str]:
         """C in vector lanes of both functions, by their names; the first one with what they call."""
-        kernel = lane_function(straight_function("slope", self.given, self.found), real)
+        (kernel,) = CSource([straight_function("slope", self.given, self.found)], real).lane_bodies()
         by_x, by_u = (self.found[name].nnz() for name in ("by_x", "by_u"))
         behind = f"out[1] ? out[1] + {by_x} : 0"
         arguments = "(const cg_lanes *const in[], cg_lanes *const out[])"
@@ -105,14 +102,15 @@ def iteration_source(
     """
     _check(stages)
     stage_functions = [stages.step, stages.cost, stages.terminal]
-    vector, shared = in_lanes(stage_functions, real) if lanes else "", ""
+    source = CSource(stage_functions, real)
+    vector, shared = source.lanes() if lanes else "", ""
     if vector and filtered is not None:
-        slopes = {f.name(): f for f in straight_functions([stages.step, filtered])}
+        slopes = {f.name(): f for f in CSource([stages.step, filtered]).straight}
         shared_slope = SharedSlope.of(slopes.get("stage_slope"), slopes.get("estimator_slope"))
         if shared_slope is not None:
             written = shared_slope.lanes("stage_slope", "estimator_slope", real)
-            shared = in_lanes([*stage_functions, filtered], real, written)
-    functions = _in_one_lane(stages.terminal) if vector else plain_source("stages", stage_functions, real)
+            shared = CSource([*stage_functions, filtered], real).lanes(written)
+    functions = _in_one_lane(stages.terminal) if vector else source.plain("stages")
     # Rows are padded to four numbers, which fill a vector register of 32 bytes in double.
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
     parts = [

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators.derivatives import derivative_pattern, identity, parts, solve
-
-GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-"""Diagonal coefficient [1] that makes two diagonally implicit stages L-stable and of order 2; R. Alexander, SIAM J.
-Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""
 
 
 def differentiated_step(
@@ -57,6 +54,9 @@ class Sdirk2Stages:
     """Newton iterations of the stages, of a slope: (state, ...) -> rate and its Jacobian."""
 
     slope: ca.Function
+    gamma: ClassVar[float] = 1.0 - 1.0 / math.sqrt(2.0)
+    """Diagonal coefficient [1] that makes two diagonally implicit stages L-stable and of order 2; R. Alexander, SIAM J.
+    Numer. Anal. 14 (1977) 1006, doi:10.1137/0714068."""
 
     def predict(self, name: str) -> ca.Function:
         """First Newton iteration of a stage: its rate, and the state where the second one linearizes."""
@@ -86,7 +86,7 @@ class Sdirk2Stages:
         by_state, by_input = parts(symbols["jacobian"])
         unmoved = identity(pattern)
         # The base of the second stage goes on with the rate of the first, from which the derivatives there have come.
-        base = unmoved if is_first else unmoved + (1.0 - GAMMA) / GAMMA * (reached - unmoved)
+        base = unmoved if is_first else unmoved + (1.0 - self.gamma) / self.gamma * (reached - unmoved)
         columns = ca.horzcat(symbols["rate"] - k, *[base + step * by_input] * with_derivatives)
         solved = solve(ca.SX.eye(n) - step * by_state, columns)
         rates = k + solved[:, 0]
@@ -107,4 +107,4 @@ class Sdirk2Stages:
             key: ca.SX.sym(key, size) for key, size in (sizes | {"jacobian": self.slope.sparsity_out(1)}).items()
         }
         length = symbols["share"] * symbols["h"]
-        return symbols, GAMMA * length, (1.0 - GAMMA) * length
+        return symbols, self.gamma * length, (1.0 - self.gamma) * length

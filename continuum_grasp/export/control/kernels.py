@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from continuum_grasp.control import SharedSlope
-from continuum_grasp.core import straight_function, straight_functions
+from continuum_grasp.core import CSource, straight_function
 from continuum_grasp.export.fields import fill
 from continuum_grasp.export.kernel import Kernel
 
@@ -61,7 +61,7 @@ def adapters_of(functions: Sequence[ca.Function]) -> list[Adapter]:
     """Adapters of the functions and of those that they call; the slopes of stages and filter are one kernel where they
     agree.
     """
-    straight = {f.name(): f for f in straight_functions(functions)}
+    straight = {f.name(): f for f in CSource(functions).straight}
     shared = _slopes(straight.get("stage_slope"), straight.get("estimator_slope"))
     return [shared[name] if name in shared else _own(function) for name, function in straight.items()]
 

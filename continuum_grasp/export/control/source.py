@@ -16,7 +16,7 @@ from continuum_grasp.control import (
     Anomaly,
     template,
 )
-from continuum_grasp.core import TOKEN, calls_source, literal, straight_functions
+from continuum_grasp.core import TOKEN, CSource, literal
 from continuum_grasp.export.control.loop import DIAGNOSIS, Loop
 from continuum_grasp.export.fields import Real, each_once, fill, identifiers
 from continuum_grasp.export.strict_math import c_source
@@ -125,7 +125,7 @@ class _Writer:
         """Modules of ``control/c`` that the package has, each after those that it needs."""
 
     def renamed(self, text: str) -> str:
-        names = {f.name() for f in (*self.loop.functions, *straight_functions(self.loop.functions))}
+        names = {f.name() for f in (*self.loop.functions, *CSource(self.loop.functions).straight)}
         return renamed(text, self.prefix, self.real.name, names)
 
     def array(self, name: str, values: Iterable[float]) -> str:
@@ -165,7 +165,7 @@ class _Writer:
 
     def adapters(self) -> str:
         texts = [adapter.c_source(self.prefix) for adapter in self.loop.adapters]
-        texts += [calls_source(f, "real", repr) for f in self.loop.functions if not f.is_a("SXFunction")]
+        texts += CSource(self.loop.functions).calls("real")
         return self.renamed("\n".join(texts))
 
     def bodies(self) -> str:

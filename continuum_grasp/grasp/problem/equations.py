@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.core import Cache, CodeKind, CompileError, Compiler, externals_source, forced
+from continuum_grasp.core import Cache, CodeKind, CompileError, Compiler, CSource
 from continuum_grasp.grasp.problem.points import BACKBONE_POINTS
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -53,7 +53,7 @@ def equations(spec: ProblemSpec) -> GraspEquations:
     """The equations of a structure, from its library where that is in the cache, or where all code is optimized."""
     compiler = Compiler.find()
     if compiler is not None:
-        if forced() is CodeKind.OPTIMIZED:
+        if CodeKind.forced() is CodeKind.OPTIMIZED:
             compile_equations([spec])
         library = _LIBRARIES.known(_identity(spec, compiler))
         if library is not None:
@@ -110,7 +110,7 @@ def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:
     """Write and compile the equations of a structure and its layout, in a folder."""
     made, text = _built(spec), described(expressions(spec))
     parts = [made.nlp.values.factory(f"nlp_{name}", ["x", "p"], [name]) for name in ("f", "g")]
-    source = externals_source([*parts, made.read, made.places, *made.nlp.functions.values(), made.nlp.slope])
+    source = CSource([*parts, made.read, made.places, *made.nlp.functions.values(), made.nlp.slope]).externals()
     code, library = work / "code.c", work / "code.so"
     code.write_text(f"{source}\nconst char *layout(void) {{ return {json.dumps(text)}; }}\n", encoding="utf-8")
     compiler.run([*_FLAGS, "-shared", str(code), "-o", str(library), "-lm"])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from continuum_grasp.addons.learning.environments.plants import Plants
 from continuum_grasp.base import Array, InputError, split_unit
 from continuum_grasp.control import UNLIMITED, load_library, measurement_range
-from continuum_grasp.core import filled, in_lanes, pointer, template
+from continuum_grasp.core import CSource, Template
 from continuum_grasp.model import lag_names
 
 STATE = "state"
@@ -34,14 +34,14 @@ class ControlPeriods:
     def __init__(self, slope: ca.Function, cost: ca.Function, readings: ca.Function, use: int) -> None:
         self.sizes = {"x": slope.numel_in(0), "u": slope.numel_in(1), "w": slope.numel_in(2), "p": slope.numel_in(3)}
         self.sizes |= {"r": cost.numel_in(5), "y": readings.numel_out(0)}
-        functions = in_lanes((slope, cost, readings), "double")
+        functions = CSource((slope, cost, readings)).lanes()
         if not functions:
             why = "this plant has an operation without vector code, so that environments cannot run it in lanes"
             raise InputError(why)
         words = {"use": use} | {f"n{name}": size for name, size in self.sizes.items()}
         words |= {f"n{name}1": max(size, 1) for name, size in self.sizes.items()}  # C has no empty arrays
-        text = filled(template("addons.learning.environments", "period.c"), words)
-        source = f"{functions}\n{template('core', 'gather.c')}\n{text}"
+        text = Template.of("addons.learning.environments", "period.c").filled(words)
+        source = f"{functions}\n{Template.of('core', 'gather.c').text}\n{text}"
         self._code = load_library(source, "an environment").environment_period
         self._code.restype = None
 
@@ -68,7 +68,7 @@ class ControlPeriods:
         count = len(x)
         cost, ended = np.empty(count), np.empty(count, dtype=np.int8)
         whole = ctypes.c_longlong
-        arrays = [pointer(array) for array in (x, u, held, w, p, r, bounds, cost, readings)]
+        arrays = [array.ctypes for array in (x, u, held, w, p, r, bounds, cost, readings)]
         self._code(whole(count), whole(substeps), ctypes.c_double(h), *arrays, ctypes.c_void_p(ended.ctypes.data))
         return cost, ended
 
