@@ -16,6 +16,7 @@ from continuum_grasp.base import SolverError
 from continuum_grasp.control import Stages
 from continuum_grasp.control.iteration import source as rti
 from continuum_grasp.control.members import CHANGEABLE
+from continuum_grasp.core import Compiler
 
 STATUS = {
     0: "solved",
@@ -111,7 +112,7 @@ class RealTimeIteration:
         self.stages = stages
         self.precision = precision
         source = library_source(stages, real=self.precision, lanes=lanes)
-        self._library = library = rti.load_library(source, "the real-time iteration")
+        self._library = library = Compiler.load(source, "the real-time iteration")
         real: Any = np.float64 if self.precision == "double" else np.float32
         self._number = ctypes.c_double if self.precision == "double" else ctypes.c_float
         n, nx, nu = stages.stages, stages.nx, stages.nu

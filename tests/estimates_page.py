@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from continuum_grasp.addons.identification.unknowns import _OWN, ADDED
-from continuum_grasp.model import numbers_of
+from continuum_grasp.model import Parameters
 from continuum_grasp.model.laws import _LAWS
 from continuum_grasp.model.parameters import _VECTORS
 from continuum_grasp.scene import Finger
@@ -47,7 +47,7 @@ def fingers() -> list[Finger]:
 
 def rows() -> dict[str, tuple[str, str]]:
     """Unit and place of every single number that can be estimated, by name."""
-    numbers = {name: number for finger in fingers() for name, number in numbers_of(finger).items()}
+    numbers = {name: number for finger in fingers() for name, number in Parameters.numbers_of(finger).items()}
     single = {name: number for name, number in numbers.items() if name not in (*_VECTORS, "element_lengths")}
     found = {name: (number.unit, _place(number.key)) for name, number in single.items()}
     found |= {name: (unit or "m", "") for name, (unit, _) in _OWN.items() if name not in found}

@@ -10,10 +10,10 @@ import numpy as np
 from continuum_grasp.base import Array, NumericalError
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
-from continuum_grasp.control import load_library
 from continuum_grasp.core import (
     Backend,
     CodeKind,
+    Compiler,
     CSource,
     HalfStepSignal,
     Rollouts,
@@ -74,7 +74,7 @@ class ChainIntegration(Integration):
         source = chain_source(self._chains)
         self._kind = CodeKind.of_source(source)
         quick = self._kind is CodeKind.QUICK
-        self._run_steps = load_library(source, "a plant of plant.guides", quick=quick).chain_steps
+        self._run_steps = Compiler.load(source, "a plant of plant.guides", quick=quick).chain_steps
         self._run_steps.restype = ctypes.c_longlong
 
     def prepare(self, steps: float) -> CodeKind:

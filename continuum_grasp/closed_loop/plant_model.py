@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, split_unit
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.control import Outputs, Prediction, Quantities
-from continuum_grasp.model import Remade, System, column, direction, element_lengths, lag_names, lag_rates
+from continuum_grasp.model import Memory, Remade, System, column, element_lengths, lag_names, lag_rates
 from continuum_grasp.scene import (
     FAMILIES,
     INTEGRATORS,
@@ -242,7 +242,7 @@ class PlantModel(Remade):
             edges = np.cumsum([0.0, *(cell.length for cell in cells.cells)])
             shares = np.clip(np.minimum(edges[1:], end) - np.maximum(edges[:-1], start), 0.0, None)
             states = [names[name] for name in cells.names(number + 1)[-len(cells.cells) :]]
-            mean: ca.SX = ca.dot(ca.DM(shares), ca.vertcat(*map(direction, states))) / max(shares.sum(), 1e-9)
+            mean: ca.SX = ca.dot(ca.DM(shares), ca.vertcat(*map(Memory.direction, states))) / max(shares.sum(), 1e-9)
             return side * mean
         return ca.SX(0.0)
 

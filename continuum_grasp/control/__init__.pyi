@@ -6,7 +6,6 @@ from .estimation.adaptation import Adapted as Adapted
 from .estimation.estimator import Estimator as Estimator
 from .estimation.noise import measurement_range as measurement_range
 from .iteration.source import SharedSlope as SharedSlope
-from .iteration.source import load_library as load_library
 from .iteration.source import template as template
 from .log import ControlLog as ControlLog
 from .ocp.bounds import ABSENT as ABSENT

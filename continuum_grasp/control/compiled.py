@@ -14,7 +14,7 @@ from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.iteration import source as rti
 from continuum_grasp.control.members import REPORTED
 from continuum_grasp.control.parts import ControlParts, Settings, is_whole
-from continuum_grasp.core import CodeKind, CSource
+from continuum_grasp.core import CodeKind, Compiler, CSource
 
 
 def estimator_source(parts: ControlParts, real: str) -> str:
@@ -139,7 +139,7 @@ class Compiled:
     ) -> None:
         # Each line of the source runs once in a pass.
         self.code = CodeKind.of_source(source, passes * source.count("\n"))
-        self.library = rti.load_library(source, what, quick=self.code is CodeKind.QUICK)
+        self.library = Compiler.load(source, what, quick=self.code is CodeKind.QUICK)
         for name in ("cg_size", "cg_state_size"):
             getattr(self.library, name).restype = ctypes.c_size_t
         # The memory's layout depends on the source, what a state means on the settings too.

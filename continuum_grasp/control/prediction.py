@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, NumericalError, check_arguments
-from continuum_grasp.model import FingerModel, Motor, Remade, System, Winch, friction_parameter
+from continuum_grasp.model import Contacts, FingerModel, Motor, Remade, System, Winch
 from continuum_grasp.scene import (
     FAMILIES,
     Actuation,
@@ -84,7 +84,7 @@ class Prediction(Remade):
         tip_force = bool(scene.contacts) or "tip_force" in scene.disturbances
         moved = "object_position" in scene.disturbances
         stations = (*(f"{k + 1}" for k in range(len(scene.contacts))), "tip")
-        friction = map(friction_parameter, stations) if "contact_friction" in scene.disturbances else ()
+        friction = map(Contacts.friction_parameter, stations) if "contact_friction" in scene.disturbances else ()
         self._own_lag = scene.lag if "tip_moment" in finger.input_keys else None
         matches_tip = FAMILIES[scene.model_family].matches_tip
         self.system = System(

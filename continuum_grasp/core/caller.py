@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.base import Array, InputError, real_array
 from continuum_grasp.core.code import FunctionCode
 from continuum_grasp.core.source import symbol_of
-from continuum_grasp.model import MATRICES, FingerModel
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import SAME
 
 DOUBLES = ctypes.POINTER(ctypes.c_double)
@@ -39,7 +39,7 @@ class Caller:
         self._defaults = [nominal if n == "p" else np.zeros(size) for n, size in zip(self.names, sizes, strict=True)]
         # No friction is one history of many: it is never supposed.
         self._history = self.names.index("history") if "history" in self.names else None
-        self._vectors = not any(m.startswith(f"{function.name()}.") for m in MATRICES)
+        self._vectors = not any(m.startswith(f"{function.name()}.") for m in FingerModel.MATRICES)
         # Buffers with fixed addresses, so that a call passes nothing but pointers that are ready.
         self._inputs = [np.zeros(size) for size in sizes]
         self._outputs = [np.zeros(function.nnz_out(k)) for k in range(function.n_out())]
@@ -150,7 +150,7 @@ def pointers(arrays: Sequence[Array]) -> Any:
 
 def shaped(function: ca.Function, k: int, rows: Array) -> Array:
     """Rows of an output in its own shape; CasADi is column-major."""
-    if f"{function.name()}.{function.name_out(k)}" not in MATRICES:
+    if f"{function.name()}.{function.name_out(k)}" not in FingerModel.MATRICES:
         return rows
     height, width = function.size_out(k)
     return np.ascontiguousarray(rows.reshape(len(rows), width, height).transpose(0, 2, 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import logging
 import os
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
-from continuum_grasp.base import ContinuumGraspError
+from continuum_grasp.base import ContinuumGraspError, InputError
 from continuum_grasp.core.cache import Cache
 
 # gnu11 for vector types, -w: generated C warns.
@@ -103,6 +104,20 @@ class Compiler:
             return built
 
         return Cache().entry(self.identity(source, quick=is_quick), build, self.version)
+
+    @staticmethod
+    def load(source: str, what: str, *, quick: bool | None = None) -> ctypes.CDLL:
+        """Compile a C source, or find it in the cache, and load it; messages call it ``what``.
+
+        ``quick`` as of `library`. InputError without a compiler, and where compiling fails.
+        """
+        compiler = Compiler.find()
+        if compiler is None:
+            raise InputError(f"{what} needs a C compiler: {Compiler.why_none()}")
+        try:
+            return ctypes.CDLL(str(compiler.library(source, what, quick=quick)))
+        except (CompileError, OSError) as error:
+            raise InputError(f"{what} needs a C compiler, and compiling failed: {error}") from error
 
     @staticmethod
     def portable_level(lines: int) -> str:

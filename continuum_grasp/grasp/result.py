@@ -29,7 +29,7 @@ from continuum_grasp.grasp.values import (
     force_units,
     tension_of,
 )
-from continuum_grasp.model import family_class
+from continuum_grasp.model import Family
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored
 from continuum_grasp.scene import GraspScene, default_family
 
@@ -220,7 +220,7 @@ class GraspResult(Result):
         warnings, error = [], self.certificate.model_error
         if not error.small:
             fine = default_family(free_tip=False)
-            coarse = any(family_class(f.family).order < family_class(fine).order for f in self.fingers.values())
+            coarse = any(Family.named(f.family).order < Family.named(fine).order for f in self.fingers.values())
             other = f" or take fidelity.family: {fine}" if coarse else ""
             warnings.append(f"{error}: raise fidelity.elements{other}")
         if self.solved and not self.certificate.stability.stable:

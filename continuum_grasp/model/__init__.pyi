@@ -2,12 +2,9 @@ from .actuation import lag_names as lag_names
 from .actuation import lag_rates as lag_rates
 from .contact_law import TouchLaw as TouchLaw
 from .contacts import Contacts as Contacts
-from .contacts import friction_parameter as friction_parameter
 from .equations import Equations as Equations
 from .family import Family as Family
-from .family import family_class as family_class
 from .finger_model import FingerModel as FingerModel
-from .functions import MATRICES as MATRICES
 from .functions import Functions as Functions
 from .functions import Remade as Remade
 from .functions import named as named
@@ -16,12 +13,9 @@ from .laws.section import POSITIVE as POSITIVE
 from .layout import MOST_ELEMENTS as MOST_ELEMENTS
 from .layout import SHORTEST as SHORTEST
 from .layout import element_lengths as element_lengths
-from .memory import clipped as clipped
-from .memory import direction as direction
-from .memory import state_of as state_of
+from .memory import Memory as Memory
 from .parameters import ModelOptions as ModelOptions
-from .parameters import nominal_values as nominal_values
-from .parameters import numbers_of as numbers_of
+from .parameters import Parameters as Parameters
 from .planar import Scalar as Scalar
 from .planar import Vec as Vec
 from .planar import column as column
@@ -31,7 +25,6 @@ from .runtime_curves import CurveSpec as CurveSpec
 from .runtime_curves import CurvesSpec as CurvesSpec
 from .stumpff_functions import stumpff as stumpff
 from .surfaces import nearest as nearest
-from .surfaces import outline_of as outline_of
 from .surfaces import surface_of as surface_of
 from .surfaces.offset_polygon import SHARP as SHARP
 from .surfaces.surface import Feature as Feature

@@ -20,18 +20,18 @@ CONTACT_FRICTION = "contact_friction_"
 limit [1], along the object's normal turned by +90 degrees on the finger, in place of the law of its states."""
 
 
-def friction_parameter(station: str) -> str:
-    """Name of the run-time argument that has the friction at a station, ``finger.1`` and so on or ``finger.tip``."""
-    return CONTACT_FRICTION + station.removeprefix("finger.")
-
-
 class Contacts:
     """The body of some surroundings, and all contacts with it; nothing where they have no object.
 
     Contacts at ``stations``, where the finger may touch, come first, then those of supports, then of the table.
-    ``given`` are run-time arguments by name, of ``OBJECT_PARAMETERS`` and of ``friction_parameter``. Where contacts are
+    ``given`` are run-time arguments by name, of ``OBJECT_PARAMETERS`` and of `friction_parameter`. Where contacts are
     ``pressed``, gaps are smaller by run-time numbers ``press`` [m], one per contact. ``rod`` is the finger's.
     """
+
+    @staticmethod
+    def friction_parameter(station: str) -> str:
+        """Name of the run-time argument for the friction at a station, ``finger.1`` and so on or ``finger.tip``."""
+        return CONTACT_FRICTION + station.removeprefix("finger.")
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ def _pairs_of(
 ) -> Iterator[Pair]:
     """Contact pairs of an object: stations of a finger first, then supports, then the table."""
     for station in stations:
-        yield disc_pair(body, law, station, share=parameters.get(friction_parameter(station.name)))
+        yield disc_pair(body, law, station, share=parameters.get(Contacts.friction_parameter(station.name)))
     yield from support_pairs(body, law, around.walls, around.pegs)
     if around.table is not None:
         yield from table_pairs(body, law, around.table)

@@ -102,6 +102,13 @@ class Family(ABC):
     force_unit: ClassVar[str] = "N m2"  # of a generalized force: energy per coordinate
     folds_masses: ClassVar[bool] = False  # whether links have masses at their ends among their constants
 
+    @staticmethod
+    def named(name: str) -> type[Family]:
+        """Import the equations of a family by its name."""
+        module, _, cls = FAMILIES[name].equations.partition(":")
+        family: type[Family] = getattr(import_module(module), cls)
+        return family
+
     def __init__(self, mesh: Mesh, accuracy: float | None) -> None:
         self.mesh = mesh
         self.elements = len(mesh.lengths)
@@ -218,10 +225,3 @@ class Family(ABC):
     @abstractmethod
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
         """Derivative (N, degree + 1, size) of the curvature at the places with respect to the full coordinates."""
-
-
-def family_class(name: str) -> type[Family]:
-    """Import the equations of a family by its name."""
-    module, _, cls = FAMILIES[name].equations.partition(":")
-    family: type[Family] = getattr(import_module(module), cls)
-    return family

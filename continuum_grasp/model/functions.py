@@ -6,7 +6,7 @@ import copy
 import math
 from collections.abc import Callable
 from functools import cached_property, partial
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -49,26 +49,6 @@ def _own(value: Any) -> Any:
 
 Output = ca.SX | Vec | Scalar | list[Scalar]
 
-MATRICES = frozenset(
-    (
-        "mass_matrix.M",
-        "internal.M",
-        "internal.K",
-        "internal.D",
-        "statics.K",
-        "jacobian.J",
-        "jacobian_rate.Jd",
-        "joints.r",
-        "linearization.A",
-        "linearization.B",
-        "pressed_linearization.A",
-        "touch.force",
-        "touch.normal",
-        "touch.point",
-    )
-)
-"""Outputs of finger models and systems that are matrices, whatever their size; all others are vectors."""
-
 
 def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Output]) -> cached_property[ca.Function]:
     """An attribute that is a function of space-separated inputs; each output is read off the model's equations.
@@ -92,6 +72,26 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
 
 class Functions(Remade, Summarized):
     """Base of a finger alone and a finger with an object: functions with named inputs and outputs."""
+
+    MATRICES: ClassVar[frozenset[str]] = frozenset(
+        (
+            "mass_matrix.M",
+            "internal.M",
+            "internal.K",
+            "internal.D",
+            "statics.K",
+            "jacobian.J",
+            "jacobian_rate.Jd",
+            "joints.r",
+            "linearization.A",
+            "linearization.B",
+            "pressed_linearization.A",
+            "touch.force",
+            "touch.normal",
+            "touch.point",
+        )
+    )
+    """Outputs of finger models and systems that are matrices, whatever their size; all others are vectors."""
 
     x_names: list[str]
     u_names: list[str]

@@ -26,22 +26,6 @@ RETURN_SHARE = 1.0 / 64.0
 180 mm, about one over the fastest frequency of two clothoids, so that steps are no shorter for it."""
 
 
-def clipped(z: Scalar) -> Scalar:
-    """A state within its range."""
-    return ca.fmin(ca.fmax(z, -1.0), 1.0)
-
-
-def direction(z: Scalar) -> Scalar:
-    """Direction of friction, from -1 to 1, for a state of a motion, with a continuous slope."""
-    y = clipped(z)
-    return y * (1.5 - 0.5 * (y * y))
-
-
-def state_of(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """States of a motion under which friction acts in ways from -1 to 1: the inverse of ``direction``."""
-    return np.asarray(2.0 * np.sin(np.arcsin(way) / 3.0))
-
-
 @dataclass(frozen=True)
 class Memory:
     """Knowledge of friction states: the one place that tells motion, rest and implicit steps apart.
@@ -56,23 +40,42 @@ class Memory:
     moved: Scalar | None = None
     part: Scalar = 0.0
 
+    @staticmethod
+    def clipped(z: Scalar) -> Scalar:
+        """A state within its range."""
+        return ca.fmin(ca.fmax(z, -1.0), 1.0)
+
+    @staticmethod
+    def direction(z: Scalar) -> Scalar:
+        """Direction of friction, from -1 to 1, for a state of a motion, with a continuous slope."""
+        y = Memory.clipped(z)
+        return y * (1.5 - 0.5 * (y * y))
+
+    @staticmethod
+    def state_of(way: NDArray[np.float64]) -> NDArray[np.float64]:
+        """States of a motion under which friction acts in ways from -1 to 1: the inverse of ``direction``."""
+        return np.asarray(2.0 * np.sin(np.arcsin(way) / 3.0))
+
     def ways(
         self,
         states: Sequence[Scalar],
         travel: Callable[[], Sequence[Scalar]],
-        moving: Callable[[Scalar], Scalar] = clipped,
+        moving: Callable[[Scalar], Scalar] | None = None,
     ) -> list[Scalar]:
-        """Directions of friction, from -1 to 1; ``moving`` gives them for a state in motion."""
+        """Directions of friction, from -1 to 1.
+
+        ``moving`` gives them for a state in motion; `clipped` does where it is not given.
+        """
         if self.moved is None:
-            return [moving(z) for z in states]
+            return [(moving or self.clipped)(z) for z in states]
         # At rest without the cubic's flat ends, on which Newton's method would stop.
-        return [clipped(z + self.moved * slid) for z, slid in zip(states, travel(), strict=True)]
+        return [self.clipped(z + self.moved * slid) for z, slid in zip(states, travel(), strict=True)]
 
     def rate(self, z: Scalar, sliding: Scalar) -> Scalar:
         """Rate of a state [1/s] of a sliding [1/s]."""
         # What is beyond its range returns to it within an implicit step.
         pole = 1.0 / self.return_time
-        return self._returning(sliding - (z - clipped(z)) * pole, pole, ca.fabs(z) > 1.0)
+        return self._returning(sliding - (z - self.clipped(z)) * pole, pole, ca.fabs(z) > 1.0)
 
     def fading(self, z: Scalar, driven: Scalar, pole: Scalar) -> Scalar:
         """Rate of a state that follows what drives it, and fades with a pole [1/s]."""

@@ -64,8 +64,8 @@ class Parameters:
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
         self._graded = finger.profile.graded
-        self._units = {name: number.unit for name, number in numbers_of(finger).items()}
-        self._nominal = nominal_values(finger, gravity, lengths)
+        self._units = {name: number.unit for name, number in self.numbers_of(finger).items()}
+        self._nominal = self.nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
                 hint = nearest(name, self._nominal, say_all=False)
@@ -126,36 +126,38 @@ class Parameters:
     def __getitem__(self, name: str) -> Scalar:
         return self.vector(name)[0]
 
+    @staticmethod
+    def numbers_of(finger: Finger) -> dict[str, Number]:
+        """Numbers of a finger that may be run-time arguments, by name."""
+        rod, profile, tendons = finger.rod, finger.profile, finger.tendon_list
+        presliding = {tendon.presliding_length if tendon.friction else None for tendon in tendons}
+        known = {
+            "linear_density": 1.0 if profile.graded else rod.mass_per_length,
+            "bending_stiffness": 1.0 if profile.graded else float(profile.bending_stiffness(0.0)),
+            "rotary_inertia": 1.0 if profile.graded else rod.inertia_per_length,
+            "rest_curvature": profile.rest_curvature.constant,
+            "tip_mass": sum(mass.mass for mass in finger.masses if rod.is_tip(mass.at)),
+            "tendon_presliding": presliding.pop() if len(presliding) == 1 and finger.has_tendon_friction else None,
+        }
+        numbers = numbers_of_laws(finger)
+        for name, (unit, key, least) in _KNOWN.items():
+            keys = key.replace("*.time", "*.drive.time", 1) if finger.winches else key
+            # One value of all; none where they differ.
+            values = {finger.entry(place) for place in places_of(finger, keys)}
+            numbers[name] = Number(unit, known.get(name, values.pop() if len(values) == 1 else None), keys, least)
+        for k, mass in enumerate(finger.masses):
+            if not rod.is_tip(mass.at):
+                numbers[f"mass_{k}"] = Number("kg", mass.mass, f"masses[{k}].mass", 0.0)
+        return numbers
 
-def numbers_of(finger: Finger) -> dict[str, Number]:
-    """Numbers of a finger that may be run-time arguments, by name."""
-    rod, profile, tendons = finger.rod, finger.profile, finger.tendon_list
-    presliding = {tendon.presliding_length if tendon.friction else None for tendon in tendons}
-    known = {
-        "linear_density": 1.0 if profile.graded else rod.mass_per_length,
-        "bending_stiffness": 1.0 if profile.graded else float(profile.bending_stiffness(0.0)),
-        "rotary_inertia": 1.0 if profile.graded else rod.inertia_per_length,
-        "rest_curvature": profile.rest_curvature.constant,
-        "tip_mass": sum(mass.mass for mass in finger.masses if rod.is_tip(mass.at)),
-        "tendon_presliding": presliding.pop() if len(presliding) == 1 and finger.has_tendon_friction else None,
-    }
-    numbers = numbers_of_laws(finger)
-    for name, (unit, key, least) in _KNOWN.items():
-        keys = key.replace("*.time", "*.drive.time", 1) if finger.winches else key
-        # One value of all; none where they differ.
-        values = {finger.entry(place) for place in places_of(finger, keys)}
-        numbers[name] = Number(unit, known.get(name, values.pop() if len(values) == 1 else None), keys, least)
-    for k, mass in enumerate(finger.masses):
-        if not rod.is_tip(mass.at):
-            numbers[f"mass_{k}"] = Number("kg", mass.mass, f"masses[{k}].mass", 0.0)
-    return numbers
-
-
-def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
-    """Values of all parameters that a finger has, by name."""
-    values = {name: number.value for name, number in numbers_of(finger).items()}
-    values |= {"gravity": gravity, "element_lengths": lengths}
-    return {name: np.ravel(value).astype(float).tolist() for name, value in values.items() if value is not None}
+    @staticmethod
+    def nominal_values(
+        finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]
+    ) -> dict[str, list[float]]:
+        """Values of all parameters that a finger has, by name."""
+        values = {name: number.value for name, number in Parameters.numbers_of(finger).items()}
+        values |= {"gravity": gravity, "element_lengths": lengths}
+        return {name: np.ravel(value).astype(float).tolist() for name, value in values.items() if value is not None}
 
 
 class ModelOptions(TypedDict, total=False):

@@ -14,7 +14,7 @@ import numpy as np
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.model.actuation import InputLayout, MomentSource, lag_names
 from continuum_grasp.model.chain import ChainPlace
-from continuum_grasp.model.family import Mesh, family_class
+from continuum_grasp.model.family import Family, Mesh
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import STATEFUL, Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
@@ -91,7 +91,7 @@ class Structure:
             # A couple that is an input bends by a known shape there: it needs no element of its own.
             known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
             loads = [load for load in (*self.loads, *held) if load not in known]
-            continuous = family_class(family).continuous
+            continuous = Family.named(family).continuous
             breaks = with_breaks(self.contacts, self.finger, loads, continuous=continuous)
             self.lengths = open_lengths(self.finger, breaks)
         self.ranges = element_ranges(self.lengths, choices["bending_range"], self.finger)
@@ -111,7 +111,7 @@ class Structure:
         self.inputs = self._input_layout(input_rates, varies)
         self.sources = self._sources()
         self.mesh = self._mesh()
-        self.family = family_class(self.family_name)(self.mesh, self.accuracy)
+        self.family = Family.named(self.family_name)(self.mesh, self.accuracy)
         slack = choices["slack_stiffness"] or 0.0
         self.winches = Winch.of_finger(self.finger, self.parameters, slack)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}

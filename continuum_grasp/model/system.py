@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError, check_arguments
 from continuum_grasp.model.contact_law import TouchLaw, touch_law_of
-from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
+from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, Contacts
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.functions import Functions, named
@@ -167,7 +167,7 @@ class System(Functions):
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
         around = self.surroundings
         stations = [f"{k + 1}" for k in range(len(self.finger_model.contacts))]
-        known = [*OBJECT_PARAMETERS, *map(friction_parameter, (*stations, "tip"))]
+        known = [*OBJECT_PARAMETERS, *map(Contacts.friction_parameter, (*stations, "tip"))]
         for k, name in enumerate(names):
             key = f"object_parameters[{k}]"
             if name not in known or name in names[:k]:

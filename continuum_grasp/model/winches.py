@@ -21,7 +21,7 @@ from functools import cached_property
 
 import casadi as ca
 
-from continuum_grasp.model.memory import RETURN_SHARE, Memory, clipped, direction
+from continuum_grasp.model.memory import RETURN_SHARE, Memory
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Finger, LengthDrive, MotorDrive, Tendon
@@ -297,7 +297,7 @@ class Motor(Winch):
             slowed = dry / ca.sqrt(speed * speed + self.slow**2)
         torque = self.balance(states, command, tensions, slowed)
         if drive.presliding_angle is not None:
-            torque -= dry * direction(rest[0])
+            torque -= dry * Memory.direction(rest[0])
         rates = [speed, (1.0 / self.inertia) * torque]
         if drive.presliding_angle is not None:
             memory = Memory(RETURN_SHARE * self.finger.rod.natural_time)
@@ -505,7 +505,7 @@ def soft_slope(length: Scalar, onset: float) -> Scalar:
 
 def soft_integral(length: Scalar, onset: float) -> Scalar:
     """Integral of ``soft`` [m2]."""
-    v = clipped((1.0 / onset) * length)
+    v = Memory.clipped((1.0 / onset) * length)
     square = v * v
     inside = (onset**2 / 16.0) * (0.8 + v * (3.0 + v * (4.0 + v * (2.0 - 0.2 * square))))
     beyond = ca.fmax(length - onset, 0.0)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from continuum_grasp.base import Array, check_arguments
-from continuum_grasp.model import FingerModel, System, state_of
+from continuum_grasp.model import FingerModel, Memory, System
 from continuum_grasp.scene import Scene, default_family
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import states_of_motors
@@ -73,7 +73,7 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         drives = _standing(model, drives, initial.motor_angles or (), at_rest, u)
     # Tendon friction of a motion acts by another function of its states than that at rest.
     count = model.structure.tendon_friction_states
-    return np.concatenate([q, qd, drives, state_of(ways[:count]), ways[count:]])
+    return np.concatenate([q, qd, drives, Memory.state_of(ways[:count]), ways[count:]])
 
 
 def _standing(model: FingerModel, drives: Array, angles: Sequence[float], at_rest: Array, u: Array) -> Array:
@@ -85,7 +85,7 @@ def _standing(model: FingerModel, drives: Array, angles: Sequence[float], at_res
         states[0] = angles[k]
         if motor.drive.presliding_angle is not None:
             torque, needed = (float(motor.torque(command, angles[k])) for command in (u[k], at_rest[k]))
-            states[2:3] = state_of(np.clip([(torque - needed) / motor.drive.coulomb_friction], -1.0, 1.0))
+            states[2:3] = Memory.state_of(np.clip([(torque - needed) / motor.drive.coulomb_friction], -1.0, 1.0))
     return standing
 
 

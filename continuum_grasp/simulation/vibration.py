@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, check_arguments, named_value, whole
 from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel, state_of
+from continuum_grasp.model import FingerModel, Memory
 from continuum_grasp.results import Dimension, Picture, Result, Stored
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation.slack import least_pull
@@ -209,7 +209,7 @@ def small_motions(equilibrium: Equilibrium) -> SmallMotions:
         held = core.statics(q, u, w, p, *history)[1]
         return SmallMotions(mass, held, damping, held + _held(model, p) if model.structure.has_stateful_laws else None)
     of_tendons = model.structure.tendon_friction_states
-    states = state_of(friction[:of_tendons]), friction[of_tendons:]
+    states = Memory.state_of(friction[:of_tendons]), friction[of_tendons:]
     x = np.concatenate([q, np.zeros(n), model.drives_at(q, u, friction), *states])
     stiffness, _, inertia, passive = (np.array(value) for value in model.stiffness_of_drives()(x, u, w, p))
     free = None

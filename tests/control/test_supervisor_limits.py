@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import pytest
 
-from continuum_grasp.control import Health, MeasurementVerdict, Trip, load_library, template
+from continuum_grasp.control import Health, MeasurementVerdict, Trip, template
 from continuum_grasp.core import Compiler
 
 pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="no C compiler here")
@@ -98,7 +98,7 @@ Report = _structure(
 def library() -> ctypes.CDLL:
     files = [template(name) for name in ("checks.h", "supervisor.h", "supervisor.c")]
     text = "\n".join([_HEAD, *files, _TAIL]).replace('#include "checks.h"', "")
-    found = load_library(text, "the supervisor")
+    found = Compiler.load(text, "the supervisor")
     found.limited.restype = REAL
     found.verdict.argtypes, found.limited.argtypes = [REAL] * 3, [REAL] * 3 + [ctypes.c_void_p]
     for k, kind in enumerate((Settings, State, Evidence, Report)):

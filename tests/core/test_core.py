@@ -32,7 +32,7 @@ from continuum_grasp.core import (
     step_function,
 )
 from continuum_grasp.core.cache import cache_folder
-from continuum_grasp.model import MATRICES
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import INTEGRATORS, Finger, PointMass, Tendons
 from tests.finger_cases import FAMILIES, LOADS, ROD, Case, evaluate, relative_error, state
 from tests.marks import few
@@ -79,7 +79,7 @@ def test_compiled_functions_are_those_of_the_virtual_machine(family, name):
     values = getattr(compiled, name)(*arguments)
     values = values if isinstance(values, tuple) else (values,)
     for output, value, true in zip(getattr(model, name).name_out(), values, expected, strict=True):
-        assert value.shape == (true.shape if f"{name}.{output}" in MATRICES else (true.shape[0],))
+        assert value.shape == (true.shape if f"{name}.{output}" in FingerModel.MATRICES else (true.shape[0],))
         assert relative_error(value, np.array(true).reshape(value.shape)) <= 1e-12
 
 

@@ -16,7 +16,7 @@ from benchmarks.grasp_images import mirrored
 from benchmarks.grasp_phases import scene_of
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.certificate import surfaces
-from continuum_grasp.model import Frame, outline_of, surface_of
+from continuum_grasp.model import Frame, surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.scene import GraspScene, OffsetPolygon, load
 from continuum_grasp.scene.parts import corners_of, curved
@@ -94,7 +94,7 @@ def test_curves_pass_by_the_corners_and_distances_are_those_from_them(name):
     there = shapely.points(points)
     true = shapely.distance(solid.exterior, there) * np.where(shapely.contains(solid, there), -1.0, 1.0)
     z = points @ [1.0, 1j]
-    assert np.abs(outline_of(part).distance(z) - true).max() < 1e-9
+    assert np.abs(surface_of(part).own_outline(part).distance(z) - true).max() < 1e-9
     found = surfaces.nearest(part, points)
     assert np.abs(found.distance - true).max() < 1e-9
     assert np.abs(found.point + found.distance[:, None] * found.normal - points).max() < 1e-12
@@ -104,7 +104,7 @@ def test_curves_pass_by_the_corners_and_distances_are_those_from_them(name):
         reach = float((np.concatenate(dense) @ way).max())
         assert part.support(turn) == pytest.approx(reach, abs=1e-9)
         assert surfaces.support_point(part, way) @ way == pytest.approx(reach, abs=1e-9)
-        outermost = outline_of(part).extremes(complex(*way), 1e-9)[0][0]
+        outermost = surface_of(part).own_outline(part).extremes(complex(*way), 1e-9)[0][0]
         assert np.array([outermost.real, outermost.imag]) @ way == pytest.approx(reach, abs=1e-9)
 
 

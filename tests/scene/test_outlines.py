@@ -22,7 +22,7 @@ from continuum_grasp.addons.sweeps import Sweep, SweepPoint, scene_data
 from continuum_grasp.addons.sweeps.variation import variation_of
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp.certificate import surfaces
-from continuum_grasp.model import Vec, nearest, outline_of, surface_of
+from continuum_grasp.model import Vec, nearest, surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.scene import ConfigurationData, GraspScene, OffsetPolygon, Polygon, load
 from continuum_grasp.scene.parts import corners_of
@@ -67,7 +67,7 @@ def test_every_distance_is_that_of_shapely(corners, radius):
     moving = ca.Function("d", [at], [nearest([part], Vec(at[0], at[1])).distance]).map(len(points))
     found = {
         "scene": [part.distance(tuple(point)) for point in points],
-        "search": outline_of(part).distance(points @ [1.0, 1j]),
+        "search": surface_of(part).own_outline(part).distance(points @ [1.0, 1j]),
         "motion": np.array(moving(points.T)).ravel(),
         "certificate": surfaces.nearest(part, points).distance,
     }
@@ -111,7 +111,7 @@ def test_contacts_sit_on_faces_and_convex_corners_alone():
 def test_walls_meet_the_outermost_corners_and_what_lies_between_feet_is_no_face():
     arch = ((0.0, 0.0), (0.01, 0.0), (0.01, 0.02), (0.04, 0.02), (0.04, 0.0), (0.05, 0.0), (0.05, 0.04), (0.0, 0.04))
     part = OffsetPolygon(arch)
-    outline = outline_of(part)
+    outline = surface_of(part).own_outline(part)
     ends = [point for point, _ in outline.extremes(-1j, 1e-9)]
     assert sorted(z.real for z in ends) == [0.0, 0.05]
     assert sorted(outline.face_normals) == pytest.approx([-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi])

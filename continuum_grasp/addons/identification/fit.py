@@ -13,7 +13,7 @@ from continuum_grasp.addons.identification.inference import Inference
 from continuum_grasp.addons.identification.searches import LawTrial
 from continuum_grasp.addons.identification.unknowns import ALONG, DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.model import numbers_of
+from continuum_grasp.model import Parameters
 from continuum_grasp.results import Dimension, File, Picture, Stored, yaml_text
 from continuum_grasp.scene import Finger, FingerScene, PointMass, Rod
 
@@ -255,7 +255,7 @@ def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[
     if target == "tip_mass":
         others = [mass for mass in finger.masses if not finger.rod.is_tip(mass.at)]
         return {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
-    numbers = numbers_of(finger)
+    numbers = Parameters.numbers_of(finger)
     if target not in numbers:
         raise InputError(f"no value of a scene is behind {target}")
     return dict.fromkeys(numbers[target].places(finger), value)

@@ -22,7 +22,7 @@ from continuum_grasp.addons.identification.rows import Chained, Dual, RestShapes
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.base import Array, InputError, NumericalError, split_unit
 from continuum_grasp.core import Backend, Core, HalfStepSignal, Rollouts, step_function
-from continuum_grasp.model import FingerModel, clipped, nominal_values
+from continuum_grasp.model import FingerModel, Memory, Parameters
 from continuum_grasp.scene import INTEGRATORS, Scene
 from continuum_grasp.simulation import (
     Signals,
@@ -44,7 +44,7 @@ def of_one_code(pairs: Sequence[tuple[Scene, Data]], unknowns: Sequence[Unknown]
     """
     scenes = [scene for scene, _ in pairs]
     moving = [k for k, (_, data) in enumerate(pairs) if isinstance(data, TipPath)]
-    values = {k: nominal_values(scenes[k].finger, scenes[k].gravity, ()) for k in moving}
+    values = {k: Parameters.nominal_values(scenes[k].finger, scenes[k].gravity, ()) for k in moving}
     known = dict.fromkeys(name for own in values.values() for name in own)
     differ = [name for name in known if any(own.get(name) != values[moving[0]].get(name) for own in values.values())]
     for k in moving if differ else ():
@@ -259,9 +259,9 @@ def _start_function(model: FingerModel, passed: Sequence[Array]) -> Chained:
         # Of a tendon's state in a motion friction acts by the cubic, of which this is the inverse.
         count = model.structure.tendon_friction_states
         of_tendons = 2.0 * ca.sin(ca.asin(history[:count]) / 3.0)
-        states = ca.SX(clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
+        states = ca.SX(Memory.clipped(ca.vertcat(of_tendons, history[count:-1]) + history[-1] * slid[0]))
         for before, now in pairwise(slid):
-            states = ca.SX(clipped(states + now - before))
+            states = ca.SX(Memory.clipped(states + now - before))
         parts.append(states)
     return Chained("start", ca.vertcat(*parts), q, u, p, history)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.addons.identification.scene import Estimate
 from continuum_grasp.base import Array, InputError, nearest, unit_of
-from continuum_grasp.model import POSITIVE, FingerModel, numbers_of
+from continuum_grasp.model import POSITIVE, FingerModel, Parameters
 from continuum_grasp.scene import Scene, default_family, refusals
 
 LAG, DELAY = "drive_time_constant", "drive_delay"
@@ -114,7 +114,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
     lower, upper = asked.min, asked.max
     if lower is None:
-        lower = (_OWN[name][1] if name in _OWN else numbers_of(finger)[name].least) * typical
+        lower = (_OWN[name][1] if name in _OWN else Parameters.numbers_of(finger)[name].least) * typical
     if upper is None:
         upper = math.inf
     # a scene's value beside the bounds starts on them; a start that is asked for must be inside

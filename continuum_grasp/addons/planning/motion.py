@@ -20,7 +20,7 @@ from continuum_grasp.control import (
     Prediction,
     Setpoints,
 )
-from continuum_grasp.model import clipped
+from continuum_grasp.model import Memory
 from continuum_grasp.scene import MotorDrive
 from continuum_grasp.simulation import interpolate
 
@@ -233,7 +233,7 @@ class PlannedMotion:
         z = x[self.friction_states]
         # A friction state follows what slides, but for its return from beyond its range.
         rate = self.prediction.dynamics(x, np.zeros(self.nu), p)[self.friction_states]
-        return rate + (z - clipped(z)) / self.prediction.system.structure.return_time
+        return rate + (z - Memory.clipped(z)) / self.prediction.system.structure.return_time
 
     def _errors(self) -> ca.SX:
         """Errors whose half sum of squares per second is the objective."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Iterable
 from importlib.resources import files
 from itertools import product
@@ -15,8 +14,6 @@ from numpy.typing import NDArray
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core import (
-    CompileError,
-    Compiler,
     CSource,
     straight_function,
 )
@@ -157,17 +154,6 @@ def scenario_settings(stages: Stages) -> dict[str, NDArray[np.float64]]:
     # An array without entries has one in C, which has no arrays of length zero.
     none = np.zeros((stages.plants, 1)) if not stages.np else None
     return {"share": weights, "scale": scale if none is None else none, "shift": shift if none is None else none}
-
-
-def load_library(source: str, what: str, *, quick: bool | None = None) -> ctypes.CDLL:
-    """Compile a C source, or find it in the cache, and load it; messages call it ``what``."""
-    compiler = Compiler.find()
-    if compiler is None:
-        raise InputError(f"{what} needs a C compiler: {Compiler.why_none()}")
-    try:
-        return ctypes.CDLL(str(compiler.library(source, what, quick=quick)))
-    except (CompileError, OSError) as error:
-        raise InputError(f"{what} needs a C compiler, and compiling failed: {error}") from error
 
 
 def template(name: str) -> str:

@@ -17,7 +17,7 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Code, PackagePart, Rows
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
-from continuum_grasp.model import FingerModel, Kernels, System, column, direction
+from continuum_grasp.model import FingerModel, Kernels, Memory, System, column
 
 
 def _dynamics_kernel(subject: Subject) -> Kernel:
@@ -110,7 +110,7 @@ def statics(subject: Subject) -> PackagePart:
     x = ca.SX.sym("x", subject.moving.nx)
     states = ca.vertsplit(x)[subject.model.nx - len(subject.model.friction_names) : subject.model.nx]
     sliding = subject.model.structure.tendon_friction_states
-    states = [ca.SX(direction(z)) for z in states[:sliding]] + states[sliding:]
+    states = [ca.SX(Memory.direction(z)) for z in states[:sliding]] + states[sliding:]
     history = [ca.vertcat(*states, 0.0)] if states else []
     missing, stiffness = subject.model.statics(x[:n], u, w, p, *history)
     both = ca.vertcat(missing, ca.vec(stiffness.T))  # CasADi is column-major, arrays of C are row-major

@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.grasp.shape import skin, steepest
-from continuum_grasp.model import CurveSpec, CurvesSpec, family_class
+from continuum_grasp.model import CurveSpec, CurvesSpec, Family
 from continuum_grasp.rod import with_places
 from continuum_grasp.scene import Curve, FingerSetup
 
@@ -25,7 +25,7 @@ MOST_STEEP = 0.7
 
 def curves_of(setup: FingerSetup, weighs: bool) -> CurvesSpec:
     """The structure of a finger's curves."""
-    if setup.graded and family_class(setup.family).degree != 1:
+    if setup.graded and Family.named(setup.family).degree != 1:
         raise InputError(
             f"elements of family {setup.family} do not follow a finger that changes along its length in a grasp: "
             "take matched_clothoid",

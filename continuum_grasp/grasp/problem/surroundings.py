@@ -16,7 +16,7 @@ from continuum_grasp.grasp.problem.values import FINE, Units, Values
 from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
-from continuum_grasp.model import TouchingCircle, outline_of, surface_of
+from continuum_grasp.model import TouchingCircle, surface_of
 from continuum_grasp.rod import DenseRod
 from continuum_grasp.scene import Finger, FingerSetup, GraspScene, Part, Wall
 
@@ -43,7 +43,7 @@ class _Obstacle:
         that they need.
         """
         if not isinstance(self.body, Wall):
-            return outline_of(self.body).distance(_complex(at, units)) / units.length, half
+            return surface_of(self.body).own_outline(self.body).distance(_complex(at, units)) / units.length, half
         needed = half if self.floor is None else np.where(owner < self.emerging, self.floor, half)
         return (at - np.asarray(self.body.point) / units.length) @ np.asarray(self.body.normal), needed
 
@@ -366,7 +366,7 @@ def _complex(points: Array, units: Units) -> Array:
 
 def _from_object(pieces: tuple[Part, ...], points: Array, rough: bool) -> Array:
     """Distances (K,) of complex points (K,) in the object's frame [m], to 1e-5 of its size where that is enough."""
-    shapes = tuple(outline_of(piece) for piece in pieces)
+    shapes = tuple(surface_of(piece).own_outline(piece) for piece in pieces)
     if rough:
         return rough_distance(shapes, points)
     return np.asarray(np.min([shape.distance(points) for shape in shapes], axis=0))

@@ -21,7 +21,7 @@ from continuum_grasp.grasp.starts.scan.task import Rows, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import Branch, beside, scanned
 from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
-from continuum_grasp.model import family_class
+from continuum_grasp.model import Family
 from continuum_grasp.scene import GraspScene
 
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
@@ -46,7 +46,7 @@ def is_scanned(scene: GraspScene, on: frozenset[str]) -> bool:
         return False
     (setup,) = scene.setups
     middles = sum(name in on for name in setup.middle_names)
-    two_arcs = setup.elements == 2 and family_class(setup.family).degree == 0
+    two_arcs = setup.elements == 2 and Family.named(setup.family).degree == 0
     return middles == 1 or (middles == 0 and two_arcs and setup.tip_name in on)
 
 

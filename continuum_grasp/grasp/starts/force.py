@@ -20,7 +20,7 @@ from continuum_grasp.grasp.starts.scan.curves import curvature_at, gauss_legendr
 from continuum_grasp.grasp.starts.scan.kernel import within_bounds
 from continuum_grasp.grasp.starts.scan.task import FINE
 from continuum_grasp.grasp.starts.values import ContactStart, Pose
-from continuum_grasp.model import family_class
+from continuum_grasp.model import Family
 from continuum_grasp.scene import FAMILIES, FingerSetup, GraspScene
 
 _NODES, _WEIGHTS = gauss_legendre(4)
@@ -201,7 +201,7 @@ class _Mesh:
         """The elements of a finger, or fewer where it has many."""
         few, count = setup.elements <= FINE, len(candidates)
         counts = tuple(n if few else min(n, 2) for n in np.diff((0, *setup.before, setup.elements)).tolist())
-        at, share, shapes = _elements(counts, few and family_class(setup.family).degree == 0)
+        at, share, shapes = _elements(counts, few and Family.named(setup.family).degree == 0)
         ends = np.concatenate([np.zeros((count, 1)), candidates.joints, np.ones((count, 1))], axis=1)
         return _Mesh(ends @ at, ends @ share, shapes, FAMILIES[setup.family].matches_tip)
 

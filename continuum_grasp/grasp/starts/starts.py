@@ -28,7 +28,7 @@ from continuum_grasp.grasp.starts.force import (
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, Pose, interleaved
-from continuum_grasp.model import family_class
+from continuum_grasp.model import Family
 from continuum_grasp.scene import GraspScene
 
 
@@ -148,7 +148,7 @@ class Weighing:
         self.setups, self.loads = scene.setups, loads_of(scene)
         # Arcs have too few curvatures to be bent towards balance.
         alone = [
-            setup.switches.keys() & on == {setup.tip_name} and family_class(setup.family).degree > 0
+            setup.switches.keys() & on == {setup.tip_name} and Family.named(setup.family).degree > 0
             for setup in self.setups
         ]
         self._tips_alone = len(alone) > 1 and all(alone)

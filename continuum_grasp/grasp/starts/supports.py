@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.grasp.starts.scan.curves import EXACT
 from continuum_grasp.grasp.starts.values import ContactStart, Pose
-from continuum_grasp.model import GrownOutline, outline_of
+from continuum_grasp.model import GrownOutline, surface_of
 from continuum_grasp.scene import FingerSetup, GraspScene, Peg, Wall
 
 Interval = tuple[float, float]
@@ -21,7 +21,7 @@ _MORE_BASES = (4, 2)
 
 def object_outlines(scene: GraspScene) -> tuple[GrownOutline, ...]:
     """The object's parts in its own frame, not grown."""
-    return tuple(outline_of(part) for part in scene.object.parts)
+    return tuple(surface_of(part).own_outline(part) for part in scene.object.parts)
 
 
 def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> dict[str, ContactStart]:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from continuum_grasp.model.family import Family
 from continuum_grasp.model.laws.section import Bend, Kind, Number, Numbers, SectionLaw, cells, numbers_of_branches
-from continuum_grasp.model.memory import clipped
+from continuum_grasp.model.memory import Memory
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene import Finger
 
@@ -47,7 +47,7 @@ class DryFrictionLaw(SectionLaw):
     def energy(self, bend: Bend) -> Scalar:
         total: Scalar = 0.0
         for z, (stiffness, limit) in zip(bend.states, self.branches, strict=True):
-            y = clipped(z)
+            y = Memory.clipped(z)
             total += limit * limit / stiffness * (z * y - 0.5 * (y * y))
         return total
 

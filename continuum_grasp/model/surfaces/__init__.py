@@ -10,10 +10,10 @@ import casadi as ca
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces.offset_polygon import PolygonSurface
 from continuum_grasp.model.surfaces.superellipse import SuperellipseSurface
-from continuum_grasp.model.surfaces.surface import GrownOutline, Nearest, Surface, chosen, own_outline
+from continuum_grasp.model.surfaces.surface import Nearest, Surface, chosen
 from continuum_grasp.scene import OffsetPolygon, Part, SuperellipsePart
 
-__all__ = ["nearest", "outline_of", "surface_of"]
+__all__ = ["nearest", "surface_of"]
 
 _SURFACES: dict[type[Part], Callable[[Any], Surface[Any]]] = {
     OffsetPolygon: PolygonSurface.of,
@@ -24,11 +24,6 @@ _SURFACES: dict[type[Part], Callable[[Any], Surface[Any]]] = {
 def surface_of(part: Part) -> Surface[Any]:
     """The surface of a part."""
     return _SURFACES[type(part)](part)
-
-
-def outline_of(part: Part) -> GrownOutline:
-    """The outline of a part in the object's frame, not grown."""
-    return own_outline(surface_of(part), part)
 
 
 def nearest(parts: Sequence[Part], at: Vec) -> Nearest:

@@ -262,7 +262,7 @@ class Surface(ABC, Generic[P]):
         """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
         frame, the distances (K,) [m], negative inside, and the curvatures (K,) there [1/m], infinite at a sharp corner.
         """
-        outline = own_outline(self, part)
+        outline = self.own_outline(part)
         distances, walks = outline.nearest(points[:, 0] + 1j * points[:, 1])
         at = outline.walk(walks)
         with np.errstate(divide="ignore"):
@@ -283,8 +283,11 @@ class Surface(ABC, Generic[P]):
     def outline(self, part: P, frame: Frame, grown: float) -> GrownOutline:
         """The outline in other coordinates, grown by a distance of these coordinates."""
 
+    def own_outline(self, part: P) -> GrownOutline:
+        """The outline of a part in the object's frame, not grown."""
+        return _own_outline(self, part)
+
 
 @lru_cache(maxsize=256)
-def own_outline(surface: Surface[P], part: P) -> GrownOutline:
-    """The outline of a part in the object's frame, not grown."""
+def _own_outline(surface: Surface[P], part: P) -> GrownOutline:
     return surface.outline(part, Frame(), 0.0)

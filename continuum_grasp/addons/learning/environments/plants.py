@@ -17,7 +17,7 @@ from continuum_grasp.addons.sweeps import Sweep, SweepPlan, SweepPoint, plan_of,
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Outputs, Prediction, Setpoints
-from continuum_grasp.model import element_lengths, nominal_values
+from continuum_grasp.model import Parameters, element_lengths
 from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ControlScene, Scene, doubt, scene_of
 from continuum_grasp.simulation import Signals
 
@@ -211,7 +211,7 @@ def _finger_parameters(around: Sequence[Scene]) -> dict[str, Array]:
 
 def _values(scene: Scene) -> dict[str, list[float]]:
     lengths = element_lengths(scene.finger.profile, scene.contacts, scene.fidelity.elements)
-    return nominal_values(scene.finger, scene.gravity, lengths)
+    return Parameters.nominal_values(scene.finger, scene.gravity, lengths)
 
 
 def _object_parameters(scenes: Sequence[ControlScene]) -> tuple[tuple[str, ...], Array]:

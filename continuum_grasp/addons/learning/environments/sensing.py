@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.addons.learning.environments.plants import Plants
 from continuum_grasp.base import Array, InputError, split_unit
-from continuum_grasp.control import UNLIMITED, load_library, measurement_range
-from continuum_grasp.core import CSource, Template
+from continuum_grasp.control import UNLIMITED, measurement_range
+from continuum_grasp.core import Compiler, CSource, Template
 from continuum_grasp.model import lag_names
 
 STATE = "state"
@@ -42,7 +42,7 @@ class ControlPeriods:
         words |= {f"n{name}1": max(size, 1) for name, size in self.sizes.items()}  # C has no empty arrays
         text = Template.of("addons.learning.environments", "period.c").filled(words)
         source = f"{functions}\n{Template.of('core', 'gather.c').text}\n{text}"
-        self._code = load_library(source, "an environment").environment_period
+        self._code = Compiler.load(source, "an environment").environment_period
         self._code.restype = None
 
     def __call__(

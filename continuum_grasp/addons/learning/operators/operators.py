@@ -25,7 +25,7 @@ from continuum_grasp.base import (
     whole,
 )
 from continuum_grasp.core import Core, finite
-from continuum_grasp.model import MATRICES, FingerModel, Remade, System
+from continuum_grasp.model import FingerModel, Remade, System
 from continuum_grasp.scene import INTEGRATORS
 
 
@@ -272,7 +272,7 @@ def _shaped(function: Any, outputs: list[Any]) -> Any:
     """Outputs in their own shapes; CasADi is column-major."""
     shaped = []
     for k, value in enumerate(outputs):
-        if f"{function.name()}.{function.name_out(k)}" in MATRICES:
+        if f"{function.name()}.{function.name_out(k)}" in FingerModel.MATRICES:
             height, width = function.size_out(k)
             value = value.reshape(*value.shape[:-1], width, height).swapaxes(-1, -2)
         shaped.append(value)

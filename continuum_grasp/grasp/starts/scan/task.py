@@ -19,7 +19,7 @@ from continuum_grasp.grasp.shape import skin
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import EXACT, bends, sample
 from continuum_grasp.grasp.starts.values import Pose
-from continuum_grasp.model import Frame, GrownOutline, family_class, surface_of
+from continuum_grasp.model import Family, Frame, GrownOutline, surface_of
 from continuum_grasp.scene import FingerSetup, GraspScene
 
 ALLOWED = 2e-3
@@ -218,7 +218,7 @@ def make_task(
         rest=side * float(profile.rest_curvature(places).mean()) / scale,
         counts=tuple(b - a for a, b in pairwise(marks)),
         nodes=tuple(k / few for k in range(few + 1)),
-        arcs=family_class(setup.family).degree == 0,
+        arcs=Family.named(setup.family).degree == 0,
         bending_range=looser * setup.bending_range,
         bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),
         walls=tuple(
