@@ -16,8 +16,7 @@ from typing import Any
 
 from benchmarks.harness import CFLAGS, compiler, run
 from continuum_grasp import __version__
-from continuum_grasp.results import created_now, versions
-from continuum_grasp.results.record import machine
+from continuum_grasp.results import provenance
 
 RESULTS = Path(__file__).with_name("results")
 REMARK = (str, "on this run, such as what ran beside it")
@@ -73,14 +72,15 @@ def begun(
 
 def describe() -> dict[str, Any]:
     """Command, processor, cores, governor, load before the run, versions, compiler and its flags."""
+    about = provenance()
     return {
         "command": _command(),
         "cpu": _cpu_model(),
         "cores": os.cpu_count(),
         "governor": _read("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor") or "not readable",
         "load_average": _load(),
-        "system": " ".join(machine()[key] for key in ("system", "release", "architecture")),
-        **versions(),
+        "system": " ".join(about["platform"][key] for key in ("system", "release", "architecture")),
+        **about["versions"],
         "continuum_grasp": __version__,  # of the sources that run, which an older installation does not know
         "compiler": _compiler_version(),
         "flags": " ".join(CFLAGS),
@@ -152,7 +152,7 @@ class Report:
         """Everything, with plain JSON numbers (NaN as null)."""
         data = {
             "name": self.name,
-            "created": created_now(),
+            "created": provenance()["created"],
             "status": self.status,
             "seed": self.seed,
             "machine": self.machine,

@@ -39,7 +39,7 @@ from continuum_grasp.addons.mission import plant as mission_plant
 from continuum_grasp.addons.mission.from_grasp import _control_scene
 from continuum_grasp.addons.planning import PlanScene
 from continuum_grasp.addons.planning.search import PlanSearch
-from continuum_grasp.addons.sweeps import Sweep, plan_of
+from continuum_grasp.addons.sweeps import Sweep, SweepPlan
 from continuum_grasp.addons.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.closed_loop.chain_system import ChainSystem
@@ -329,7 +329,7 @@ def excited(scene: Scene, options: Excitation) -> Scene:
 
 def of_sweep(sweep: Sweep) -> Iterator[object]:
     """Which scenes a sweep consists of, what its table holds, and its pictures."""
-    plan = plan_of(sweep)
+    plan = SweepPlan.of(sweep)
     yield from (plan.variation.base, len(plan), [plan.point(k) for k in range(min(len(plan), 9))])
     yield from (plan.keys, plan.columns, plan.units, plan.pictures)
 

@@ -31,14 +31,12 @@ from .labels import Summarized as Summarized
 from .labels import amount_text as amount_text
 from .labels import clipped as clipped
 from .labels import columns as columns
-from .labels import name_of as name_of
 from .labels import nearest as nearest
 from .labels import prefixed as prefixed
 from .labels import prefixes as prefixes
 from .labels import quoted as quoted
 from .labels import split_unit as split_unit
 from .labels import table as table
-from .labels import unit_of as unit_of
 from .shell import COMMAND as COMMAND
 from .shell import command_line as command_line
 from .shell import command_words as command_words

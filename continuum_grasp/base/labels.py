@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 _PARTS = {"": 1.0, "m": 1e3, "\N{MICRO SIGN}": 1e6}
 _MULTIPLES = {"M": 1e-6, "k": 1e-3, "": 1.0}
@@ -36,20 +36,17 @@ def amount_text(value: float, unit: str, form: str = ".3g") -> str:
     return f"{factor * value:{form}} {shown}".rstrip()
 
 
-def split_unit(label: str) -> tuple[str, str]:
-    """Name and unit of a label; the unit is empty where there is none."""
+class SplitLabel(NamedTuple):
+    """Name and unit of an entry; the unit is empty where there is none."""
+
+    name: str
+    unit: str
+
+
+def split_unit(label: str) -> SplitLabel:
+    """Name and unit of a label, ``"name [unit]"``."""
     name, bracket, unit = label.partition(" [")
-    return (name, unit[:-1]) if bracket and unit.endswith("]") else (label, "")
-
-
-def name_of(label: str) -> str:
-    """The name without its unit."""
-    return split_unit(label)[0]
-
-
-def unit_of(label: str) -> str:
-    """The unit behind a name."""
-    return split_unit(label)[1]
+    return SplitLabel(name, unit[:-1]) if bracket and unit.endswith("]") else SplitLabel(label, "")
 
 
 _LINE = 96

@@ -15,6 +15,5 @@ from .run import FingerLoop as FingerLoop
 from .run import run_closed_loop as run_closed_loop
 from .run import run_fingers as run_fingers
 from .shared_object import SharedModel as SharedModel
-from .tracking import LEAST_FORCE as LEAST_FORCE
 from .tracking import missed_setpoints as missed_setpoints
 from .wiring import Wiring as Wiring

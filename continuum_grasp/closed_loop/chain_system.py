@@ -32,7 +32,7 @@ from continuum_grasp.model import (
     column,
     named,
 )
-from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ForceLoad, Initial, Scene
+from continuum_grasp.scene import Consumer, ForceLoad, Initial, Scene
 
 OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """Numbers of the finger that may be changed without compiling anew."""
@@ -320,7 +320,7 @@ _GUIDES = Consumer(
         "initial.reached_by=state": "state is that of cells, which a chain of guides has not",
     },
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         "finger.damping.per_arc": "the plant has as much material damping in its place",
         "finger.damping.friction_cells": "there is no dry friction",
         "finger.tendons.friction_cells": "each guide is a cell",

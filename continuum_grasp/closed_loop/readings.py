@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from continuum_grasp.base import Array, unit_of
+from continuum_grasp.base import Array, split_unit
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.tracking import Tracking, amount
 from continuum_grasp.control import Outputs, Prediction, Stages, curvature_limits
@@ -95,7 +95,7 @@ class Readings:
     def bounds(self, x: Array, u: Array, w: Array, held: Array, period: float) -> list[Bound]:
         """By how much each bound is exceeded at K instants; zones themselves, without the clearance asked for."""
         scene, bounds = self._scene, self._scene.controller.bounds
-        unit = unit_of(self._stages.u_names[0])
+        unit = split_unit(self._stages.u_names[0]).unit
         beyond = np.maximum(u - self._stages.u_max, self._stages.u_min - u).max(axis=1)
         span = float(np.max(self._stages.u_max - self._stages.u_min))
         exceeded = [Bound("input", unit, beyond, span)]

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.base import Array, amount_text, columns, name_of, unit_of
+from continuum_grasp.base import Array, amount_text, columns, split_unit
 from continuum_grasp.closed_loop.readings import Bound, Metrics, PhaseTimes, Readings, violation_of
 from continuum_grasp.closed_loop.tracking import Tracked, amount, missed_setpoints, rms, tracked_groups, tracking_of
 from continuum_grasp.control import Adapted, ControlLog, spread
@@ -228,8 +228,8 @@ class ControlRun(MotionResult):
     def metrics(self) -> Metrics:
         """Compute tracking error, effort, violations, times and counts."""
         error, u = self.tracked - self.r, self.u
-        names = [name_of(name) for name in self.r_names]
-        inputs = [names.index(name) for name in map(name_of, self.u_names) if name in names]
+        names = [split_unit(name).name for name in self.r_names]
+        inputs = [names.index(name) for name in (split_unit(name).name for name in self.u_names) if name in names]
         away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
         held = np.vstack([u[:1], u[:-1]])
         steps = self.phase_times.sum(axis=1) if self.timed_phases else np.zeros(0)
@@ -239,7 +239,7 @@ class ControlRun(MotionResult):
             cost=float(0.5 * self.period * np.sum(self.weights * error[:-1] ** 2)),
             effort_rms=rms(np.linalg.norm(away, axis=1)),
             rate_rms=rms(np.linalg.norm(u - held, axis=1) / self.period),
-            input_unit=unit_of(self.u_names[0]),
+            input_unit=split_unit(self.u_names[0]).unit,
             violations=tuple(map(violation_of, self.bounds)),
             times=tuple(PhaseTimes(name, **spread(column)) for name, column in durations) if steps.size else (),
             late=int(np.sum(steps > self.deadline)),
@@ -265,7 +265,7 @@ class ControlRun(MotionResult):
     @cached_property
     def _disturbed(self) -> list[tuple[int, int]]:
         """Columns in ``parameters`` and in ``std`` of each disturbance."""
-        columns = {name_of(name): k for k, name in enumerate(self.p_names)}
+        columns = {split_unit(name).name: k for k, name in enumerate(self.p_names)}
         added_to = [_parameter(name) for name in self.estimated_names]
         return [(columns[name], k) for k, name in enumerate(added_to) if name in columns]
 
@@ -395,7 +395,7 @@ _RELATIVE, _OF_MASS = "_error [1]", "_error [kg]"
 def _parameter(name: str) -> str:
     """The parameter that a disturbance of the estimator adds to, by its name without unit and what tells them apart."""
     name = name.removesuffix(_RELATIVE).removesuffix(_OF_MASS)
-    return name_of(name.removeprefix("unknown_"))
+    return split_unit(name.removeprefix("unknown_")).name
 
 
 def log_text(run: ControlRun) -> str:

@@ -17,9 +17,6 @@ FINAL = 0.1
 _STOOD = 6.5
 """Natural times of a finger for which a setpoint has to stand for its error at the end to count [1]: some periods of
 its sway, 0.5 s of the hand finger."""
-LEAST_FORCE = 5.0
-"""Size that a force counts with where none is asked for, and least scale of goals, per E I / L^2 of the finger [1]:
-0.9 N of the hand finger."""
 _OFF = 0.05
 """Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
 moves the tip as far; of forces twice that share of the greatest that is asked for, as of weighted goals of plans."""
@@ -85,7 +82,7 @@ def missed_setpoints(
         aim = rows.any() or getattr(reference, group.reference) is not None
         # By the greatest force that the reference asks for over the run: a tenth of what bends the finger may be all of
         # it. One of zeros asks that nothing presses.
-        force = float(np.abs(rows).max()) or LEAST_FORCE * rod.stiffness / rod.length**2
+        force = float(np.abs(rows).max()) or rod.least_force
         limit = {"m": _OFF * rod.length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
         # Instants are sums of rounded periods.
         if aim and off > limit and stood >= max(_STOOD * rod.natural_time, FINAL * t[-1]) * (1.0 - 1e-9):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, name_of, shown, unmasked
+from continuum_grasp.base import Array, InputError, shown, split_unit, unmasked
 from continuum_grasp.core import finite
 
 
@@ -26,7 +26,7 @@ def named(
     A name of ``groups`` stands for all entries of its slice that are not given by their own. ``InputError`` for unknown
     names, for a value that is no number, and without a default for missing names.
     """
-    order = [name_of(name) for name in names]
+    order = [split_unit(name).name for name in names]
     places: dict[str, Any] = {**groups, **{name: k for k, name in enumerate(order)}}
     unknown = [name for name in value if name not in places]
     missing = [name for name in order if name not in value] if default is None else []

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from continuum_grasp.base import Array, InputError, Summarized, name_of, quoted
+from continuum_grasp.base import Array, InputError, Summarized, quoted, split_unit
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.status import (
@@ -134,7 +134,10 @@ class Command(Summarized):
     @property
     def inputs(self) -> dict[str, float]:
         """The command by name of its entries."""
-        return {name_of(name): value for name, value in zip(self._control.stages.u_names, self.u.tolist(), strict=True)}
+        return {
+            split_unit(name).name: value
+            for name, value in zip(self._control.stages.u_names, self.u.tolist(), strict=True)
+        }
 
     def planned(self, name: str) -> Array:
         """Course of an input (N,), or else of a state (N + 1,), in the last plan.
@@ -143,10 +146,10 @@ class Command(Summarized):
         """
         s = self._control.stages
         for values, labels in zip(self.plan[::-1], (s.u_names, s.x_names), strict=True):
-            order = [name_of(label) for label in labels]
+            order = [split_unit(label).name for label in labels]
             if name in order:
                 return values[:, order.index(name)]
-        known = ", ".join(dict.fromkeys(name_of(label) for label in (*s.u_names, *s.x_names)))
+        known = ", ".join(dict.fromkeys(split_unit(label).name for label in (*s.u_names, *s.x_names)))
         raise InputError(f"expected one of {known}, got {name!r:.60}", key="name")
 
     @property
@@ -178,7 +181,7 @@ class Command(Summarized):
         if s.scenarios is not None:  # the plan is that of the first
             p = s.scenarios.scale[0] * p + s.scenarios.shift[0]
         largest = np.abs(s.ends(plan.x[:-1], plan.u, p) - plan.x[1:]).max(axis=0).tolist()
-        return {name_of(name): value for name, value in zip(s.x_names, largest, strict=True)}
+        return {split_unit(name).name: value for name, value in zip(s.x_names, largest, strict=True)}
 
     @property
     def violated(self) -> dict[str, float]:

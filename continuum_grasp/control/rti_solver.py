@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, InputError, check_arguments, name_of, positive, whole
+from continuum_grasp.base import Array, InputError, check_arguments, positive, split_unit, whole
 from continuum_grasp.control.arguments import named, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
@@ -162,8 +162,8 @@ class RtiSolver(CompiledController):
         """States and inputs over the horizon, each stage after the other."""
         s = self.stages
         x, u = np.zeros((s.stages + 1, s.nx)), np.tile(self.safe, (s.stages, 1))
-        courses = {name_of(name): x[:, k] for k, name in enumerate(s.x_names[: s.nd])}
-        courses |= {name_of(name): u[:, k] for k, name in enumerate(s.u_names)}
+        courses = {split_unit(name).name: x[:, k] for k, name in enumerate(s.x_names[: s.nd])}
+        courses |= {split_unit(name).name: u[:, k] for k, name in enumerate(s.u_names)}
         for name, value in guess.items():
             if name not in courses:
                 raise InputError(f"expected some of {', '.join(courses)}, got {name!r:.60}", key="guess")

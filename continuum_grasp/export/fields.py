@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import name_of
+from continuum_grasp.base import split_unit
 from continuum_grasp.core import Template, literal
 
 
@@ -218,7 +218,7 @@ def identifiers(labels: Iterable[str]) -> list[str]:
     """C identifiers of labels ``name [unit]``, each once."""
     names: list[str] = []
     for label in labels:
-        name = re.sub(r"\W+", "_", name_of(label), flags=re.ASCII).strip("_")
+        name = re.sub(r"\W+", "_", split_unit(label).name, flags=re.ASCII).strip("_")
         name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
         further = (f"{name}_{count}" for count in itertools.count(2))
         names.append(name if name not in names else next(candidate for candidate in further if candidate not in names))

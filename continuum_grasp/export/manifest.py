@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 
 from continuum_grasp import __version__
-from continuum_grasp.base import InputError, name_of
+from continuum_grasp.base import InputError, split_unit
 from continuum_grasp.export.accuracy import OutputError, Report
 from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.control.loop import Loop
@@ -49,7 +49,10 @@ def manifest(
         "structs": {s.name: [entry(field) for field in s.fields] for s in contents.structs},
         "nominal_parameters": {}
         if model is None
-        else dict(zip(map(name_of, subject.moving.p_names), map(float, subject.moving.p_nominal), strict=True)),
+        else {
+            split_unit(label).name: float(value)
+            for label, value in zip(subject.moving.p_names, subject.moving.p_nominal, strict=True)
+        },
         "functions": _functions(contents, report),
         "codes": {code.name: {"value": int(code), "text": code.text} for code in contents.codes},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in contents.kernels},

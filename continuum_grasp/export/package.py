@@ -28,16 +28,16 @@ from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
 from continuum_grasp.export.targets import example_files, measure, measured_core, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 from continuum_grasp.results import check_folder
-from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
+from continuum_grasp.scene import Consumer
 
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
     "export to c, operators",
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
         **{f"time.{key}": "steps are the caller's" for key in ("duration", "method", "tolerance", "space_error")},
-        **LEAST_COMMANDS,
+        **Consumer.LEAST_COMMANDS,
     },
 )
 _LOOP = Consumer(

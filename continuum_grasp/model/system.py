@@ -20,7 +20,7 @@ from continuum_grasp.model.functions import Functions, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.parameters import ModelOptions
 from continuum_grasp.model.planar import Vec, column
-from continuum_grasp.scene import Consumer, Finger, FingerScene, Surroundings, refusals
+from continuum_grasp.scene import Consumer, Finger, FingerScene, Surroundings
 
 _ANY = " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION))
 _SHARE = f"object_parameters={CONTACT_FRICTION}"
@@ -29,7 +29,7 @@ _OF_OBJECTS = (
     Consumer.beside(_ANY, lambda s: s is None, "needs an object"),
     Consumer.beside(_SHARE, lambda s: not (s.contact_law and s.contact_law.friction), _OF_FRICTION),
     Consumer.beside("object_parameters=object_x object_parameters=object_y", lambda s: s.object_moves, _STATE),
-    *refusals("object_parameters=object_mass without object_moves: needs an object that moves"),
+    *Consumer.refusals("object_parameters=object_mass without object_moves: needs an object that moves"),
 )
 
 

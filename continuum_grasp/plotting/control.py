@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.base import amount_text, split_unit, unit_of
+from continuum_grasp.base import amount_text, split_unit
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.style import FORBIDDEN, Color, Z
@@ -70,7 +70,7 @@ def plot_inputs(ax: Axes, run: Any) -> str:
             ax.stairs(column[: len(run.t) - 1], run.t, baseline=None, **look)
     for limit in np.unique(run.scene.input_limits):
         ax.axhline(limit, color=Color.GRAY, linewidth=0.9, linestyle="--", zorder=1)
-    return f"input [{unit_of(run.u_names[0])}]"
+    return f"input [{split_unit(run.u_names[0]).unit}]"
 
 
 @axes.over_time()
@@ -131,8 +131,8 @@ def plot_bounds(ax: Axes, run: ControlRun) -> str:
 def plot_disturbances(ax: Axes, run: ControlRun) -> str:
     """Draw the estimated disturbances of the first one's unit, with two standard deviations either way."""
     names = run.disturbance_names
-    unit = unit_of(names[0]) if names else ""
-    chosen = [k for k, name in enumerate(names) if unit_of(name) == unit]
+    unit = split_unit(names[0]).unit if names else ""
+    chosen = [k for k, name in enumerate(names) if split_unit(name).unit == unit]
     for k, color in zip(chosen, axes.colors(len(chosen)), strict=True):
         value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
         ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)

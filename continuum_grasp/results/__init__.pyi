@@ -13,15 +13,12 @@ from .plain_values import digest as digest
 from .plain_values import plain as plain
 from .plain_values import yaml_text as yaml_text
 from .record import begin_run as begin_run
-from .record import created_now as created_now
 from .record import naming as naming
-from .record import versions as versions
+from .record import provenance as provenance
 from .result import Format as Format
 from .result import Result as Result
 from .result import Style as Style
 from .run_folder import Run as Run
-from .run_folder import pack_run as pack_run
 from .run_folder import read_run as read_run
-from .run_folder import write_packed_run as write_packed_run
 from .run_folder import write_run as write_run
 from .tables import pareto as pareto

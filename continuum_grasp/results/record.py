@@ -20,7 +20,7 @@ _PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": 
 
 
 @functools.cache
-def versions() -> dict[str, str]:
+def _versions() -> dict[str, str]:
     """Versions of Python, the package, CasADi and numpy, ``"not installed"`` in a plain checkout; not to be changed."""
     installed = {"python": platform.python_version()}
     for name, distribution in _PACKAGES.items():
@@ -31,7 +31,7 @@ def versions() -> dict[str, str]:
     return installed
 
 
-def machine() -> dict[str, str]:
+def _machine() -> dict[str, str]:
     """Operating system, its release, processor architecture and Python implementation; no host or user name."""
     return {
         "system": platform.system(),
@@ -41,9 +41,10 @@ def machine() -> dict[str, str]:
     }
 
 
-def created_now() -> str:
-    """Time of now in UTC as ISO 8601 to the second."""
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+def provenance() -> dict[str, Any]:
+    """Time of now, ``created`` in UTC as ISO 8601 to the second, ``versions`` of the software, and ``platform``."""
+    now = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    return {"created": now, "versions": _versions(), "platform": _machine()}
 
 
 RECORD = ".run.json"

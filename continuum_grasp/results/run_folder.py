@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from continuum_grasp.base import InputError, Summarized, check_arguments
 from continuum_grasp.results.atomic import flush_folder, replacing, write_text
 from continuum_grasp.results.plain_values import digest, plain
-from continuum_grasp.results.record import begin_run, created_now, machine, naming, swapped, versions
+from continuum_grasp.results.record import begin_run, naming, provenance, swapped
 
 RESULT = "result.npz"
 META = "meta.json"
@@ -51,6 +51,21 @@ class Run(Summarized):
     def pairs(self) -> dict[str, str]:
         """Size of each array."""
         return {name: f"{array.shape} {array.dtype}" for name, array in self.arrays.items()}
+
+    @staticmethod
+    def pack(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> bytes:
+        """The content of ``result.npz`` alone, for who writes many runs elsewhere, by `write_packed`."""
+        return _packed(arrays, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
+
+    @staticmethod
+    def write_packed(folder: Path, content: bytes) -> None:
+        """Write what `pack` gave into a folder, without a record of its files; `read_run` reads it."""
+        target = folder / RESULT
+        with naming(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+        # Always the same name: what a killed process leaves is replaced.
+        with swapped(target, "") as temporary:
+            temporary.write_bytes(content)
 
 
 def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> Path:
@@ -116,21 +131,6 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
     return target
 
 
-def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> bytes:
-    """The content of ``result.npz`` alone, for who writes many runs elsewhere, by `write_packed_run`."""
-    return _packed(arrays, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
-
-
-def write_packed_run(folder: Path, content: bytes) -> None:
-    """Write what `pack_run` gave into a folder, without a record of its files; `read_run` reads it."""
-    target = folder / RESULT
-    with naming(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
-    # Always the same name: what a killed process leaves is replaced.
-    with swapped(target, "") as temporary:
-        temporary.write_bytes(content)
-
-
 @check_arguments
 def read_run(folder: str | os.PathLike[str]) -> Run:
     """Read a run that `write_run` wrote.
@@ -185,14 +185,15 @@ def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
     if recorded:
         raise InputError(f"recorded by the run folder itself, not given: {', '.join(sorted(recorded))}", key="meta")
     config = entries.pop("config", None)
+    about = provenance()
     return {
         "format_version": FORMAT_VERSION,
-        "created": created_now(),
+        "created": about["created"],
         "status": entries.pop("status", None),
         "seed": entries.pop("seed", None),
         "config_sha256": None if config is None else digest(config),
-        "versions": {**versions(), **entries.pop("versions", {})},
-        "platform": machine(),
+        "versions": {**about["versions"], **entries.pop("versions", {})},
+        "platform": about["platform"],
         **entries,
         "config": config,
     }

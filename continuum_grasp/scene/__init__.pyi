@@ -3,11 +3,7 @@ from .assembly import Overrides as Overrides
 from .config_kinds import DEFINITIONS as DEFINITIONS
 from .config_kinds import kind_of_scene as kind_of_scene
 from .config_kinds import kinds as kinds
-from .consumer import LEAST_COMMANDS as LEAST_COMMANDS
-from .consumer import LIMITS_OF_BENDING as LIMITS_OF_BENDING
-from .consumer import LIMITS_OF_COMMANDS as LIMITS_OF_COMMANDS
 from .consumer import Consumer as Consumer
-from .consumer import refusals as refusals
 from .control import ControlScene as ControlScene
 from .controller import Bounds as Bounds
 from .controller import CommandedScene as CommandedScene
@@ -120,7 +116,6 @@ from .surroundings import ContactLaw as ContactLaw
 from .surroundings import Surroundings as Surroundings
 from .surroundings import Table as Table
 from .table import DataTable as DataTable
-from .table import csv_text as csv_text
 from .table import read_table as read_table
 from .tendons import AnyTendons as AnyTendons
 from .tendons import Chamber as Chamber

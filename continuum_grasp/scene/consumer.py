@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
@@ -16,24 +16,6 @@ from continuum_grasp.base import InputError
 
 CONSUMERS: dict[str, Consumer] = {}
 """All declarations by name, in the order of their import."""
-LIMITS_OF_BENDING = {
-    "fidelity.frequencies": "of fidelity.tolerance",
-    "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
-    **dict.fromkeys(
-        ("finger.rod.diameter", "finger.rod.thickness"),
-        "beside stiffness and mass it says where the strain limit is reached",
-    ),
-    "supports.touch": "of grasps",
-}
-"""Keys that motions do not need, and why."""
-LEAST_COMMANDS = dict.fromkeys(
-    ("finger.tendons.min_tension", "finger.pressure.min_pressure"), "a limit of commands: from zero on all are taken"
-)
-LIMITS_OF_COMMANDS = {
-    **LEAST_COMMANDS,
-    **dict.fromkeys(("finger.tendons.max_tension", "finger.pressure.max_pressure"), "a limit of commands"),
-}
-"""Keys that limit commands alone, which a scene keeps to; those above are not needed by ranges from zero on."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +47,26 @@ class Consumer:
     unneeded: Mapping[str, str] = field(default_factory=dict)
     where: Callable[[Any], Any] = lambda scene: True
 
+    LIMITS_OF_BENDING: ClassVar[Mapping[str, str]] = {
+        "fidelity.frequencies": "of fidelity.tolerance",
+        "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
+        **dict.fromkeys(
+            ("finger.rod.diameter", "finger.rod.thickness"),
+            "beside stiffness and mass it says where the strain limit is reached",
+        ),
+        "supports.touch": "of grasps",
+    }
+    """Keys that motions do not need, and why."""
+    LEAST_COMMANDS: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("finger.tendons.min_tension", "finger.pressure.min_pressure"),
+        "a limit of commands: from zero on all are taken",
+    )
+    LIMITS_OF_COMMANDS: ClassVar[Mapping[str, str]] = {
+        **LEAST_COMMANDS,
+        **dict.fromkeys(("finger.tendons.max_tension", "finger.pressure.max_pressure"), "a limit of commands"),
+    }
+    """Keys that limit commands alone, which a scene keeps to; those above are not needed by ranges from zero on."""
+
     def __post_init__(self) -> None:
         CONSUMERS[self.name or str(dict(self.refused))] = self
 
@@ -72,6 +74,25 @@ class Consumer:
     def beside(cls, keys: str, where: Callable[[Any], Any], why: str) -> Consumer:
         """Declare that keys, separated by spaces, have no place in some scenes, where giving them is an error."""
         return cls(refused=dict.fromkeys(keys.split(), why), where=where)
+
+    @staticmethod
+    def refusals(rules: str, **functions: Callable[..., Any]) -> tuple[Consumer, ...]:
+        """Declare keys that have no place beside others, or without them: a rule per line, continued where indented.
+
+        ``KEYS with OTHERS: WHY`` refuses keys where one of the others is given, ``KEYS without OTHERS: WHY`` where none
+        is, ``KEYS: WHY`` everywhere; ``table.{point,stays}`` are two keys, and NAME is the last name of each. Others
+        are keys, properties, or ``functions`` that take the scene, and a word as ``differs(NAME)``. Of what is needed,
+        the reason may be left out.
+        """
+        declared = []
+        for line in re.sub(r"\n\s+", " ", inspect.cleandoc(rules)).splitlines():
+            rule = cast(re.Match[str], _RULE.fullmatch(line))
+            for key in _spelled_out(rule["keys"]):
+                name = re.split(r"[.=]", key)[-1]
+                other, why = ((rule[part] or "").replace("NAME", name) for part in ("other", "why"))
+                where = KeyCondition(_spelled_out(other), rule["how"] != "with", functions)
+                declared.append(Consumer.beside(key, where, why or f"needs {other.replace('=', ': ')}"))
+        return tuple(declared)
 
     @staticmethod
     def unknown_laws(who: str, *known: str) -> dict[str, str]:
@@ -111,25 +132,6 @@ class KeyCondition:
 
 
 _RULE = re.compile(r"(?P<keys>[^:]+?)(?: (?P<how>with|without) (?P<other>[^:]+))?(?:: (?P<why>.+))?")
-
-
-def refusals(rules: str, **functions: Callable[..., Any]) -> tuple[Consumer, ...]:
-    """Declare keys that have no place beside others, or without them: a rule per line, going on where it is indented.
-
-    ``KEYS with OTHERS: WHY`` refuses keys where one of the others is given, ``KEYS without OTHERS: WHY`` where none is,
-    ``KEYS: WHY`` everywhere; ``table.{point,stays}`` are two keys, and NAME is the last name of each. Others are keys,
-    properties, or ``functions`` that take the scene, and a word as ``differs(NAME)``. Of what is needed, the reason may
-    be left out.
-    """
-    declared = []
-    for line in re.sub(r"\n\s+", " ", inspect.cleandoc(rules)).splitlines():
-        rule = cast(re.Match[str], _RULE.fullmatch(line))
-        for key in _spelled_out(rule["keys"]):
-            name = re.split(r"[.=]", key)[-1]
-            other, why = ((rule[part] or "").replace("NAME", name) for part in ("other", "why"))
-            where = KeyCondition(_spelled_out(other), rule["how"] != "with", functions)
-            declared.append(Consumer.beside(key, where, why or f"needs {other.replace('=', ': ')}"))
-    return tuple(declared)
 
 
 def _spelled_out(keys: str) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.controller import CommandedScene, ControllerSettings, PlantDifferences
 from continuum_grasp.scene.cost import Reference
 from continuum_grasp.scene.drives import MotorDrive, WinchDrive
@@ -53,7 +53,7 @@ class ControlScene(CommandedScene):
 
     AT = "controller.input"
     REFUSALS = (
-        *refusals(
+        *Consumer.refusals(
             """
             fidelity.tolerance: is not for controllers: give family and elements
             initial.motor_angles: is for statics and simulations alone: command what motors do

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene.consumer import refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.cost import Cost, Reference, RowSamples
 from continuum_grasp.scene.drives import TAKES, LengthDrive
 from continuum_grasp.scene.estimator import Mounting
@@ -144,7 +144,7 @@ class CommandedScene(FingerScene):
     """A scene of one finger whose input is chosen, within limits that are at the key ``AT``."""
 
     AT: ClassVar[str]
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         f"""
         {{controller.,}}input.{{lengths,angles,torques}} without finger.input_keys=NAME: {TAKES}
         finger.tendons.time_constant with some_lag: all tendons lag, or none

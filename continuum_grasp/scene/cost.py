@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import Consumer, refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.loads import Sampled
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Length, ListOf, NonNegative, Position, Positive, Real, Value, Vector2
@@ -89,6 +89,11 @@ class Cost(Value):
             raise ValueError(f"give {names} a weight greater than 0: nothing is tracked")
         if not self.effort and not self.input_rate:
             raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
+
+    def weights(self, term: str) -> tuple[float, float | None]:
+        """Running and terminal weight of a term; None: of what the end of the horizon does not have."""
+        weight: Weight | float = getattr(self, term)
+        return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, None)
 
     def tracked_contacts(self, term: str, names: tuple[str, ...]) -> tuple[str, ...]:
         """Names of the contacts that ``contact_force`` or ``gap`` tracks, among those there are."""
@@ -176,7 +181,7 @@ class Reference(Value):
         """Refuse setpoints that nothing tracks, and weights without a setpoint, at the key of a scene's cost."""
         names = [name for name in cls.model_fields if name != "input"]
         asked = [name for name in names if name not in _WITH_DEFAULT]
-        return refusals(
+        return Consumer.refusals(
             f"""
             reference.{{{",".join(names)}}} without {key}.NAME: nothing tracks it: give {key}.NAME a weight
             reference.input without {key}.effort: nothing tracks it: give {key}.effort a weight

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
@@ -77,7 +77,9 @@ class Pull(NamedTuple):
 class _Winch(Value):
     """Keys that winches have in common."""
 
-    REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals("slack with pretension: and pretension exclude each other")
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = Consumer.refusals(
+        "slack with pretension: and pretension exclude each other"
+    )
 
     arrangement: Literal["one_pulley", "per_tendon"] = "per_tendon"
     """one_pulley: one drive winds up the first of two tendons by as much as it pays out the second; per_tendon: each
@@ -112,7 +114,7 @@ class LengthDrive(_Winch):
 class MotorDrive(_Winch):
     """A motor that turns a winch."""
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         presliding_angle without coulomb_friction
         rate_gain without position_gain

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -214,7 +214,7 @@ class EstimatorSettings(Value):
     `tip_offset`.
     """
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         spread.{object_position,bending_stiffness,tendon_friction} without disturbances.NAME: needs its drift among
             disturbances: what does not drift is not estimated

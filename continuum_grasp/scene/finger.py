@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, refusals
+from continuum_grasp.scene.consumer import FIT_MATCHED_TIP, SECTION_LAWS, Consumer
 from continuum_grasp.scene.drives import ONSET, DriveLaw, Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.loads import Samples
@@ -130,7 +130,7 @@ class BasePose(Value):
 class Finger(Value):
     """A tendon-driven continuum finger."""
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         stops.curvature with rod.spirob: is given already: its gaps close there
         strain_limit without rod.profile.half_depth: needs rod.diameter, or a thickness of a graded rod

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, TypeAlias, TypeVar
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, ListOf, NonNegative, Positive, Real, Value
 
@@ -61,7 +61,7 @@ class Section(Value):
     how thick the finger is and where the strain limit is reached.
     """
 
-    REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals(
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = Consumer.refusals(
         """
         {thickness,width} with diameter: has no place in a round section
         {width,youngs_modulus,density} with bending_stiffness:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import DriveLaw
 from continuum_grasp.scene.grasp_options import (
     Aim,
@@ -47,7 +47,7 @@ _TURNS = 360
 """Parts of the range of a free angle in which the distance from a support is sampled [1]."""
 
 
-_FINGERS = refusals(
+_FINGERS = Consumer.refusals(
     """
     softening: grasps know a linear material alone: leave it out
     gyration_radius: grasps hold by a rod of constant length: leave it out
@@ -67,7 +67,7 @@ _FINGERS = refusals(
     no_pair=lambda finger: isinstance(finger.tendons, tuple) and not _are_pair(finger),
 )
 _PLACES = "stations stand in place of middle contacts: give one of them"
-(_STATIONS,) = refusals(f"contacts.middle with stations: {_PLACES}")
+(_STATIONS,) = Consumer.refusals(f"contacts.middle with stations: {_PLACES}")
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class FingerSetup:
 class GraspScene(Configuration, Supported):
     """Fingers that hold an object, alone or against supports."""
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         f"""
         fidelity.frequencies: is not for grasps, which do not move
         contacts.middle with setups.stations: {_PLACES}

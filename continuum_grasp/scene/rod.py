@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from continuum_grasp.base import InputError
-from continuum_grasp.scene.consumer import refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -112,7 +112,7 @@ class Rod(Section):
     array([1.5707963e-02, 1.5707963e-02, 2.5133000e-05])
     """
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         factors without graded: is for a graded rod
         {thickness,width,diameter,linear_density,bending_stiffness} with parted: is of a rod of one section
@@ -310,6 +310,13 @@ class Rod(Section):
         uniform one.
         """
         return math.sqrt(self.mass * self.length**3 / self.stiffness)
+
+    @property
+    def least_force(self) -> float:
+        """Size that a force counts with where none is asked for, and least scale of goals [N], 5 E I / L^2: 0.9 N of the
+        hand finger.
+        """
+        return 5.0 * self.stiffness / self.length**2
 
     @cached_property
     def profile(self) -> Profile:

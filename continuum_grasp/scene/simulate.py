@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import COMMANDS, TAKES, MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, MomentLoad, Samples
@@ -46,10 +46,10 @@ _EXACT_ROD = Consumer(
     "accuracy by the exact rod",
     refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         **{f"fidelity.{key}": "accuracy compares them" for key in ("family", "elements", "accuracy")},
         "finger.damping.friction_cells": "there is no dry friction",
-        **LIMITS_OF_COMMANDS,
+        **Consumer.LIMITS_OF_COMMANDS,
         "time": "motions are compared over a second at most, in steps of their own",
     },
 )
@@ -95,7 +95,7 @@ class Fidelity(Value):
 class Initial(Value):
     """State at time zero: a named pose, or bending and rates."""
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         friction_states without reached_by=state: friction_states and reached_by: state need each other
         reached_by=state without friction_states: friction_states and reached_by: state need each other
@@ -176,7 +176,7 @@ class Timing(Value):
 class FingerScene(Configuration, Surroundings):
     """Keys that scenes of one finger have in common."""
 
-    REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals(
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = Consumer.refusals(
         """
         initial.reached_by without finger.has_friction: has no effect: neither tendons nor bending have friction
         finger.damping.friction_cells without finger.damping.dry_friction:
@@ -238,7 +238,9 @@ class FingerScene(Configuration, Surroundings):
 class Scene(FingerScene):
     """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
 
-    REFUSALS = refusals("\n".join(f"actuation.{key} without finger.input_keys={key}: {TAKES}" for key in COMMANDS))
+    REFUSALS = Consumer.refusals(
+        "\n".join(f"actuation.{key} without finger.input_keys={key}: {TAKES}" for key in COMMANDS)
+    )
 
     actuation: Actuation | None = None
     """Inputs over time; None: the finger is passive and its tendons are slack."""

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.placement import Supported
@@ -32,7 +32,7 @@ class ContactLaw(Value):
     a smooth onset within ``rounding`` of touching.
     """
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         presliding with slip_speed: has no effect beside slip_speed, which gives friction no state
         law_numbers without law: are of a law of an add-on, without law
@@ -77,7 +77,7 @@ class Table(Value):
     to height zero; with a ``point`` an endless wall in the plane.
     """
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         {stays,friction_radius} with point: is of a table parallel to the plane, without point and normal_angle
         point without normal_angle: point and normal_angle belong together: a table in the plane has both
@@ -120,7 +120,7 @@ class Surroundings(Supported):
     The finger touches the object; supports touch the object only, the finger passes through them.
     """
 
-    REFUSALS: ClassVar[tuple[Consumer, ...]] = refusals(
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = Consumer.refusals(
         """
         object.free: is for grasps; here the object starts where position and angle say
         {contact_law,object_moves,moment_of_inertia,out_of_plane_gravity,table,supports} without object:

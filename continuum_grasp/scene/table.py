@@ -83,6 +83,13 @@ class DataTable:
         lines = tuple(range(2, len(rows) + 2))
         return cls("", tuple(part[1] for part in parts), tuple(part[2] for part in parts), tuple(rows), lines, 1)
 
+    @staticmethod
+    def csv_text(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+        """A table as text, with commas between the cells."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([headings, *rows])
+        return text.getvalue()
+
     def index(self, heading: str) -> int:
         """Number of a column, from 0, by its heading with or without the unit."""
         wanted = _HEADING.fullmatch(heading.strip())
@@ -316,13 +323,6 @@ def _check_widths(
         elif line == lines[-1] and len(row) < len(headings):
             hint = "; the last line is cut off: delete it"
         raise InputError(f"expected {len(headings)} cells, got {len(row)}{hint}", file=file, line=line)
-
-
-def csv_text(headings: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """A table as text, with commas between the cells."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([headings, *rows])
-    return text.getvalue()
 
 
 def _written(text: str) -> tuple[str, list[tuple[int, str]]]:

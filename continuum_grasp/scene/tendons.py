@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from continuum_grasp.scene.consumer import refusals
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
@@ -43,7 +43,7 @@ Offset = Annotated[float, Field(ge=-1e4, le=1e4), Unit("m")]
 class _Tensions(Value):
     """Drive and guides of one tendon."""
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         {axial_stiffness,series_stiffness} without drive:
             has no effect where the tension is commanded: give a drive

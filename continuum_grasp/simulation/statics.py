@@ -21,8 +21,6 @@ from continuum_grasp.base import Array, InputError, SolverError, check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import (
-    LIMITS_OF_BENDING,
-    LIMITS_OF_COMMANDS,
     Actuation,
     Consumer,
     Initial,
@@ -198,7 +196,7 @@ _STATICS = Consumer(
     "statics, modes",
     refused={"object": "statics and modes know no contact: leave the object out"},
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         "name": "a title alone",
         "time": "inputs and loads are those at time zero",
         **dict.fromkeys(
@@ -213,7 +211,7 @@ _STATICS = Consumer(
         "finger.damping.quadratic": "of rates alone, and smaller than small motions",
         "finger.damping.relaxation.time": "what is at rest has relaxed; of small motions all or nothing has",
         "finger.rod.spirob.units": "the taper is the same, however it is cut",
-        **LIMITS_OF_COMMANDS,
+        **Consumer.LIMITS_OF_COMMANDS,
         **{
             f"finger.{key}": "commands are reached"
             for key in (

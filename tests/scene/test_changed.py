@@ -9,7 +9,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.addons.mission import MissionController
-from continuum_grasp.addons.sweeps import plan_of
+from continuum_grasp.addons.sweeps import SweepPlan
 from continuum_grasp.base import InputError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -88,9 +88,9 @@ def test_a_default_above_what_changes_keeps_its_rest():
 
 def test_a_changed_sweep_finds_its_files():
     sweep = cg.load(CONFIGS / "sweep/finger_design.yaml")
-    plan = plan_of(sweep.changed({"set": {"object.mass": 0.123}}))
+    plan = SweepPlan.of(sweep.changed({"set": {"object.mass": 0.123}}))
     assert plan.variation.base["object"]["mass"] == 0.123
-    assert plan.keys == plan_of(sweep).keys == plan_of(CONFIGS / "sweep/finger_design.yaml").keys
+    assert plan.keys == SweepPlan.of(sweep).keys == SweepPlan.of(CONFIGS / "sweep/finger_design.yaml").keys
 
 
 def test_values_are_frozen():

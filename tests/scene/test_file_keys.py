@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from continuum_grasp.addons.sweeps import plan_of
+from continuum_grasp.addons.sweeps import SweepPlan
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import load
 
@@ -105,4 +105,4 @@ def test_a_sweep_names_fingers_beside_itself(configs, how):
         file.write_text(file.read_text().replace("set:\n", f"set:\n  finger: {PATH}\n"))
     else:
         settings = [f"set.finger={PATH}"] if how == "set" else {"set.finger": {"extends": PATH}}
-    assert plan_of(file, settings).variation.base["finger"]["strain_limit"] == 0.05
+    assert SweepPlan.of(file, settings).variation.base["finger"]["strain_limit"] == 0.05

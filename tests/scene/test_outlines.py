@@ -18,8 +18,7 @@ from shapely.affinity import rotate, translate
 
 from continuum_grasp.addons.design import Design
 from continuum_grasp.addons.design.space import SINGLE, design_space_of
-from continuum_grasp.addons.sweeps import Sweep, SweepPoint, scene_data
-from continuum_grasp.addons.sweeps.variation import variation_of
+from continuum_grasp.addons.sweeps import Sweep, SweepPlan
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp.certificate import surfaces
 from continuum_grasp.model import Vec, nearest, surface_of
@@ -270,12 +269,10 @@ def test_scale_and_tolerance_of_an_outline_vary(tmp_path):
     data["object"] = {"shape": "outline", "file": "disc.csv", "scale": "1 mm", "mass": 0.1, "position": [0.04, 0.0]}
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump(data))
     keys = {"object.scale": {"values": ["1 mm", "2 mm"]}, "object.tolerance": {"values": ["0.01 mm", "1 mm"]}}
-    sweep = Sweep(scene=str(tmp_path / "scene.yaml"), vary=keys)
-    varied = variation_of(ConfigurationData.of(sweep, "sweep", tmp_path / "sweep.yaml"))
-    paths = [axis.path for axis in varied.axes]
-    for values in itertools.product(*(axis.values for axis in varied.axes)):
-        scene = GraspScene.model_validate(scene_data(varied.base, paths, SweepPoint(0, values, values)))
-        scale, tolerance = values
+    plan = SweepPlan.of(Sweep(scene=str(tmp_path / "scene.yaml"), vary=keys))
+    for point in plan:
+        scene = GraspScene.model_validate(plan.data_of(point))
+        scale, tolerance = point.values
         assert scene.object.size == pytest.approx(20.0 * scale, abs=2.0 * tolerance)
         # Chords of a circle that stay within a tolerance t of it span angles of acos(1 - t / r) either way.
         least = math.pi / math.acos(1.0 - tolerance / (20.0 * scale))

@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import continuum_grasp as cg
-from continuum_grasp.addons.sweeps import plan_of
+from continuum_grasp.addons.sweeps import SweepPlan
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import ConfigurationData, Samples, Shape, Unit, json_schema, kinds, load, to_si
 from continuum_grasp.scene.shape import alternatives
@@ -290,7 +290,7 @@ follow:
 
 def test_a_sweep_takes_the_units_of_its_keys(file):
     path = file(SWEPT.format(scene=CONFIGS / "grasp" / "mug.yaml"))
-    plan = plan_of(path)
+    plan = SweepPlan.of(path)
     diameter, mass = plan.variation.axes
     assert (diameter.values, diameter.unit) == ((0.07, 0.08, 0.09, 0.1), "m")
     assert mass.values == mass.way.listed == (0.2, 0.4)
@@ -300,10 +300,10 @@ def test_a_sweep_takes_the_units_of_its_keys(file):
     text = Path(path).read_text()
     Path(path).write_text(text.replace("min: 70 mm", "min: 70 g"))
     with pytest.raises(InputError, match=r"scene.yaml:5:26: vary.*: expected a number, got text '70 g'"):
-        plan_of(path)
+        SweepPlan.of(path)
     Path(path).write_text(text.replace("200 g", "200 N"))
     with pytest.raises(InputError, match=r"object.mass: wrong type: expected a mass \[kg\] such as 0.3 or 300 g"):
-        plan_of(path)
+        SweepPlan.of(path)
 
 
 # what every key says

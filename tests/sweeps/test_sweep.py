@@ -8,7 +8,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from continuum_grasp.addons.sweeps import plan_of, scene_data
+from continuum_grasp.addons.sweeps import SweepPlan
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import load
 from tests.sweep_cases import MUG, ROOT
@@ -18,7 +18,7 @@ HEAD = f"schema_version: 1\nscene: {MUG}\n"
 
 
 def plan(**more):
-    return plan_of({"scene": str(MUG), **more})
+    return SweepPlan.of({"scene": str(MUG), **more})
 
 
 def sampled(count=500, method="random", seed=0, **keys):
@@ -145,7 +145,7 @@ def test_the_scene_of_a_point_is_what_the_file_with_overrides_is():
     }
     found = plan(**more)
     for index, extra in enumerate([{}, {"finger.strain_limit": 0.03}]):
-        data = scene_data(found.variation.base, found.paths, found.point(index))
+        data = found.data_of(found.point(index))
         scene = type(load(MUG)).model_validate(data)
         same = {
             "finger": str(FINGER),
@@ -222,6 +222,6 @@ def test_paths_are_relative_to_the_file_of_the_sweep(tmp_path):
     (tmp_path / "soft.yaml").write_text(FINGER.read_text().replace("6.11e-3", "5.0e-3"))
     text = "schema_version: 1\nscene: scene.yaml\nvary: {finger: {values: [{extends: soft.yaml}]}}\n"
     (tmp_path / "sweep.yaml").write_text(text)
-    found = plan_of(tmp_path / "sweep.yaml", ["set={object.mass: 0.5}"])
+    found = SweepPlan.of(tmp_path / "sweep.yaml", ["set={object.mass: 0.5}"])
     assert found.point(0).values[0]["rod"]["bending_stiffness"] == 5.0e-3
     assert found.variation.base["object"]["mass"] == 0.5

@@ -18,13 +18,13 @@ from continuum_grasp.core import Core
 from continuum_grasp.export import check_file, title_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results import write_text
-from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, Scene, csv_text, refusals, scene_of
+from continuum_grasp.scene import Consumer, DataTable, Scene, scene_of
 from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
 
 _LEAST_INERTIA = 1e-15
 """Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
 _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
-(_CARRIED,) = refusals(
+(_CARRIED,) = Consumer.refusals(
     "out_of_plane_gravity without table: the chain is planar: a weight out of the plane that friction carries is not "
     "exported; set table, or 0"
 )
@@ -52,7 +52,7 @@ _CHAIN = Consumer(
         "parameters": "they have their nominal values",
     },
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         "name": "the title of the file alone",
         "contacts": "all links of the finger touch",
         "fidelity": "the chain has hinges of its own; an initial pose and damping per arc are those of the model",
@@ -229,7 +229,7 @@ def _saved(chain: HingeChain, file: Path, scene: Scene) -> HingeChain:
     if chain.varies and scene.time is not None:
         t = np.arange(round(scene.time.duration / scene.time.step) + 1) * scene.time.step
         rows = [[f"{v:.9g}" for v in row] for row in np.column_stack([t, chain.controls(t)])]
-        files.append(write_text(csv_text(["time", *chain.control_names], rows), file.with_suffix(".csv")))
+        files.append(write_text(DataTable.csv_text(["time", *chain.control_names], rows), file.with_suffix(".csv")))
     return replace(chain, files=tuple(files))
 
 

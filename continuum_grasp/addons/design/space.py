@@ -11,9 +11,9 @@ from typing import Any
 from continuum_grasp.addons.design.scene import Design, DesignVariable, Tolerance
 from continuum_grasp.addons.sweeps import Follow, SceneKeys, VariedKey, fault_kinds
 from continuum_grasp.base import InputError
-from continuum_grasp.scene import ConfigurationData, Document, GraspScene, KeyPath, refusals
+from continuum_grasp.scene import ConfigurationData, Consumer, Document, GraspScene, KeyPath
 
-_PAYLOADS = refusals(
+_PAYLOADS = Consumer.refusals(
     """
     robust: payload is that of one posture, not of a grasp that must hold for many; expected another cost and other
         limits, or friction_states: pulled without robust

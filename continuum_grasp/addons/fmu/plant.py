@@ -31,7 +31,7 @@ from continuum_grasp.export import (
     strict_flags,
     title_of,
 )
-from continuum_grasp.scene import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer, ControlScene, Scene
+from continuum_grasp.scene import Consumer, ControlScene, Scene
 from continuum_grasp.simulation import Signals, initial_state
 
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
@@ -43,11 +43,11 @@ _UNIT = Consumer(
         "plant.mounting": "a unit counts as the model does: leave it out",
     },
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         **{f"actuation.tensions.{key}": _START for key in ("times", "interpolation")},
         **dict.fromkeys(("loads.force.times", "reference", "plant.seed"), _START),
         **dict.fromkeys(("time.space_error", "time.method", "time.tolerance"), "of simulate"),
-        **LEAST_COMMANDS,
+        **Consumer.LEAST_COMMANDS,
         "controller.deadline": "the caller has the clock, and says whether the last command was late",
     },
 )

@@ -29,7 +29,7 @@ from continuum_grasp.addons.identification.segments import CommandDesign, Excite
 from continuum_grasp.addons.identification.unknowns import Unknown, prior, read_unknowns
 from continuum_grasp.base import Array, InputError, check_arguments, interruptible
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored, yaml_text
-from continuum_grasp.scene import Scene, csv_text
+from continuum_grasp.scene import DataTable, Scene
 from continuum_grasp.simulation import Trajectory
 
 _ABOUT, _TRIED = 0.2, 4
@@ -414,7 +414,7 @@ def _read_back(data_set: StaticPoses, name: str) -> StaticPoses:
 
 def poses_text(plan: ExperimentPlan) -> str:
     """The poses as a table, in which what is to be measured is empty."""
-    return csv_text(plan.pose_headings, plan.pose_rows)
+    return DataTable.csv_text(plan.pose_headings, plan.pose_rows)
 
 
 def configuration_text(plan: ExperimentPlan) -> str:
@@ -427,7 +427,7 @@ def configuration_text(plan: ExperimentPlan) -> str:
 def commands_text(plan: ExperimentPlan) -> str:
     """The commands as a table for the drives' controller, and for a log."""
     rows = [[f"{value:.9g}" for value in row] for row in np.column_stack([plan.t, plan.commands]).tolist()]
-    return csv_text(("t [s]", *plan.command_names), rows)
+    return DataTable.csv_text(("t [s]", *plan.command_names), rows)
 
 
 def scene_text(plan: ExperimentPlan) -> str:

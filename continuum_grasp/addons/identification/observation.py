@@ -17,7 +17,7 @@ from continuum_grasp.addons.identification.rows import symbols
 from continuum_grasp.addons.identification.unknowns import START, Unknown
 from continuum_grasp.base import Array, InputError, SolverError, split_unit
 from continuum_grasp.model import FingerModel, Motor
-from continuum_grasp.scene import refusals
+from continuum_grasp.scene import Consumer
 
 
 def observed(
@@ -61,7 +61,7 @@ def _along(model: FingerModel, reading: Reading, q: ca.SX, u: ca.SX, p: ca.SX, o
     return model.orientation(q, u, s, p) - base
 
 
-_OF_MOTORS = refusals(
+_OF_MOTORS = Consumer.refusals(
     "data.measured.quantity={motor_angle,torque} without kind=motor: is that of a motor: this drive has another kind"
 )
 

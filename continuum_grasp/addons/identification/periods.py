@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from continuum_grasp.addons.identification.calls import calls_of
 from continuum_grasp.addons.identification.inference import middle
-from continuum_grasp.base import Array, InputError, name_of, split_unit, unit_of
+from continuum_grasp.base import Array, InputError, split_unit
 from continuum_grasp.control import Controller, ControlLog
 from continuum_grasp.scene import ControlScene, read_table
 
@@ -73,7 +73,7 @@ class Periods:
         self._applied = np.vstack([np.full(len(inputs), np.nan), _held(self.logged)[:-1]])
         missing = [name for name in (*self._names, *inputs) if not self._columns[name][0].size]
         self.warnings = (
-            *((f"the log has no {', '.join(map(name_of, missing))}",) if missing else ()),
+            *((f"the log has no {', '.join((split_unit(name).name for name in missing))}",) if missing else ()),
             *self._doubts(repeated),
         )
 
@@ -102,7 +102,7 @@ class Periods:
         )
         name = max(sizes, key=lambda name: sizes[name] - used[name])
         if sizes[name] > used[name]:
-            lost = f"{sizes[name] - used[name]} of {sizes[name]} samples of {name_of(name)}"
+            lost = f"{sizes[name] - used[name]} of {sizes[name]} samples of {split_unit(name).name}"
             doubts.append(f"{lost} share their period with a later one: they are not used")
         if not calls.seen.all():
             lost = f"{(~calls.seen).sum()} of {len(calls.t)} periods have no row"
@@ -125,14 +125,16 @@ class Periods:
         there = [k for k in range(len(self._names)) if np.isfinite(y[:, k]).any()]
         trials = list[tuple[str, Array]]()
         for k in there if len(there) > 1 else ():
-            trials.append((name_of(self._names[k]), y.copy()))
+            trials.append((split_unit(self._names[k]).name, y.copy()))
             trials[-1][1][:, k] = np.nan
-        alike = [(self.estimation.device(name), unit_of(name)) for name in self._names]
+        alike = [(self.estimation.device(name), split_unit(name).unit) for name in self._names]
         for a, b in combinations(there, 2):
             if alike[a] == alike[b]:
                 order = np.arange(y.shape[1])
                 order[[a, b]] = b, a
-                trials.append((f"{name_of(self._names[a])} and {name_of(self._names[b])}{SWAPPED}", y[:, order]))
+                trials.append(
+                    (f"{split_unit(self._names[a]).name} and {split_unit(self._names[b]).name}{SWAPPED}", y[:, order])
+                )
         return trials
 
     def frozen(self) -> tuple[str, ...]:
@@ -144,7 +146,7 @@ class Periods:
             changes = np.flatnonzero(np.diff(self._columns[name][1], prepend=np.nan, append=np.nan))
             # 20: equal readings in a row of a sensor that is frozen: noise does not repeat itself
             if np.diff(changes).max(initial=0) >= 20:
-                frozen.append(name_of(name))
+                frozen.append(split_unit(name).name)
         return tuple(frozen)
 
     # -- numbers of the log -------------------------------------------------------------------------------------------
@@ -160,7 +162,9 @@ class Periods:
                 weights = 1.0 / apart.prod(axis=2)
                 rest = (weights * y).sum(axis=1) / np.linalg.norm(weights, axis=1)
                 std = 1.4826 * float(np.median(np.abs(rest)))  # of a normal distribution
-            noises.append(Retuned(f"noise of {name_of(name)}", unit_of(name), scene.measurement_std(name), std))
+            noises.append(
+                Retuned(f"noise of {split_unit(name).name}", split_unit(name).unit, scene.measurement_std(name), std)
+            )
         return noises
 
     def shown(self) -> NDArray[np.bool_]:

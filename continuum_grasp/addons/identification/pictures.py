@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.addons.identification.numbers import SHOWN_IN
-from continuum_grasp.base import name_of, prefixed, unit_of
+from continuum_grasp.base import prefixed, split_unit
 from continuum_grasp.plotting import (
     Color,
     bend_box,
@@ -200,7 +200,7 @@ def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> lis
     panels = _panels(len(names), ax, 4.6, 3.0)
     for k, (panel, name) in enumerate(zip(panels, names, strict=False)):
         j = k - len(replay.compared_names)
-        factor, unit = _shown_in(unit_of(name), replay.innovation[:, k] if j < 0 else replay.logged[:, j])
+        factor, unit = _shown_in(split_unit(name).unit, replay.innovation[:, k] if j < 0 else replay.logged[:, j])
         if k < len(replay.compared_names):
             band = 3.0 * factor * replay.innovation_std[:, k]
             panel.fill_between(
@@ -220,7 +220,7 @@ def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> lis
             panel.step(
                 replay.t, factor * replay.u[:, j], where="post", color=Color.ORANGE, linewidth=1.0, label="replay"
             )
-        label(panel, "time [s]", f"{name_of(name)} [{unit}]")
+        label(panel, "time [s]", f"{split_unit(name).name} [{unit}]")
         head(panel, "", 2)
     return panels
 
@@ -252,7 +252,7 @@ def _panels(
 def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     """Draw the commands over time, with the segments."""
     ax = new_axes(ax, 9.0, 3.8)
-    curves(ax, plan.t, plan.commands.T, [name_of(name) for name in plan.command_names], linewidth=1.2)
+    curves(ax, plan.t, plan.commands.T, [split_unit(name).name for name in plan.command_names], linewidth=1.2)
     for k, segment in enumerate(plan.segments):
         if k % 2:
             ax.axvspan(segment.start, segment.end, color=Color.GRAY, alpha=0.12, linewidth=0)
@@ -263,7 +263,7 @@ def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     span = max(high - low, 1e-12)
     ax.set_ylim(low - 0.08 * span, high + 0.75 * span)
     ax.set_xlim(float(plan.t[0]), float(plan.t[-1]))
-    unit = unit_of(plan.command_names[0])
+    unit = split_unit(plan.command_names[0]).unit
     label(ax, "time [s]", f"command [{length_unit(span, ax.yaxis) if unit == 'm' else unit}]")
     head(ax, "Commands that show the unknowns")
     return ax

@@ -22,7 +22,7 @@ from continuum_grasp.addons.identification.periods import (
     disagreement,
     innovations,
 )
-from continuum_grasp.base import Array, check_arguments, split_unit, unit_of
+from continuum_grasp.base import Array, check_arguments, split_unit
 from continuum_grasp.control import ControlLog
 from continuum_grasp.results import Dimension, File, Picture, Stored
 from continuum_grasp.scene import ControlScene, scene_of
@@ -130,7 +130,7 @@ class Replay(Predicted):
                 suspicion.what: f"disagreement {suspicion.before:.3g} becomes {suspicion.after:.3g}"
                 for suspicion in self.suspicions
             },
-            "commands": f"{off:.3g} {unit_of(self.u_names[0])} off those of the log at most",
+            "commands": f"{off:.3g} {split_unit(self.u_names[0]).unit} off those of the log at most",
             **{parameter.name: str(parameter) for parameter in self.retuned},
         }
 

@@ -7,8 +7,6 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from continuum_grasp.scene import (
-    LIMITS_OF_BENDING,
-    LIMITS_OF_COMMANDS,
     Consumer,
     Duration,
     Interval,
@@ -19,7 +17,6 @@ from continuum_grasp.scene import (
     Scene,
     Unit,
     Value,
-    refusals,
 )
 
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "frequency", "decay_rate"]
@@ -64,7 +61,7 @@ class Condition(Column):
     are."""
 
 
-(OF_BENDS,) = refusals("since without quantity=bend: goes with bend")
+(OF_BENDS,) = Consumer.refusals("since without quantity=bend: goes with bend")
 
 
 class ReadingColumn(Column):
@@ -72,7 +69,7 @@ class ReadingColumn(Column):
 
     REFUSALS = (
         OF_BENDS,
-        *refusals(
+        *Consumer.refusals(
             f"""
             of without numbered: goes with {", ".join(_NUMBERED)}
             {{at,offset}} with numbered: goes with sections
@@ -140,7 +137,7 @@ class _Data(Value):
 class StaticPoses(_Data):
     """Shapes at rest, and vibrations about them: a row per load case."""
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         conditions.choices without propose
         propose with sequence: takes rows reached by themselves
@@ -177,7 +174,7 @@ class StartPrior(Value):
 class TipTrajectory(_Data):
     """Readings along a motion, such as the path of the tip."""
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         start_prior without start=estimated: goes with start: estimated
         conditions.choices: goes with propose
@@ -282,9 +279,9 @@ _FIT = Consumer(
     "identify",
     refused={"object": "has no place here: measurements are of the finger alone, leave the object out"},
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         **dict.fromkeys(("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts"),
-        **LIMITS_OF_COMMANDS,
+        **Consumer.LIMITS_OF_COMMANDS,
         "time": "rows have times of their own",
         "name": "of reports",
     },

@@ -9,9 +9,9 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 
 from continuum_grasp.addons.identification.scene import Estimate
-from continuum_grasp.base import Array, InputError, nearest, unit_of
+from continuum_grasp.base import Array, InputError, nearest, split_unit
 from continuum_grasp.model import POSITIVE, FingerModel, Parameters
-from continuum_grasp.scene import Scene, default_family, refusals
+from continuum_grasp.scene import Consumer, Scene, default_family
 
 LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
@@ -33,13 +33,13 @@ _OWN = {
 """Unit of each unknown that the model does not have, and its least value, as in ``Number``."""
 
 
-_DRIVES = refusals(
+_DRIVES = Consumer.refusals(
     f"""
     name={DELAY} without tendons: needs finger.tendons
     name={LAG} without tendons chambers: needs tendons or pressure
     """
 )
-_ESTIMATES = refusals(
+_ESTIMATES = Consumer.refusals(
     """
     name=youngs_modulus with mixed:
         needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate bending_stiffness, a factor
@@ -151,7 +151,7 @@ def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
         raise InputError(f"{error.message}{hint}", key=f"{key}.name") from None
     if model.np != 1:
         raise InputError(f"{name} has {model.np} entries; only single numbers can be estimated", key=f"{key}.name")
-    return float(model.p_nominal[0]), unit_of(model.p_names[0])
+    return float(model.p_nominal[0]), split_unit(model.p_names[0]).unit
 
 
 def _typical(scene: Scene, name: str) -> float:

@@ -12,6 +12,7 @@ from continuum_grasp.base import Array
 from continuum_grasp.scene import (
     AnyTendons,
     Configuration,
+    Consumer,
     ContactLaw,
     Distance,
     Duration,
@@ -30,7 +31,6 @@ from continuum_grasp.scene import (
     Real,
     Unit,
     Value,
-    refusals,
 )
 
 Count = Annotated[int, Field(ge=1, le=8)]
@@ -40,7 +40,7 @@ _Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
 class Phases(Value):
     """Durations of the phases; setpoints move smoothly within a phase."""
 
-    REFUSALS = refusals("squeeze_share without settle")
+    REFUSALS = Consumer.refusals("squeeze_share without settle")
 
     touch: Duration = 0.8
     """Time of each stroke of a ``turn``, until the tip touches the object [s]."""
@@ -191,7 +191,7 @@ class Trials(Value):
     """Seed of the random numbers; equal seeds give equal plants."""
 
 
-_CARRIERS = refusals(
+_CARRIERS = Consumer.refusals(
     """
     tendons with jumps: needs a time_constant: tensions that jump throw a fine finger
     tendons with torques: a mission commands tensions, lengths of winches or angles of motors with a position_gain
@@ -211,7 +211,7 @@ class MissionScene(Configuration):
     controller predicts the object's pose, and turns it on the table first.
     """
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         """
         grasp.gravity.mode=none: is not for missions, which lift the object off a table: give planar or out_of_plane
         plant.mounting: is of closed loops: a mission counts as the model does, leave it out

@@ -10,8 +10,7 @@ import numpy as np
 
 from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
-from continuum_grasp.base import Array, InputError, name_of
-from continuum_grasp.closed_loop import LEAST_FORCE
+from continuum_grasp.base import Array, InputError, split_unit
 from continuum_grasp.nlp import Violation
 
 MET = 1e-5
@@ -125,10 +124,10 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
         add("shape", "m", names, goal.targets["shape"], 0.1 * length, where)
     if goal.contact_force is not None:
         aim, rod = goal.contact_force.value, motion.scene.finger.rod
-        greatest = max(LEAST_FORCE * rod.stiffness / rod.length**2, *map(abs, aim))
+        greatest = max(rod.least_force, *map(abs, aim))
         add("contact_force", "N", model.contact_names, aim, greatest, model.contact_force(x, u, p))
     if goal.input is not None:
-        names = tuple(map(name_of, model.u_names))
+        names = tuple(split_unit(name).name for name in model.u_names)
         add("input", motion.input_unit, names, goal.input.value, motion.scales.u, u)
     if goal.end != "moving":
         all_names, scale = np.array(model.x_names), motion.scales.x

@@ -15,7 +15,6 @@ from continuum_grasp.addons.planning.goal import GoalPart
 from continuum_grasp.addons.planning.motion import PlannedMotion, objective_scale
 from continuum_grasp.addons.planning.scene import PlanScene, RowAim
 from continuum_grasp.base import Array, InputError, Interrupted, SolverError
-from continuum_grasp.closed_loop import LEAST_FORCE
 from continuum_grasp.control import Prediction
 from continuum_grasp.scene import GraspScene
 
@@ -227,7 +226,7 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Posture | N
     backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"].tolist(), data["object.pose"].tolist()
     forces = (*(force for _, force in middle), tip)
     rod = scene.finger.rod
-    greatest = max(LEAST_FORCE * rod.stiffness / rod.length**2, *forces)
+    greatest = max(rod.least_force, *forces)
     aim = RowAim(value=forces, weight=_GRASPED * objective_scale(scene) / greatest**2, tolerance=_PRESSED * greatest)
     closed = scene.replaced(
         grasp=None,

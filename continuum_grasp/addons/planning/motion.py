@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.addons.planning.scene import PlanScene
 from continuum_grasp.addons.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
-from continuum_grasp.base import Array, InputError, unit_of
+from continuum_grasp.base import Array, InputError, split_unit
 from continuum_grasp.closed_loop import missed_setpoints
 from continuum_grasp.control import (
     BoundedRows,
@@ -61,7 +61,7 @@ class PlannedMotion:
             self.bounded.least[k] = scene.least_tension / tendon.max_tension
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu
-        self.input_unit = unit_of(model.u_names[0])
+        self.input_unit = split_unit(model.u_names[0]).unit
         self.ns = self.nx + (self.nu if self.linear else 0)
         self.first_duration = first_duration(scene)
         self.reach = reach_of(model)
@@ -263,7 +263,7 @@ def state_scales(model: Prediction, reach: Array, time: float) -> Array:
     """Sizes of the states (nx) of a motion over a time [s]."""
     n, length = len(reach), 0.1 * model.scene.finger.rod.length
     by_unit = {"m": length, "m/s": length / time, "rad/s": 1.0 / time}
-    scales = np.array([by_unit.get(unit_of(name), 1.0) for name in model.x_names])
+    scales = np.array([by_unit.get(split_unit(name).unit, 1.0) for name in model.x_names])
     # Greatest rate of an oscillation over the reach whose period is that time.
     scales[:n], scales[n : 2 * n] = reach, reach * 2.0 * np.pi / time
     for drive in model.driven:

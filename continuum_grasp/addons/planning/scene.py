@@ -11,6 +11,7 @@ from continuum_grasp.base import InputError
 from continuum_grasp.scene import (
     Bounds,
     CommandedScene,
+    Consumer,
     ContactLaw,
     Cost,
     Duration,
@@ -30,7 +31,6 @@ from continuum_grasp.scene import (
     SolverOptions,
     Unit,
     Value,
-    refusals,
 )
 
 
@@ -40,7 +40,9 @@ def _exact(value: Any) -> Any:
 
 
 class _Aim(Value):
-    REFUSALS = refusals("tolerance without weight: is of a goal with a weight; without one it is reached exactly")
+    REFUSALS = Consumer.refusals(
+        "tolerance without weight: is of a goal with a weight; without one it is reached exactly"
+    )
 
     weight: Annotated[Positive, Field(examples=[1e6]), Unit("per square of the error's unit")] | None = None
     """Weight of half the squared error [per square of the error's unit]; None: reached exactly."""
@@ -139,7 +141,7 @@ class PlanBounds(Bounds):
 class PlanSolver(SolverOptions):
     """The solver, and what it is given."""
 
-    REFUSALS = refusals(
+    REFUSALS = Consumer.refusals(
         "hessian=exact with method=sqp: needs gauss_newton for method: sqp, since its QPs have to be convex"
     )
 
@@ -183,7 +185,7 @@ class PlanScene(CommandedScene):
         # Collocation was measured on two winches without friction, with stiffnesses of 1e4 to 1e5 N/m: IPOPT solves
         # them or not by rounding; with friction not in 200 iterations, at 25 times the usual presliding neither. The
         # NLP needs derivatives, and friction with presliding would add states to the plan.
-        *refusals(
+        *Consumer.refusals(
             """
             fidelity.tolerance: is not for plans: give family and elements
             initial.motor_angles: is for statics and simulations alone: command what motors do

@@ -1,7 +1,5 @@
 from .addon import ADDON as ADDON
 from .plan import SweepPlan as SweepPlan
-from .plan import SweepPoint as SweepPoint
-from .plan import plan_of as plan_of
 from .run import sweep as sweep
 from .scene import Follow as Follow
 from .scene import InSI as InSI
@@ -15,4 +13,3 @@ from .variation import VariedKey as VariedKey
 from .variation import base_scene as base_scene
 from .variation import fault_kinds as fault_kinds
 from .variation import read_sweep as read_sweep
-from .worker import scene_data as scene_data

@@ -18,13 +18,12 @@ from typing import Any
 from continuum_grasp.addons.sweeps.plan import SweepPlan, differences
 from continuum_grasp.base import InputError
 from continuum_grasp.results import (
+    Run,
     begin_run,
     check_folder,
-    created_now,
     locked,
     naming,
-    versions,
-    write_packed_run,
+    provenance,
     write_text,
 )
 from continuum_grasp.scene import refuse_what_is_no_file
@@ -44,12 +43,12 @@ def store_plan(folder: Path, plan: SweepPlan) -> list[str]:
 
     Another plan in it, or a table without one, raises an InputError.
     """
-    new, pictures = plan.as_json(), plan.pictures
+    new, pictures, now = plan.as_json(), plan.pictures, provenance()
     if not (folder / PLAN).exists():
         if (folder / TABLE).exists():
             raise InputError(f"there is a {TABLE} without its {PLAN}; take another folder", file=str(folder))
         check_folder(folder, "sweep")
-        about = {"name": plan.sweep.name, "created": created_now(), "versions": versions()}
+        about = {"name": plan.sweep.name, "created": now["created"], "versions": now["versions"]}
         _write(folder, {**about, "columns": list(plan.columns), "units": plan.units, "pictures": pictures, **new})
         return []
     old = read_plan(folder)
@@ -64,8 +63,8 @@ def store_plan(folder: Path, plan: SweepPlan) -> list[str]:
     if old.get("pictures") != pictures:  # which decide nothing that is computed
         begin_run(folder, "sweep", retained=(PLAN,))
         _write(folder, {**old, "pictures": pictures})
-    was, now = old.get("versions", {}), versions()
-    other = [f"{name} {was.get(name)}, now {now[name]}" for name in now if was.get(name) != now[name]]
+    was = old.get("versions", {})
+    other = [f"{name} {was.get(name)}, now {here}" for name, here in now["versions"].items() if was.get(name) != here]
     return [f"the rows so far were computed with other versions: {', '.join(other)}"] if other else []
 
 
@@ -164,7 +163,7 @@ def run_path(folder: Path, index: int) -> Path:
 
 
 def write_run_file(folder: Path, index: int, content: bytes) -> None:
-    write_packed_run(run_path(folder, index), content)
+    Run.write_packed(run_path(folder, index), content)
 
 
 def held_folder(folder: Path) -> AbstractContextManager[None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import os
@@ -34,6 +35,20 @@ class SweepPoint:
     values: tuple[Any, ...]
     labels: tuple[Any, ...]
 
+    def scene_data(self, base: Mapping[str, Any], paths: Sequence[KeyPath]) -> dict[str, Any]:
+        """The scene of the point as plain data, made of that of all; shorter paths are set first."""
+        data = copy.deepcopy(dict(base))
+        # So that ``finger.base`` is set in the ``finger`` that is varied too.
+        for path, value in sorted(zip(paths, self.values, strict=True), key=lambda pair: len(pair[0])):
+            parent: Any = data
+            for part in path[:-1]:
+                child = parent.get(part) if isinstance(parent, dict) else parent[part]
+                if child is None:  # a section that is left out, or null, is one of defaults
+                    child = parent[part] = {}
+                parent = child
+            parent[path[-1]] = copy.deepcopy(value)
+        return data
+
 
 class SweepPlan:
     """The scenes of a sweep, one by one; ``variation`` is the same sweep, resolved.
@@ -55,6 +70,15 @@ class SweepPlan:
         self._sources = [self.keys.index(tie.way.key) for tie in variation.ties]
         self._seed = 0 if sweep.sample is None else sweep.sample.seed
         self._shift = np.random.default_rng(self._seed).random(len(variation.draws))
+
+    @staticmethod
+    def of(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> SweepPlan:
+        """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
+        return SweepPlan(variation_of(ConfigurationData.given(config, Sweep, overrides)))
+
+    def data_of(self, point: SweepPoint) -> dict[str, Any]:
+        """The scene of a point as plain data."""
+        return point.scene_data(self.variation.base, self.paths)
 
     def __len__(self) -> int:
         return self.sweep.count
@@ -181,8 +205,3 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
     """The varied keys of a stored plan."""
     sample = plan["sample"]
     return [*plan["vary"], *(sample["keys"] if sample else ()), *plan["follow"]]
-
-
-def plan_of(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> SweepPlan:
-    """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
-    return SweepPlan(variation_of(ConfigurationData.given(config, Sweep, overrides)))

@@ -22,7 +22,7 @@ from continuum_grasp.addons.sweeps.folder import (
     store_plan,
     write_run_file,
 )
-from continuum_grasp.addons.sweeps.plan import SweepPlan, SweepPoint, plan_of
+from continuum_grasp.addons.sweeps.plan import SweepPlan, SweepPoint
 from continuum_grasp.addons.sweeps.pools import ExecutorPool, WorkerPool, dask_pool
 from continuum_grasp.addons.sweeps.scene import Sweep
 from continuum_grasp.addons.sweeps.table import SweepTable, sweep_table, write_csv
@@ -111,7 +111,7 @@ def sweep(
     """
     _ANYWHERE.check(None, of={"executor": executor is not None and scheduler is not None})
     count = None if workers is None else whole("workers", workers, 1, 4096)
-    plan = plan_of(config, overrides)
+    plan = SweepPlan.of(config, overrides)
     if plan.variation.kind != "grasp":
         raise InputError(
             "expected a grasp: a sweep finds grasps; draws of a closed loop are for continuum_grasp.addons.learning",

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field, PrivateAttr
 from continuum_grasp.base import InputError
 from continuum_grasp.scene import (
     Configuration,
+    Consumer,
     ControlScene,
     Document,
     GraspScene,
@@ -22,7 +23,6 @@ from continuum_grasp.scene import (
     Shape,
     Unit,
     Value,
-    refusals,
 )
 
 if TYPE_CHECKING:
@@ -141,7 +141,9 @@ _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
 class Grid(Value):
     """Values of one key, each of which is tried with all values of the other keys."""
 
-    REFUSALS = refusals("{min,max,count,spacing} with values: values stand alone, without min, max, count and spacing")
+    REFUSALS = Consumer.refusals(
+        "{min,max,count,spacing} with values: values stand alone, without min, max, count and spacing"
+    )
 
     values: Values | None = None
     """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""

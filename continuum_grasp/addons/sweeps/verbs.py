@@ -30,12 +30,12 @@ def sweep(
     output.check_folder(alone=False)  # a sweep locks its table, which may be drawn while it grows
     if plot_only:
         from continuum_grasp.addons.sweeps.folder import PLAN
-        from continuum_grasp.addons.sweeps.plan import plan_of
+        from continuum_grasp.addons.sweeps.plan import SweepPlan
         from continuum_grasp.addons.sweeps.table import CSV, sweep_table
         from continuum_grasp.results import begin_run
 
         # The pictures are those that the configuration asks for now; those of before go.
-        table = replace(sweep_table(folder), requested=plan_of(output.config, output.changes or []).pictures)
+        table = replace(sweep_table(folder), requested=SweepPlan.of(output.config, output.changes or []).pictures)
         begin_run(folder, "sweep", retained=(PLAN, CSV))
     else:
         from continuum_grasp.addons.sweeps.run import sweep as run

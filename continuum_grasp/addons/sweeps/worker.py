@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import threading
 import time
@@ -15,7 +14,7 @@ from typing import Any, Literal, TypeAlias
 from continuum_grasp.addons.sweeps.folder import SOLVED, encode
 from continuum_grasp.addons.sweeps.plan import SweepPoint
 from continuum_grasp.base import ContinuumGraspError, InputError, SolverError, clipped
-from continuum_grasp.results import digest, pack_run
+from continuum_grasp.results import Run, digest
 from continuum_grasp.scene import GraspScene, KeyPath
 
 Keep: TypeAlias = Literal["all", "failed", "none"]
@@ -67,11 +66,11 @@ def run_chunk(job: Job, points: Sequence[SweepPoint]) -> list[SceneOutcome]:
 
 def row_of_crash(job: Job, point: SweepPoint, message: str) -> SceneOutcome:
     """The row of a scene that took its worker process with it, twice."""
-    return _outcome(job, point, scene_data(job.base, job.paths, point), "crashed", message)
+    return _outcome(job, point, point.scene_data(job.base, job.paths), "crashed", message)
 
 
 def _run(job: Job, point: SweepPoint) -> SceneOutcome:
-    data = scene_data(job.base, job.paths, point)
+    data = point.scene_data(job.base, job.paths)
     began, result, numbers = time.perf_counter(), None, dict[str, Any]()
     try:
         result = job.evaluate(GraspScene(**data))
@@ -112,27 +111,12 @@ def _outcome(
     return SceneOutcome(point.index, status, float(numbers.get("seconds", 0.0)), encode(row), run)
 
 
-def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: SweepPoint) -> dict[str, Any]:
-    """The scene of a point as plain data; shorter paths are set first."""
-    data = copy.deepcopy(base)
-    # So that ``finger.base`` is set in the ``finger`` that is varied too.
-    for path, value in sorted(zip(paths, point.values, strict=True), key=lambda pair: len(pair[0])):
-        parent: Any = data
-        for part in path[:-1]:
-            child = parent.get(part) if isinstance(parent, dict) else parent[part]
-            if child is None:  # a section that is left out, or null, is one of defaults
-                child = parent[part] = {}
-            parent = child
-        parent[path[-1]] = copy.deepcopy(value)
-    return data
-
-
 def _packed(result: Any) -> bytes:
     """The file of a run, for who writes the table; it holds everything."""
     # Without warnings, which the model's error is among: exact rods take some tens of milliseconds.
     meta = {"kind": result.kind, "config": result.scene.model_dump(mode="json"), "status": result.status}
     meta |= {"statistics": dict(result.statistics), **result.details(quality=False)}
-    return pack_run(result.stored_arrays(), meta)
+    return Run.pack(result.stored_arrays(), meta)
 
 
 def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from continuum_grasp import __version__
 from continuum_grasp.addons.mission import AssignedMission, MissionRun, MissionScene, exported_loop
 from continuum_grasp.addons.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.addons.web.record import RecordedStates, loop_record, rounded, trajectory_record
-from continuum_grasp.base import Array, InputError, check_arguments, interruptible, name_of
+from continuum_grasp.base import Array, InputError, check_arguments, interruptible, split_unit
 from continuum_grasp.closed_loop import ControlRun, PlantModel, Sensors
 from continuum_grasp.control import Stages
 from continuum_grasp.export import ModelFields, WasmController, check_file, check_tools, fill, wasm_module
@@ -224,7 +224,7 @@ def _controller(scene: ControlScene, wasm: WasmController, sensors: Sensors) -> 
         "starts": loop.start.name,
         "commands": [field.name for field in loop.command.fields],
         "reference": reference,
-        "names": [name_of(name) for name in sensors.names],
+        "names": [split_unit(name).name for name in sensors.names],
         "std": sensors.std.tolist(),
         "low": loop.stages.u_min.tolist(),
         "high": loop.stages.u_max.tolist(),

@@ -21,8 +21,6 @@ from continuum_grasp.export import REALS, SETTLED, Field, Kernel, SeenKernels, f
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import (
     FAMILIES,
-    LEAST_COMMANDS,
-    LIMITS_OF_BENDING,
     Consumer,
     ControlScene,
     ForceLoad,
@@ -234,11 +232,11 @@ _PAGE = Consumer(
         "plant.mounting": "a page counts as the model does: leave it out",
     },
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         "name": "the title of the page alone",
         "time.duration": "the page goes on until it is closed; a table of inputs ends with it",
         **{f"time.{key}": "a page has its own steps" for key in ("step", "method", "tolerance", "space_error")},
-        **LEAST_COMMANDS,
+        **Consumer.LEAST_COMMANDS,
     },
 )
 

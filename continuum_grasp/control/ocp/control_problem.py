@@ -16,10 +16,10 @@ from continuum_grasp.base import (
     Summarized,
     check_arguments,
     choice,
-    name_of,
     positive,
     quoted,
     shown,
+    split_unit,
     whole,
 )
 from continuum_grasp.control.arguments import named, vector
@@ -203,7 +203,7 @@ class _Reader:
             count = self.held.numel()
             raise InputError(f"expected {self.u.numel()} symbols, one per input, got {count}", key="previous")
         for key, symbols in (("states", self.x), ("inputs", self.u), ("parameters", self.p)):
-            _once(key, [name_of(label) for label in _names(symbols)])
+            _once(key, [split_unit(label).name for label in _names(symbols)])
         self._known = ca.vertcat(self.x, self.u, self.p, self.held)
         hashes = [self._known[k].element_hash() for k in range(self._known.numel())]
         twice = [self._known[k].name() for k in range(len(hashes)) if hashes[k] in hashes[:k]]
@@ -257,11 +257,11 @@ class _Reader:
         """Least and greatest inputs; bounds of states and rows, relative to these, those of the states alone first, and
         how many those are.
         """
-        names, free = [name_of(label) for label in _names(self.u)], (-math.inf, math.inf)
+        names, free = [split_unit(label).name for label in _names(self.u)], (-math.inf, math.inf)
         inputs = np.array([_pair(f"bounds.{name}", bounds.pop(name, free)) for name in names])
         states = {}
         for k, label in enumerate(_names(self.x)):
-            if (name := name_of(label)) in bounds:
+            if (name := split_unit(label).name) in bounds:
                 states[name] = Row(self.x[k], *_pair(f"bounds.{name}", bounds.pop(name)))
         if bounds:
             raise InputError(f"expected names of states and inputs, got {', '.join(bounds)}", key="bounds")

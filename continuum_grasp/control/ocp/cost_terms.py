@@ -18,7 +18,7 @@ import numpy as np
 from continuum_grasp.base import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.quantities import Quantities
-from continuum_grasp.scene import Cost, Finger, Reach, Weight
+from continuum_grasp.scene import Cost, Finger, Reach
 
 Limits = tuple[tuple[float, float], ...]
 
@@ -118,8 +118,7 @@ class CostTerm:
 
     def weights(self, cost: Cost) -> tuple[float, float | None]:
         """Running and terminal weight; None: of what the end of the horizon does not have."""
-        weight = getattr(cost, self.key)
-        return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, None)
+        return cost.weights(self.key)
 
 
 TERMS: tuple[CostTerm, ...] = (

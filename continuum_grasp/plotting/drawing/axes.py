@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.base import name_of, prefixed, split_unit
+from continuum_grasp.base import prefixed, split_unit
 from continuum_grasp.plotting.drawing.style import Color, Z
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def wrapped(text: str, width: float) -> str:
 
 def words(name: str) -> str:
     """``"tip_moment [N m]"`` as it is written in a legend: without unit and underscores."""
-    return name_of(name).replace("_", " ")
+    return split_unit(name).name.replace("_", " ")
 
 
 def symbol(name: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.base import ContinuumGraspError, InputError, check_arguments, interruptible, unit_of, whole
+from continuum_grasp.base import ContinuumGraspError, InputError, check_arguments, interruptible, split_unit, whole
 from continuum_grasp.results import File, Picture, Result, Stored, begin_run, pareto
 from continuum_grasp.scene import Fidelity, Scene, scene_of
 from continuum_grasp.simulation.accuracy.choice import Choice, assess, choices, open_families
@@ -110,7 +110,7 @@ class AccuracyReport(Result):
 
     def declared(self) -> list[Stored]:
         """The columns of the table of the choices."""
-        units = {name: unit_of(name) or "1" for name in COLUMNS} | {"model": "text"}
+        units = {name: split_unit(name).unit or "1" for name in COLUMNS} | {"model": "text"}
         return [Stored(name, "(choices,)", unit, NOTE) for name, unit in units.items()]
 
     def stored_arrays(self) -> dict[str, Any]:

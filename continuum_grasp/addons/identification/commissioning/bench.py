@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from continuum_grasp.addons.identification.blocks import MeasuredBlock
 from continuum_grasp.addons.identification.numbers import MeasuredColumn, MeasuredSet
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
-from continuum_grasp.base import Array, NumericalError, name_of, split_unit, unit_of
+from continuum_grasp.base import Array, NumericalError, split_unit
 from continuum_grasp.closed_loop import PlantModel, Wiring
 from continuum_grasp.core import Backend, HalfStepSignal, Rollouts, step_function
 from continuum_grasp.scene import INTEGRATORS, Camera, Connection, ControlScene, Mounting, PlantDifferences
@@ -82,7 +82,7 @@ class Bench:
         sides = np.sign([tendon.arm(finger.rod.length) for tendon in finger.tendon_list] or [1.0])
         opposed = len(sides) == 2 and sides.sum() == 0.0
         self.zeros = [0.5 * sides] if opposed else list(np.eye(len(sides)))
-        unit, greatest = unit_of(self.model.u_names[0]), float(max(scene.input_limits[1]))
+        unit, greatest = split_unit(self.model.u_names[0]).unit, float(max(scene.input_limits[1]))
         self.unknowns += [
             Unknown(f"{ZERO}_{k + 1}", unit, ZERO, lower=-greatest, upper=greatest, typical=0.05 * greatest)
             for k in range(len(self.zeros))
@@ -203,7 +203,7 @@ class BenchBlock(MeasuredBlock):
         # of the load cells those that are in the log
         cells = [name for name in log.names if name not in Wiring.TIP]
         self._cells = [bench.model.u_names.index(name) for name in cells]
-        biases = [Unknown(bias_of(name), unit_of(name), BIAS, typical=0.05 * greatest) for name in cells]
+        biases = [Unknown(bias_of(name), split_unit(name).unit, BIAS, typical=0.05 * greatest) for name in cells]
         self.unknowns = [*bench.unknowns, *camera, *biases]
         columns = []
         for name, unit in map(split_unit, log.names):
@@ -256,7 +256,7 @@ class BenchBlock(MeasuredBlock):
 
 def bias_of(name: str) -> str:
     """Unknown that is the zero of a load cell, by the name of its reading."""
-    number = name_of(name).rpartition("_")[2]
+    number = split_unit(name).name.rpartition("_")[2]
     return f"{BIAS}_{number}" if number.isdigit() else BIAS
 
 

@@ -22,7 +22,7 @@ from continuum_grasp.addons.identification.path_block import MOST_STEPS
 from continuum_grasp.addons.identification.periods import columns_of
 from continuum_grasp.addons.identification.problem import FitProblem, Solution
 from continuum_grasp.addons.identification.unknowns import DELAY, LAG, Unknown
-from continuum_grasp.base import Array, InputError, NumericalError, SolverError, check_arguments, name_of
+from continuum_grasp.base import Array, InputError, NumericalError, SolverError, check_arguments, split_unit
 from continuum_grasp.closed_loop import Plant, Wiring
 from continuum_grasp.control import ControlLog
 from continuum_grasp.scene import Connection, ControlScene, Mounting
@@ -126,7 +126,7 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
     commands = [ControlLog.COMMANDED + name for name in bench.model.u_names]
     columns, _ = columns_of(given, (*names, *commands), scene.controller.step)
     file = None if isinstance(given, ControlLog) else str(given)
-    absent = [name_of(name) for name in (*Wiring.TIP, *commands) if not columns[name][0].size]
+    absent = [split_unit(name).name for name in (*Wiring.TIP, *commands) if not columns[name][0].size]
     if absent:
         raise InputError(f"the log has no {', '.join(absent)}", file=file)
     t = np.unique(np.concatenate([columns[name][0] for name in commands]))
@@ -145,7 +145,7 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
         raise InputError(f"the log has {at.size} instants with all readings; expected 50 at least", file=file)
     at = at[:: math.ceil(at.size / _INSTANTS)]
     rows = np.column_stack([columns[name][1][np.isin(columns[name][0], at)] for name in present])
-    return Log(t, u, at, rows, tuple(present)), [name_of(name) for name in names if name not in present]
+    return Log(t, u, at, rows, tuple(present)), [split_unit(name).name for name in names if name not in present]
 
 
 def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], None]) -> Commissioning:
@@ -182,7 +182,7 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     fits.sort(key=lambda fit: fit[0])
     # 1.5: connections whose fits miss the tip by so many times the best one or less are not distinguished
     alike = [fit for fit in fits if fit[0] <= 1.5 * fits[0][0]]
-    return _result(scene, bench, log, cells, alike, [*missing, *map(name_of, mute)])
+    return _result(scene, bench, log, cells, alike, [*missing, *(split_unit(name).name for name in mute)])
 
 
 def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]]:

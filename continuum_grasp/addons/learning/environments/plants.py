@@ -13,12 +13,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.addons.sweeps import Sweep, SweepPlan, SweepPoint, plan_of, scene_data
+from continuum_grasp.addons.sweeps import Sweep, SweepPlan
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.control import Outputs, Prediction, Setpoints
 from continuum_grasp.model import Parameters, element_lengths
-from continuum_grasp.scene import LIMITS_OF_BENDING, Consumer, ControlScene, Scene, doubt, scene_of
+from continuum_grasp.scene import Consumer, ControlScene, Scene, doubt, scene_of
 from continuum_grasp.simulation import Signals
 
 MOST_SCENES = 10_000
@@ -67,22 +67,20 @@ def scenes_of(
         given = given if isinstance(loaded, Sweep) else loaded
     if isinstance(given, ControlScene):
         return (given,), (), ((),)
-    plan = plan_of(given)
+    plan = SweepPlan.of(given)
     if plan.variation.kind != "mpc":
         raise InputError("an environment needs a closed loop (finger, controller, ...), got a grasp", key="scene")
     if len(plan) > MOST_SCENES:
         raise InputError(f"expected {MOST_SCENES} scenes at most, got {len(plan)}", key="sample.count")
     points = list(plan)
-    scenes = tuple(_scene(plan, point) for point in points)
-    return scenes, plan.keys, tuple(point.labels for point in points)
-
-
-def _scene(plan: SweepPlan, point: SweepPoint) -> ControlScene:
-    try:
-        return ControlScene(**scene_data(plan.variation.base, plan.paths, point))
-    except InputError as error:
-        drawn = ", ".join(f"{key} = {value}" for key, value in zip(plan.keys, point.labels, strict=True))
-        raise InputError(f"scene {point.index} ({drawn}): {error}") from None
+    scenes: list[ControlScene] = []
+    for point in points:
+        try:
+            scenes.append(ControlScene(**plan.data_of(point)))
+        except InputError as error:
+            drawn = ", ".join(f"{key} = {value}" for key, value in zip(plan.keys, point.labels, strict=True))
+            raise InputError(f"scene {point.index} ({drawn}): {error}") from None
+    return tuple(scenes), plan.keys, tuple(point.labels for point in points)
 
 
 _LANES = Consumer(
@@ -100,7 +98,7 @@ _LANES = Consumer(
         "plant.seed": "episodes draw their noise by the seed of reset()",
     },
     unneeded={
-        **LIMITS_OF_BENDING,
+        **Consumer.LIMITS_OF_BENDING,
         "name": "a title alone",
         **{
             f"controller.{key}": "of a controller: an agent is in its place"
