@@ -16,6 +16,7 @@ from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.methods import INTEGRATORS, default_family
+from continuum_grasp.scene.reach import Reach
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial, Scene, begins
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -191,7 +192,7 @@ class CommandedScene(FingerScene):
             if got != width:
                 raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
         given = dict(self.reference)
-        self.reach(at, self.object, self.stated_ranges, gaps, moves=moves).check("reference", given)
+        Reach(self.finger, at, self.object, self.stated_ranges, gaps, moves).check("reference", given)
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -14,8 +14,6 @@ from continuum_grasp.scene.drives import COMMANDS, TAKES, MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load, MomentLoad, Samples
 from continuum_grasp.scene.methods import DEFAULT_RANGE, INTEGRATORS, FamilyName
-from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.reach import Reach
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -205,18 +203,6 @@ class FingerScene(Configuration, Surroundings):
         if elements is None or (reach is None and self.finger.stops is not None):
             return []
         return [DEFAULT_RANGE if reach is None else reach] * (elements if isinstance(elements, int) else len(elements))
-
-    def reach(
-        self,
-        at: Sequence[float] = (),
-        body: GraspObject | None = None,
-        ranges: Sequence[float] = (),
-        touching: Sequence[float] = (),
-        *,
-        moves: bool = True,
-    ) -> Reach:
-        """Limits of goals and setpoints that the finger can meet."""
-        return Reach(self.finger, at, body, ranges, touching, moves)
 
     @property
     def simulated(self) -> Scene:

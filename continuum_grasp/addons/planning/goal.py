@@ -12,6 +12,7 @@ from continuum_grasp.addons.planning.motion import PlannedMotion
 from continuum_grasp.addons.planning.shooting import Term, derived
 from continuum_grasp.base import Array, InputError, split_unit
 from continuum_grasp.nlp import Violation
+from continuum_grasp.scene import Reach
 
 MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
@@ -111,7 +112,7 @@ def goal_parts(motion: PlannedMotion, settles: bool) -> list[GoalPart]:
         values = np.array(target), scales, aim.weight, value, met, played
         parts.append(GoalPart(f"goal {name}", key, unit, names, *values))
 
-    motion.scene.reach(ranges=model.system.finger_model.ranges).check("goal", goal.targets)
+    Reach(motion.scene.finger, ranges=model.system.finger_model.ranges).check("goal", goal.targets)
     # Scales make errors of different kinds comparable: a tenth of the length, half a radian, the greatest force.
     if goal.tip is not None:
         add("tip", "m", ("x", "y"), goal.tip.value, 0.1 * length, model.tip(x, u, p))

@@ -226,7 +226,8 @@ class Outputs:
     def reach(self) -> Reach:
         """Limits of setpoints that the finger can meet."""
         scene, shape = self.model.scene, self.cost.shape
-        return scene.reach(
+        return Reach(
+            scene.finger,
             () if shape is None else shape.at,
             scene.surroundings.object if scene.surroundings else None,
             self.model.system.finger_model.ranges,

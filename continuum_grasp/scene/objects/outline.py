@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
+from continuum_grasp.base import named_value
 from continuum_grasp.scene.objects.shapes import MaybeDrawn, ObjectBody, OutlineCurve
 from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, simplified
 from continuum_grasp.scene.parts import SHARE, OffsetPolygon, Part, PlanePoint, check_simple, curved
@@ -21,7 +22,16 @@ if TYPE_CHECKING:
 
 _SMALLEST, _GREATEST = 1e-4, 10.0
 """Sizes of an outline [m] beyond which its unit is likely another one."""
-_FORMS = (".svg", ".dxf", ".csv", ".png")
+_DRAWINGS = "continuum_grasp.scene.objects.drawings"
+_READERS = {
+    ".svg": f"{_DRAWINGS}.svg:read_svg",
+    ".dxf": f"{_DRAWINGS}.dxf:read_dxf",
+    ".csv": f"{_DRAWINGS}.points:read_csv",
+    ".png": f"{_DRAWINGS}.picture:read_png",
+}
+"""From an `OutlineFile` to the `Drawing` in it, by the ending of its name; loaded, with the library that it takes, with
+the first such file. A new form is a line here.
+"""
 
 
 class OutlineFile(MaybeDrawn):
@@ -52,20 +62,18 @@ class OutlineFile(MaybeDrawn):
     @cached_property
     def found(self) -> DrawnOutline:
         """The curve as the file has it [m], and what else the file has."""
-        from continuum_grasp.scene.objects.drawings.curves import outline_in
-
-        name = Path(self.file).name
-        if Path(self.file).suffix.lower() not in _FORMS:
-            raise ValueError(f"file: expected {', '.join(_FORMS)}, got {name}")
+        name, form = Path(self.file).name, Path(self.file).suffix.lower()
+        if form not in _READERS:
+            raise ValueError(f"file: expected {', '.join(_READERS)}, got {name}")
         try:
-            drawing = self._read()
+            drawing: Drawing = named_value(_READERS[form])(self)
         except (OSError, ValueError, SyntaxError) as error:
             raise ValueError(f"file: cannot be read: {name}: {error}") from None
         scale = drawing.unit if self.scale is None else self.scale
         if scale is None:
             raise ValueError(f"scale: missing; {name} does not say how long a unit of it is")
         drawing.curves = [curve.scaled(scale) for curve in drawing.curves]
-        return outline_in(drawing, name, self.path)
+        return drawing.outline(name, self.path)
 
     @property
     def note(self) -> str:
@@ -135,25 +143,6 @@ class OutlineFile(MaybeDrawn):
         drawing = self.drawing(corners, retained)
         drawn = {} if drawing is None else {"drawn": drawing.model_dump(mode="json")}
         return {"shape": "polygon", "vertices": [list(corner) for corner in corners], **drawn}
-
-    def _read(self) -> Drawing:
-        """Curves of the file; a library is loaded with the first file of its form."""
-        form = Path(self.file).suffix.lower()
-        if form == ".svg":
-            from continuum_grasp.scene.objects.drawings.svg import read_svg
-
-            return read_svg(self.file)
-        if form == ".dxf":
-            from continuum_grasp.scene.objects.drawings.dxf import read_dxf
-
-            return read_dxf(self.file)
-        if form == ".png":
-            from continuum_grasp.scene.objects.drawings.picture import read_png
-
-            return read_png(self.file, self.threshold)
-        from continuum_grasp.scene.objects.drawings.points import read_csv
-
-        return read_csv(self.file, self.scale)
 
     def _check(self) -> None:
         check_simple(self.vertices, "tolerance: the outline")

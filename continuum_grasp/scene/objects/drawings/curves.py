@@ -78,6 +78,14 @@ class DrawnCurve:
         return replace(self, points=tuple((factor * x, factor * y) for x, y in self.points))
 
 
+@dataclass(frozen=True)
+class DrawnOutline:
+    """The outline in a drawing, and in words what of the drawing is not part of it."""
+
+    curve: DrawnCurve
+    left_out: tuple[str, ...]
+
+
 @dataclass
 class Drawing:
     """Contents of a file.
@@ -98,13 +106,26 @@ class Drawing:
     ignored: Counter[str] = field(default_factory=Counter)
     advice: str = "choose one by path"
 
-
-@dataclass(frozen=True)
-class DrawnOutline:
-    """The outline in a drawing, and in words what of the drawing is not part of it."""
-
-    curve: DrawnCurve
-    left_out: tuple[str, ...]
+    def outline(self, file: str, path: str | None) -> DrawnOutline:
+        """The only outer curve, or that of the curves of one name, whose points are in m; `ValueError` otherwise."""
+        chosen = [curve for curve in self.curves if path in curve.names or (path is None and not curve.ground)]
+        if flawed := next((curve for curve in chosen if curve.flaw), None):
+            raise ValueError(f"file: {flawed.label} of {file} {flawed.flaw}")
+        rings, strokes = joined(chosen)
+        if not rings and path is not None:  # the name of one piece of a loop
+            rings = [ring for ring in joined(self.curves)[0] if path in ring.names]
+        others = [f"{stroke.text}: open" for stroke in strokes]
+        others += [f"{what} ({count})" if count > 1 else what for what, count in self.ignored.items()]
+        ground = [curve for curve in self.curves if curve.ground and path is None and curve.closed]
+        if not rings:
+            raise ValueError(_nothing(self, file, path, [*(f"{curve.text}: white" for curve in ground), *others]))
+        outer, inner = _nested(_once_each(rings))
+        if len(outer) > 1:
+            raise ValueError(f"file: {file} has {len(outer)} outer curves, expected one: {_choice(outer, self)}")
+        check_simple(outer[0].points, f"file: {outer[0].label} of {file}")
+        _check_holes(outer[0], inner, self, file)
+        inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
+        return DrawnOutline(outer[0], (*inside, *_paper(outer[0], ground, file), *others))
 
 
 def sizes(size: PlanePoint) -> str:
@@ -121,28 +142,6 @@ def distinct(points: Iterable[PlanePoint]) -> tuple[PlanePoint, ...]:
         if not once or math.dist(point, once[-1]) > least:
             once.append(point)
     return tuple(once[:-1] if len(once) > 1 and math.dist(once[0], once[-1]) <= least else once)
-
-
-def outline_in(drawing: Drawing, file: str, path: str | None) -> DrawnOutline:
-    """The only outer curve of a drawing whose points are in m, or of its curves of one name; `ValueError` otherwise."""
-    chosen = [curve for curve in drawing.curves if path in curve.names or (path is None and not curve.ground)]
-    if flawed := next((curve for curve in chosen if curve.flaw), None):
-        raise ValueError(f"file: {flawed.label} of {file} {flawed.flaw}")
-    rings, strokes = joined(chosen)
-    if not rings and path is not None:  # the name of one piece of a loop
-        rings = [ring for ring in joined(drawing.curves)[0] if path in ring.names]
-    others = [f"{stroke.text}: open" for stroke in strokes]
-    others += [f"{what} ({count})" if count > 1 else what for what, count in drawing.ignored.items()]
-    ground = [curve for curve in drawing.curves if curve.ground and path is None and curve.closed]
-    if not rings:
-        raise ValueError(_nothing(drawing, file, path, [*(f"{curve.text}: white" for curve in ground), *others]))
-    outer, inner = _nested(_once_each(rings))
-    if len(outer) > 1:
-        raise ValueError(f"file: {file} has {len(outer)} outer curves, expected one: {_choice(outer, drawing)}")
-    check_simple(outer[0].points, f"file: {outer[0].label} of {file}")
-    _check_holes(outer[0], inner, drawing, file)
-    inside = [f"{curve.text}: {'a hole' if curve.group == outer[0].group else 'inside'}" for curve in inner]
-    return DrawnOutline(outer[0], (*inside, *_paper(outer[0], ground, file), *others))
 
 
 def _paper(outer: DrawnCurve, ground: list[DrawnCurve], file: str) -> list[str]:

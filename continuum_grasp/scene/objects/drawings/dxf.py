@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.objects.outline import OutlineFile
 
 _UNITS = {
     1: 0.0254, 2: 0.3048, 3: 1609.344, 4: 1e-3, 5: 1e-2, 6: 1.0, 7: 1e3, 8: 2.54e-8, 9: 2.54e-5, 10: 0.9144, 11: 1e-10,
@@ -22,19 +25,19 @@ _FLAT = 1e-6
 """Part of the size of a curve by which its height may vary [1]: rounding of coordinates."""
 
 
-def read_dxf(file: str) -> Drawing:
+def read_dxf(given: OutlineFile) -> Drawing:
     """Read what is visible in the model space; `ValueError` names layer and handle of an entity that cannot be read."""
     import ezdxf
     import ezdxf.recover
 
     try:
         try:
-            document = ezdxf.readfile(file)  # type: ignore[attr-defined]
+            document = ezdxf.readfile(given.file)  # type: ignore[attr-defined]
         except ezdxf.DXFStructureError:  # type: ignore[attr-defined]
-            document, _ = ezdxf.recover.readfile(file)
+            document, _ = ezdxf.recover.readfile(given.file)
     except ezdxf.DXFError as error:  # type: ignore[attr-defined]
         raise ValueError(str(error)) from None
-    stated = b"$INSUNITS" in Path(file).read_bytes()  # ezdxf takes meters for a file without a header
+    stated = b"$INSUNITS" in Path(given.file).read_bytes()  # ezdxf takes meters for a file without a header
     drawing = Drawing(
         _UNITS.get(document.units) if stated else None, advice="choose one by path (a layer, block or handle)"
     )

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
 
+if TYPE_CHECKING:
+    from continuum_grasp.scene.objects.outline import OutlineFile
+
 _ADVICE = "erase what is not the object, change the threshold, or choose one by path"
 
 
-def read_png(file: str, threshold: float) -> Drawing:
+def read_png(given: OutlineFile) -> Drawing:
     """Read the silhouettes, from the largest on; `ValueError` where one reaches the edge of the picture."""
     import contourpy
 
-    dark = _darkness(file)
+    dark, threshold = _darkness(given.file), given.threshold
     sides = {"top": dark[0], "bottom": dark[-1], "left": dark[:, 0], "right": dark[:, -1]}
     if cut := [side for side, pixels in sides.items() if pixels.max() >= threshold]:
         raise ValueError(

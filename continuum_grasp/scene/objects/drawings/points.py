@@ -10,6 +10,7 @@ from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, d
 from continuum_grasp.scene.units import units_of
 
 if TYPE_CHECKING:
+    from continuum_grasp.scene.objects.outline import OutlineFile
     from continuum_grasp.scene.table import DataTable
 
 
@@ -19,14 +20,14 @@ class _Column(NamedTuple):
     at: int
 
 
-def read_csv(file: str, scale: float | None) -> Drawing:
+def read_csv(given: OutlineFile) -> Drawing:
     """Read the columns x and y, or the two of a table without headings; `InputError` has the line of what is wrong.
 
-    ``scale`` is the length of a unit in the configuration [m], which units in the headings must not contradict.
+    Units in the headings must not contradict the ``scale`` that is given.
     """
     from continuum_grasp.scene.table import read_table
 
-    table = read_table(file, ("x", "y"))
+    table, scale = read_table(given.file, ("x", "y")), given.scale
     x, y = _column(table, "x"), _column(table, "y")
     factors = [float(units_of("m")[column.unit]) for column in (x, y) if column.unit]
     if len(factors) == 1:

@@ -8,13 +8,16 @@ import re
 from collections import Counter
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
 from continuum_grasp.scene.parts import PlanePoint
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.objects.outline import OutlineFile
 
 _PIXEL = 0.0254 / 96.0
 """Length of a user unit of SVG [m]: 96 per inch, by CSS."""
@@ -46,11 +49,11 @@ _MOST = 100_000
 """Greatest number of shapes, with every use of each: uses of uses multiply beyond any bound."""
 
 
-def read_svg(file: str) -> Drawing:
+def read_svg(given: OutlineFile) -> Drawing:
     """Read the shapes that are visible; `ValueError` names an element that cannot be read."""
     import svgelements
 
-    plain = _Plain(ElementTree.parse(file).getroot())
+    plain = _Plain(ElementTree.parse(given.file).getroot())
     text = io.BytesIO(ElementTree.tostring(plain.root))
     drawing = Drawing(_PIXEL, ignored=plain.ignored)
     try:
