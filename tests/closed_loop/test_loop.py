@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
@@ -30,7 +29,17 @@ from continuum_grasp.closed_loop.readings import Bound
 from continuum_grasp.control import Controller, Prediction, stages_of
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.plotting import control as plotting
-from continuum_grasp.scene import ControlScene, Damping, Fidelity, Finger, ForceLoad, Reference, Scene, VectorSamples
+from continuum_grasp.scene import (
+    ControlScene,
+    Damping,
+    Fidelity,
+    Finger,
+    ForceLoad,
+    Reference,
+    Rod,
+    Scene,
+    VectorSamples,
+)
 from tests.control_cases import ARCS_ESTIMATOR, ARCS_LOOP, rod_scene
 from tests.declared import assert_declared
 from tests.marks import few
@@ -515,8 +524,8 @@ def test_a_setpoint_that_stood_is_met_or_the_run_says_that_it_is_missed(share, s
     assert len(words) == len(found.missed)
 
 
-HAND = SimpleNamespace(length=0.18, stiffness=0.2 * 0.18**2, natural_time=0.0764)
-"""Numbers of a rod by which errors are small: five times E I / L^2 is 1 N."""
+HAND = Rod(length=0.18, bending_stiffness=0.2 * 0.18**2, linear_density=0.2 * 0.0764**2 / 0.18**2)
+"""Rod by which errors are small: five times E I / L^2 is 1 N, and the natural time is 0.0764 s."""
 
 
 @pytest.mark.parametrize(
