@@ -313,8 +313,9 @@ class Rod(Section):
 
     @property
     def least_force(self) -> float:
-        """Size that a force counts with where none is asked for, and least scale of goals [N], 5 E I / L^2: 0.9 N of the
-        hand finger.
+        """Size that a force counts with where none is asked for, and least scale of goals [N].
+
+        5 E I / L^2: 0.9 N of the hand finger.
         """
         return 5.0 * self.stiffness / self.length**2
 
