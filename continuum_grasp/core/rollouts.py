@@ -18,7 +18,10 @@ from continuum_grasp.core.code import Backend, FunctionCode
 from continuum_grasp.core.source import rollout_source, rollouts_source, symbol_of
 
 _CHUNK = 256
-"""Steps per call of the virtual machine, so that Ctrl-C and a state that is not finite end the run soon [1]."""
+"""Steps on the virtual machine after which Ctrl-C and a state that is not finite end the run [1]."""
+_LINKS = (64, 8, 1)
+"""Steps per function of the virtual machine, of which those of any length are put together [1]: making one takes 0.7 ms a
+step, as long as running it, and the windows of a motion have many lengths (configs/simulate/hold_mug.yaml: five)."""
 
 
 @dataclass(frozen=True)
@@ -137,31 +140,40 @@ class Rollouts:
         """Work space of whole and of real numbers, for each call its own, so that calls may overlap in threads."""
         return np.empty(max(self._step.sz_iw(), 1), dtype=np.int64), np.empty(max(self._step.sz_w(), 1))
 
+    def _chain(self, length: int) -> ca.Function:
+        if length not in self._chains:
+            self._chains[length] = self._step.mapaccum("chain", length)
+        return self._chains[length]
+
     def _on_virtual_machine(
         self, states: Array, x0: Array, keep: int, sub: int, h: float, u: Array, w: Array, p: Array
     ) -> int:
-        # One function of a whole chunk: a call per step would spend most of its time in Python.
+        # One function of many steps: a call per step would spend most of its time in Python.
         chunk = max(1, min(keep, _CHUNK // sub))
         states[0] = x0
         for k in range(0, keep, chunk):
-            length = sub * min(chunk, keep - k)
-            # Making a chain takes as long as running it, and the windows of a motion have few lengths.
-            if length not in self._chains:
-                self._chains[length] = self._step.mapaccum("chain", length)
-            at = 2 * k * sub  # rows are at half steps: start, middle and end of step i are rows 2i, 2i + 1, 2i + 2
-            samples = [
-                rows[at + i : at + i + 2 * length - 1 : 2].T if len(rows) > 1 else np.repeat(rows.T, length, axis=1)
-                for rows in (u, w)
-                for i in range(3)
-            ]
-            fixed = ca.repmat(ca.DM(p), 1, length), ca.repmat(ca.DM(h), 1, length)
-            try:
-                reached = self._chains[length](states[k], *[ca.DM(v) for v in samples], *fixed)
-            except (
-                RuntimeError
-            ):  # a step that runs away may leave a matrix singular, which the machine takes for an error
-                return k
-            following = np.array(reached).T[sub - 1 :: sub]
+            at, last = k * sub, min(k + chunk, keep) * sub
+            reached = [states[k : k + 1]]
+            while at < last:
+                length = next(n for n in _LINKS if n <= last - at)
+                # Rows are at half steps: start, middle and end of step i are rows 2i, 2i + 1, 2i + 2.
+                samples = [
+                    rows[2 * at + i : 2 * (at + length) + i - 1 : 2].T
+                    if len(rows) > 1
+                    else np.repeat(rows.T, length, axis=1)
+                    for rows in (u, w)
+                    for i in range(3)
+                ]
+                fixed = ca.repmat(ca.DM(p), 1, length), ca.repmat(ca.DM(h), 1, length)
+                try:
+                    ends = self._chain(length)(reached[-1][-1], *[ca.DM(v) for v in samples], *fixed)
+                except (
+                    RuntimeError
+                ):  # a step that runs away may leave a matrix singular, which the machine takes for an error
+                    return k
+                reached.append(np.array(ends).T)
+                at += length
+            following = np.concatenate(reached)[sub::sub]
             states[k + 1 : k + 1 + len(following)] = following
             broken = np.flatnonzero(~np.all(np.isfinite(following), axis=1))
             if broken.size:

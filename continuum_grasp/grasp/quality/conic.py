@@ -54,6 +54,18 @@ class ConicOutcome:
         return self.status == "optimal"
 
 
+class _Columns:
+    """A matrix in compressed columns, with what Clarabel reads of one of SciPy, whose import takes 0.16 s."""
+
+    has_canonical_format = True
+
+    def __init__(self, matrix: Array) -> None:
+        column, row = np.nonzero(matrix.T)
+        self.shape, self.nnz = matrix.shape, row.size
+        self.data, self.indices = matrix[row, column], row
+        self.indptr = np.searchsorted(column, np.arange(matrix.shape[1] + 1))
+
+
 def solve_conic(
     cost: ArrayLike,
     rows: ArrayLike,
@@ -92,8 +104,6 @@ def solve_conic(
     nowhere = np.full(n, np.nan)
     if (low > high).any() or (low == np.inf).any() or (high == -np.inf).any():
         return ConicOutcome("infeasible", nowhere, float("nan"), float("nan"))
-    from scipy.sparse import csc_matrix, diags_array
-
     equal, most, least = low == high, (low < high) & np.isfinite(high), (low < high) & np.isfinite(low)
     curved, offsets = cones.rows() if cones is not None else (np.zeros((0, n)), np.zeros(0))
     matrix = np.concatenate([every[equal], every[most], -every[least], curved])
@@ -107,7 +117,7 @@ def solve_conic(
     # 1e-10: tolerance that is asked of the solver; what comes back is checked
     settings.tol_feas = settings.tol_gap_abs = settings.tol_gap_rel = 1e-10
     found = clarabel.DefaultSolver(
-        diags_array(2.0 * weights, format="csc"), cost, csc_matrix(matrix), limits, kinds, settings
+        _Columns(np.diag(2.0 * weights)), cost, _Columns(matrix), limits, kinds, settings
     ).solve()
     status = _NAMES.get(str(found.status), "failed")
     if status in ("infeasible", "unbounded"):
