@@ -203,6 +203,25 @@ def test_scratch_needs_no_beginning_and_may_be_shared(libraries):
         assert values(clean.step(y, reference(finger, rows))) == values(dirty.step(y, reference(finger, rows)))
 
 
+@pytest.mark.deep
+@needs("cc")
+def test_a_library_with_scratch_of_its_own_needs_none(packages, libraries, tmp_path):
+    flags = "-DFINGER_OWN_SCRATCH", *WARNINGS
+    own, own_library = shared_library(packages("observed", "double"), tmp_path, *flags)
+    finger, library = libraries("observed", "double")
+    without, usual = own.Controller(own_library), finger.Controller(library)
+    without._own[1] = None
+    rows = np.tile([0.8, 0.9, 1.0, 1.0], (9, 1))
+    for k in range(12):
+        y = -0.002 * k, 0.18, 1.0, 1.0
+        found = without.step(own.Measurement(*y), reference(own, rows))
+        assert values(found) == values(usual.step(finger.Measurement(*y), reference(finger, rows)))
+    usual._own[1] = None
+    with pytest.raises(finger.Error) as refused:
+        usual.step(finger.Measurement(*y), reference(finger, rows))
+    assert refused.value.code == Code.ERR_NULL
+
+
 # Refusals.
 
 

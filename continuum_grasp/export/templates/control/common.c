@@ -22,6 +22,18 @@
 <<bodies>>
 /* ---- public functions ---- */
 
+#ifdef <<P>>_OWN_SCRATCH
+/* Scratch for callers that give none, one at a time. */
+static union {<<if estimator>>
+  <<p>>_estimator_work estimator;<<end>><<if mpc>>
+  <<p>>_controller_work controller;<<end>><<if loop.phases>>
+  <<p>>_mission_work mission;<<end>>
+} own_scratch;
+#define <<P>>_SCRATCH(kind) if (!work) work = &own_scratch.kind
+#else
+#define <<P>>_SCRATCH(kind) (void)0
+#endif
+
 <<numbers>>
 
 <<structs>><<check>>

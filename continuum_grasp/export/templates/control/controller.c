@@ -107,6 +107,7 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   <<p>>_real y[<<loop.measurement.size>>]<<if known>>, p[<<known>>]<<end>>;
   <<p>>_loop_input input;
   int code, k;
+  <<P>>_SCRATCH(controller);
   if (!controller || !work || !measurement || !reference || !command) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   if ((code = settings_taken(controller, &work->settings)) < 0) return code;

@@ -33,6 +33,7 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
   <<p>>_real y[<<loop.measurement.size>>], u[<<loop.command.size>>], z[<<loop.start.size>>], p[<<np_size>>] = {0};
   <<p>>_ekf_report report;
   int code, j;
+  <<P>>_SCRATCH(estimator);
   if (!estimator || !work || !measurement || !applied || !estimate) return <<P>>_ERR_NULL;
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   measurement_read(measurement, y);

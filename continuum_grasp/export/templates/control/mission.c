@@ -59,6 +59,7 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
   <<p>>_real row[<<loop.stages.nr>>], numbers[<<loop.settings.size>>], forces[<<P>>_PHASES_SIZE(<<P>>_PHASES_NC)];
   <<p>>_phases_state next;
   int code, k;
+  <<P>>_SCRATCH(mission);
   if (ready < 0 || !work || !measurement || !command) return ready < 0 ? ready : <<P>>_ERR_NULL;
   memcpy(&next, &mission->memory.state, sizeof next);
   if (mission->memory.calls > 0) {
