@@ -20,8 +20,8 @@ from continuum_grasp.core.source import rollout_source, rollouts_source, symbol_
 _CHUNK = 256
 """Steps on the virtual machine after which Ctrl-C and a state that is not finite end the run [1]."""
 _LINKS = (64, 8, 1)
-"""Steps per function of the virtual machine, of which those of any length are put together [1]: making one takes 0.7 ms a
-step, as long as running it, and the windows of a motion have many lengths (configs/simulate/hold_mug.yaml: five)."""
+"""Steps per function of the virtual machine, of which motions of any length are put together [1]: making one takes
+0.7 ms a step, as long as running it; windows of a motion have many lengths (configs/simulate/hold_mug.yaml: five)."""
 
 
 @dataclass(frozen=True)
