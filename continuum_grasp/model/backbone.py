@@ -114,8 +114,9 @@ class Backbone:
         return [_Uniform(link, self._eq.rod.linear_density, rule, start, self.lengths[k], point, angle)]
 
     def _function(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
+        """Function of expressions; what they have in common is written once where all of a problem is."""
         eq = self._eq
-        return ca.Function(name, [eq.q, eq.u, *inputs, self.p], ca.cse([ca.SX(value) for value in outputs]))
+        return ca.Function(name, [eq.q, eq.u, *inputs, self.p], [ca.SX(value) for value in outputs])
 
     @cached_property
     def joints(self) -> ca.Function:

@@ -123,7 +123,7 @@ def test_a_corner_keeps_its_distance_from_a_finger_that_slides(side):
     assert circles[4, 1:] == pytest.approx(1.0 / ROUND)
     for move in (3e-3 * turn * 1j, 3e-3 * turn * (1.0 - 2j)):
         place = nearest + move
-        (away,) = np.array(TouchingCircle(circles[:, 0]).distance([place.real, place.imag])).ravel()
+        (away,) = np.array(TouchingCircle(circles[:, :1]).distance(np.array([[place.real], [place.imag]]))).ravel()
         true = side * (abs(corner - center - move) - radius)
         assert away == pytest.approx(true, abs=1e-7)
         assert abs(abs(place - corner) - true) > 5e-5  # what the place alone would keep

@@ -184,7 +184,7 @@ def point_reader(problem: GraspProblem) -> ca.Function:
     for k, finger in enumerate(problem.fingers):
         point, angle = finger.backbone.section(finger.q, finger.u, s, finger.p)
         section = ca.vertcat(s, finger.world(point), angle + finger.base[2])
-        place = ca.Function("place", [s, x, numbers], [section])
+        place = ca.Function("place", [s, x, numbers], [ca.cse(section)])
         # Mapped, not unrolled: the expression of one place serves all.
         line = place.map(BACKBONE_POINTS, [False, True, True], [False])(along, mx, mp)
         out += [*values[shared + 5 * k : shared + 5 + 5 * k], line]

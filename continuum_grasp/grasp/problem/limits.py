@@ -59,8 +59,8 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
     name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
     points, _, touches, thick = finger.guarded
     size = TouchingCircle.SIZE
-    places, tolerance, half = ca.horzsplit(points), finger.number("tolerance"), ca.vertsplit(thick)
-    back = rotation(-problem.pose[2])
+    count, tolerance = points.shape[1], finger.number("tolerance")
+    seen = rotation(-problem.pose[2]) @ (points - ca.repmat(problem.pose[:2], 1, count))  # from the object
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent. Of several
     # pieces, those that it does not touch are in its way.
     free = [j for j, touching in enumerate(touches) if spec.obstacles > 1 or not touching]
@@ -69,20 +69,18 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
         # active constraints dependent (93 % of 60 discs converged with 0, all with 1e-9 and more).
         slack = problem.slack["clearance at the object"] + tolerance
         near = ca.reshape(finger.number(f"near_{part}", size * len(free)), size, len(free))
-        spare = [
-            TouchingCircle(near[:, k]).distance(back @ (places[j] - problem.pose[:2])) - half[j] + slack
-            for k, j in enumerate(free)
-        ]
-        require(f"penetration into the object, {name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
+        spare = TouchingCircle(near).distance(seen[:, free]).T - thick[free] + slack
+        require(f"penetration into the object, {name}", spare, "m", "object", upper=ca.inf)
     slack = problem.slack["clearance at the supports"] + tolerance
-    spare = []
+    rows = list[ca.SX]()
     for k in range(spec.planes):
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
-        spare += [ca.dot(normal, z - at) - finger.number(f"needed_{k}_{j}") + slack for j, z in enumerate(places)]
+        needed = ca.vertcat(*(finger.number(f"needed_{k}_{j}") for j in range(count)))
+        rows.append((points - ca.repmat(at, 1, count)).T @ normal - needed + slack)
     for k in range(spec.edges + spec.pegs):
-        near = ca.reshape(finger.number(f"near_fixed_{k}", size * len(places)), size, len(places))
-        spare += [TouchingCircle(near[:, j]).distance(z) - half[j] + slack for j, z in enumerate(places)]
-    require(f"penetration into a support, {name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
+        near = ca.reshape(finger.number(f"near_fixed_{k}", size * count), size, count)
+        rows.append(TouchingCircle(near).distance(points).T - thick + slack)
+    require(f"penetration into a support, {name}", ca.vertcat(*rows), "m", "supports", upper=ca.inf)
     return points
 
 

@@ -143,12 +143,12 @@ class TouchingCircle:
         return self.numbers[4] >= 1.0 / ROUND
 
     def distance(self, point: ca.SX) -> ca.SX:
-        """Distance of a point."""
-        off, normal, bend = point - self.numbers[:2], self.numbers[2:4], self.numbers[4]
-        along, across = ca.dot(off, normal), off[1] * normal[0] - off[0] * normal[1]
+        """Distance (1, K) of points (2, K), each from a circle of its own (5, K)."""
+        off, normal, bend = point - self.numbers[:2, :], self.numbers[2:4, :], self.numbers[4, :]
+        along, across = ca.sum1(off * normal), off[1, :] * normal[0, :] - off[0, :] * normal[1, :]
         # |x - c| - r without a difference of large numbers; TINY: differentiable at the center.
         reach = ca.sqrt((1.0 + bend * along) ** 2 + (bend * across) ** 2 + TINY)
-        away: ca.SX = (bend * ca.sumsqr(off) + 2.0 * along) / (1.0 + reach)
+        away: ca.SX = (bend * ca.sum1(off**2) + 2.0 * along) / (1.0 + reach)
         return away
 
 
