@@ -116,6 +116,17 @@ def test_slopes_are_those_of_differences(name):
         assert at.out[:, ends, 1 + k] == pytest.approx(change[:, ends] / (2.0 * step), abs=1e-4)
 
 
+@pytest.mark.parametrize("name", ["mug", "spirob_cup"])
+def test_rods_side_by_side_are_those_one_by_one(name):
+    """Of thirteen some have neighbors, and the last ones are no full block."""
+    finger = finger_of(grasp_scene(name))
+    z = bent(2, 13)
+    alone = finger.traced(z, slopes=False).out[..., 0]
+    together = finger.touches(z).out[..., 0]
+    assert together == pytest.approx(alone[:, : together.shape[1]], abs=1e-10)
+    assert finger.touching(z) == pytest.approx(together[:, -finger.conditions :], abs=1e-12)
+
+
 def test_samples_touch_as_they_should():
     finger = finger_of(grasp_scene("oval_flask"))
     samples = fill.FingerMap.of(finger).samples

@@ -80,7 +80,7 @@ static void add_fingers(const Balance *b, Held *to, Contact *contact, int *equal
         const int size = 4 + 3 * rod->contacts;
         Finger at;
         dual z[NUMBERS], row[ROWS];
-        read_numbers(rod, to->x + first, z);
+        read_numbers(rod, 1, to->x + first, z);
         integrate(rod, z, 1, &at);
         for (int k = 0; k < rod->contacts + rod->tip; ++k)
             *contact++ = finger_contact(rod, b->finger + 3 * f, &at, z, k, first);
@@ -352,6 +352,7 @@ int hold(const Balance *b, int count, int rounds, int near, double *x, double *o
 }
 #endif
 
+#if WIDE == 1
 /* The first `most` of rows (count, size) that are farther than `apart` from all those before them that are chosen; their
    number. */
 int differing(int count, int size, int most, double apart, const double *place, int *chosen)
@@ -371,3 +372,4 @@ int differing(int count, int size, int most, double apart, const double *place, 
     }
     return found;
 }
+#endif

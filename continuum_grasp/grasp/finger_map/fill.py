@@ -178,7 +178,7 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
     if not len(z):
         return z
     if not finger.tip:
-        touches = finger.traced(z, slopes=False).touches
+        touches = finger.touches(z).touches
         # What is left at the tip is the contact's.
         force, normal = (pair[0].value + 1j * pair[1].value for pair in (touches.force, touches.normal))
         left = force[:, -1] * normal[:, -1] * np.conj(normal[:, -2])
@@ -225,13 +225,16 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
     known = set[bytes]()
     directions = _directions(finger.numbers - finger.conditions)
 
+    def unknown(at: Traced) -> Array:
+        return np.array([key not in known for key in _keys(np.round(features(at)))], bool)
+
     def fresh(at: Traced) -> Traced:
         # Of each cell the one nearest to its middle, so that images of a scene have the same.
         place = features(at)
-        cells = np.round(place).astype(np.int32)
+        cells = np.round(place)
         order = np.argsort(np.round(np.abs(place - cells).max(axis=1), 6), kind="stable")
         rows = []
-        for row, key in zip(order.tolist(), map(bytes, np.ascontiguousarray(cells[order])), strict=True):
+        for row, key in zip(order.tolist(), _keys(cells[order]), strict=True):
             if key not in known:
                 known.add(key)
                 rows.append(row)
@@ -240,12 +243,18 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
     front = fresh(finger.traced(seeds))
     found = [front]
     while len(front) and len(known) < MOST:
-        at = finger.traced(_neighbors(finger, front, directions), slopes=False, entered=ENTERED)
+        near = finger.touches(_neighbors(finger, front, directions))
+        near = near.take(np.abs(near.conditions.value).max(axis=1) < ON_SET)
+        at = finger.traced(near.z[unknown(near)], entered=ENTERED)
         # 0.01: excess over limits that a sample may have
-        good = (np.abs(at.conditions.value).max(axis=1) < ON_SET) & (at.excess < 0.01)
-        front = finger.traced(fresh(at.take(good)).z)
+        front = fresh(at.take(at.excess < 0.01))
         found.append(front)
     return Traced.joined(found)
+
+
+def _keys(cells: Array) -> list[bytes]:
+    """Keys of cells (B, F)."""
+    return [*map(bytes, np.ascontiguousarray(cells.astype(np.int32)))]
 
 
 def _directions(size: int) -> Array:

@@ -2,7 +2,8 @@
 
    Units: lengths L, forces E I / L^2, moments E I / L of the finger. Numbers z of an equilibrium: curvature at the base,
    internal force there (2), moment of the tendons at the base; per middle contact its place, normal force and friction.
-   A dual number has a value, and slopes by each of these numbers. `touching.c` and `balance.c`, which follow this file,
+   A dual number has a value, and slopes by each of these numbers; without slopes, values of `WIDE` rods at a time: a step
+   waits for the one before, not for as many others beside it. `touching.c` and `balance.c`, which follow this file,
    export what `rod.py` and `balance.py` call. */
 
 #include <math.h>
@@ -11,6 +12,21 @@
 
 #ifndef LANES
 #define LANES 8
+#define WIDE 1
+#endif
+
+#if WIDE > 1
+typedef double real __attribute__((vector_size(8 * WIDE)));
+typedef long long whole __attribute__((vector_size(8 * WIDE)));
+#define AT(a, k) (a)[k]
+#define WHOLE(a) __builtin_convertvector(a, whole)
+#define REAL(a) __builtin_convertvector(a, real)
+#else
+typedef double real;
+typedef long long whole;
+#define AT(a, k) (a)
+#define WHOLE(a) ((whole)(a))
+#define REAL(a) ((real)(a))
 #endif
 
 /* Slopes in registers of four, which compilers keep apart where they split longer vectors by memory. */
@@ -25,12 +41,13 @@ typedef struct { four d0, d1; } slopes;
 #define EACH(of)
 typedef struct { char none; } slopes;
 #endif
-typedef struct { double v; slopes d; } dual;
+typedef struct { real v; slopes d; } dual;
 
 /* Most middle contacts, numbers, and nodes of a segment; what is farther than all that matters, in lengths of the
    finger. */
 enum { MOST_CONTACTS = 4, NUMBERS = 4 + 3 * MOST_CONTACTS, STEPS = 64 };
 #define FAR 9.0
+#define PI 3.14159265358979323846
 
 /* Columns of the table along the rod. */
 enum { STIFFNESS, REST, TENDON, HALF, WEIGHT, COLUMNS };
@@ -53,7 +70,7 @@ typedef struct { dual s, x, y, angle, sine, cosine, moment, fx, fy, turned, bent
 typedef struct { dual gap, nx, ny; } Place;
 
 /* p a + q b */
-static inline slopes sum_of(double p, slopes a, double q, slopes b)
+static inline slopes sum_of(real p, slopes a, real q, slopes b)
 {
     slopes sum = {0};
 #define OF(k) sum.d##k = p * a.d##k + q * b.d##k;
@@ -62,7 +79,7 @@ static inline slopes sum_of(double p, slopes a, double q, slopes b)
     return sum;
 }
 
-static inline slopes part_of(double p, slopes a)
+static inline slopes part_of(real p, slopes a)
 {
     slopes part = {0};
 #define OF(k) part.d##k = p * a.d##k;
@@ -71,26 +88,66 @@ static inline slopes part_of(double p, slopes a)
     return part;
 }
 
-static inline dual constant(double value) { return (dual){value}; }
-static inline dual plus(dual a, dual b) { return (dual){a.v + b.v, sum_of(1.0, a.d, 1.0, b.d)}; }
-static inline dual minus(dual a, dual b) { return (dual){a.v - b.v, sum_of(1.0, a.d, -1.0, b.d)}; }
-static inline dual scaled(double factor, dual a) { return (dual){factor * a.v, part_of(factor, a.d)}; }
+static inline dual constant(double value) { return (dual){value + (real){0}}; }
+static inline dual plus(dual a, dual b) { return (dual){a.v + b.v, sum_of((real){0} + 1.0, a.d, (real){0} + 1.0, b.d)}; }
+static inline dual minus(dual a, dual b) { return (dual){a.v - b.v, sum_of((real){0} + 1.0, a.d, (real){0} - 1.0, b.d)}; }
+static inline dual scaled(double factor, dual a) { return (dual){factor * a.v, part_of(factor + (real){0}, a.d)}; }
 static inline dual times(dual a, dual b) { return (dual){a.v * b.v, sum_of(a.v, b.d, b.v, a.d)}; }
-static inline dual with(dual a, double value, double slope) { return (dual){value, part_of(slope, a.d)}; }
-static inline dual size_of(dual a) { return a.v < 0.0 ? scaled(-1.0, a) : a; }
-static inline dual least(dual a, dual b) { return a.v < b.v ? a : b; }
-static inline dual greatest(dual a, dual b) { return a.v > b.v ? a : b; }
+static inline dual with(dual a, real value, real slope) { return (dual){value, part_of(slope, a.d)}; }
 
 static inline dual over(dual a, dual b)
 {
-    const double inverse = 1.0 / b.v, q = a.v * inverse;
+    const real inverse = 1.0 / b.v, q = a.v * inverse;
     return (dual){q, sum_of(inverse, a.d, -q * inverse, b.d)};
+}
+
+static inline real root(real a)
+{
+    for (int k = 0; k < WIDE; ++k)
+        AT(a, k) = sqrt(AT(a, k));
+    return a;
 }
 
 static inline dual length_of(dual a, dual b)
 {
-    const double size = sqrt(a.v * a.v + b.v * b.v + 1e-30), inverse = 1.0 / size;
+    const real size = root(a.v * a.v + b.v * b.v + 1e-30), inverse = 1.0 / size;
     return (dual){size, sum_of(a.v * inverse, a.d, b.v * inverse, b.d)};
+}
+
+static inline dual size_of(dual a)
+{
+    real sign = {0};
+    for (int k = 0; k < WIDE; ++k)
+        AT(sign, k) = AT(a.v, k) < 0.0 ? -1.0 : 1.0;
+    return with(a, sign * a.v, sign);
+}
+
+/* Sine and cosine, to rounding up to a hundred turns: polynomials of fdlibm up to an eighth of a turn. */
+static inline void waves(real angle, real *sine, real *cosine)
+{
+    const whole n = WHOLE(angle * (2.0 / PI) + 1024.5); /* quarters of a turn */
+    const real r = angle - (REAL(n) - 1024.0) * (0.5 * PI), q = r * r;
+    const real s = r + r * q * (-1.66666666666666324348e-01 + q * (8.33333333332248946124e-03 +
+        q * (-1.98412698298579493134e-04 + q * (2.75573137070700676789e-06 +
+        q * (-2.50507602534068634195e-08 + q * 1.58969099521155010221e-10)))));
+    const real c = 1.0 - 0.5 * q + q * q * (4.16666666666666019037e-02 + q * (-1.38888888888741095749e-03 +
+        q * (2.48015872894767294178e-05 + q * (-2.75573143513906633035e-07 +
+        q * (2.08757232129817482790e-09 + q * -1.13596475577881948265e-11)))));
+    const real odd = REAL(n & 1), change = odd * (c - s);
+    *sine = REAL(1 - (n & 2)) * (s + change), *cosine = REAL(1 - ((n + 1) & 2)) * (c - change);
+}
+
+/* A column of a table that has many rows at places, and its change per row there. */
+static inline real between(const Rod *rod, int column, real s, real *change)
+{
+    real value = s;
+    for (int k = 0; k < WIDE; ++k) {
+        const double at = fmin(fmax(AT(s, k), 0.0), 1.0) * (rod->nodes - 1);
+        const int cell = at < rod->nodes - 2 ? (int)at : rod->nodes - 2;
+        const double *row = rod->table + COLUMNS * cell + column;
+        AT(*change, k) = row[COLUMNS] - row[0], AT(value, k) = row[0] + (at - cell) * AT(*change, k);
+    }
+    return value;
 }
 
 /* A column of the table at a place. */
@@ -98,47 +155,61 @@ static inline dual along(const Rod *rod, int column, dual s)
 {
     if (rod->nodes == 1)
         return constant(rod->table[column]);
-    const double at = fmin(fmax(s.v, 0.0), 1.0) * (rod->nodes - 1);
-    const int cell = at < rod->nodes - 2 ? (int)at : rod->nodes - 2;
-    const double *row = rod->table + COLUMNS * cell + column, change = row[COLUMNS] - row[0];
-    return with(s, row[0] + (at - cell) * change, (rod->nodes - 1) * change);
+    real change = s.v;
+    const real value = between(rod, column, s.v, &change);
+    return with(s, value, (rod->nodes - 1.0) * change);
 }
 
-static inline double slope_along(const Rod *rod, int column, double s)
+static inline real slope_along(const Rod *rod, int column, real s)
 {
-    if (rod->nodes == 1)
-        return 0.0;
-    const double at = fmin(fmax(s, 0.0), 1.0) * (rod->nodes - 1);
-    const int cell = at < rod->nodes - 2 ? (int)at : rod->nodes - 2;
-    const double *row = rod->table + COLUMNS * cell + column;
-    return (rod->nodes - 1) * (row[COLUMNS] - row[0]);
+    real change = {0};
+    if (rod->nodes > 1)
+        between(rod, column, s, &change);
+    return (rod->nodes - 1.0) * change;
 }
 
-typedef struct { double u, v, cu, cv, a, b, away; const double *at; } Cell;
+/* Where points are in the table of distances: places, those within the table, parts of the cell, how far beyond; the
+   cells. */
+typedef struct { real u, v, cu, cv, a, b, away; const double *at[WIDE]; } Cell;
 
-static inline Cell cell_of(const Rod *rod, double x, double y)
+static inline Cell cell_of(const Rod *rod, real x, real y)
 {
-    const double c = rod->pose[2], s = rod->pose[3], dx = x - rod->pose[0], dy = y - rod->pose[1];
-    const double u = (c * dx + s * dy - rod->corner[0]) * rod->per_cell;
-    const double v = (c * dy - s * dx - rod->corner[1]) * rod->per_cell;
-    const double cu = fmin(fmax(u, 1.0), rod->width - 2.001), cv = fmin(fmax(v, 1.0), rod->height - 2.001);
-    const double du = u - cu, dv = v - cv;
-    const int i = (int)cu, j = (int)cv;
-    return (Cell){u, v, cu, cv, cu - i, cv - j, sqrt(du * du + dv * dv) / rod->per_cell, rod->distance + j * rod->width + i};
+    const real dx = x - rod->pose[0], dy = y - rod->pose[1];
+    const double c = rod->pose[2], s = rod->pose[3];
+    Cell to = {(c * dx + s * dy - rod->corner[0]) * rod->per_cell, (c * dy - s * dx - rod->corner[1]) * rod->per_cell};
+    for (int k = 0; k < WIDE; ++k) {
+        const double u = AT(to.u, k), v = AT(to.v, k);
+        const double cu = fmin(fmax(u, 1.0), rod->width - 2.001), cv = fmin(fmax(v, 1.0), rod->height - 2.001);
+        const int i = (int)cu, j = (int)cv;
+        AT(to.cu, k) = cu, AT(to.cv, k) = cv, AT(to.a, k) = cu - i, AT(to.b, k) = cv - j;
+        AT(to.away, k) = sqrt((u - cu) * (u - cu) + (v - cv) * (v - cv)) / rod->per_cell;
+        to.at[k] = rod->distance + j * rod->width + i;
+    }
+    return to;
+}
+
+/* Distances around points, from so many cells before on. */
+static inline void patch(const Rod *rod, const Cell *at, int before, int size, real d[4][4])
+{
+    for (int j = 0; j < size; ++j)
+        for (int i = 0; i < size; ++i)
+            for (int k = 0; k < WIDE; ++k)
+                AT(d[j][i], k) = at->at[k][(j - before) * rod->width + i - before];
 }
 
 /* Distance of a point from the object, roughly: beyond the table it only has to be large, and to grow. */
-static inline double rough_gap(const Rod *rod, double x, double y)
+static inline real rough_gap(const Rod *rod, real x, real y)
 {
     const Cell at = cell_of(rod, x, y);
-    const double *d = at.at, *below = d + rod->width;
-    const double first = d[0] + at.a * (d[1] - d[0]), second = below[0] + at.a * (below[1] - below[0]);
+    real d[4][4];
+    patch(rod, &at, 0, 2, d);
+    const real first = d[0][0] + at.a * (d[0][1] - d[0][0]), second = d[1][0] + at.a * (d[1][1] - d[1][0]);
     return first + at.b * (second - first) + 0.7 * at.away;
 }
 
 /* Weights of four neighbors of the cubic convolution of R. Keys (1981), doi:10.1109/TASSP.1981.1163711, and their first
    and second derivatives. */
-static inline void cubic(double t, double w[3][4])
+static inline void cubic(real t, real w[3][4])
 {
     w[0][0] = t * (-0.5 + t * (1.0 - 0.5 * t)), w[0][1] = 1.0 + t * t * (-2.5 + 1.5 * t);
     w[0][2] = t * (0.5 + t * (2.0 - 1.5 * t)), w[0][3] = t * t * (-0.5 + 0.5 * t);
@@ -148,16 +219,14 @@ static inline void cubic(double t, double w[3][4])
 }
 
 /* Distance of a point from the object, by values alone. */
-static inline double gap_at(const Rod *rod, double x, double y)
+static inline real gap_at(const Rod *rod, real x, real y)
 {
 #if LANES > 0
     const Cell at = cell_of(rod, x, y);
-    double wu[3][4], wv[3][4], gap = 0.7 * at.away;
-    cubic(at.a, wu), cubic(at.b, wv);
-    for (int j = 0; j < 4; ++j) {
-        const double *row = at.at + (j - 1) * rod->width - 1;
-        gap += wv[0][j] * (wu[0][0] * row[0] + wu[0][1] * row[1] + wu[0][2] * row[2] + wu[0][3] * row[3]);
-    }
+    real wu[3][4], wv[3][4], d[4][4], gap = 0.7 * at.away;
+    cubic(at.a, wu), cubic(at.b, wv), patch(rod, &at, 1, 4, d);
+    for (int j = 0; j < 4; ++j)
+        gap += wv[0][j] * (wu[0][0] * d[j][0] + wu[0][1] * d[j][1] + wu[0][2] * d[j][2] + wu[0][3] * d[j][3]);
     return gap;
 #else
     return rough_gap(rod, x, y);
@@ -168,34 +237,40 @@ static inline double gap_at(const Rod *rod, double x, double y)
 static Place place(const Rod *rod, dual x, dual y)
 {
     const Cell at = cell_of(rod, x.v, y.v);
-    double wu[3][4], wv[3][4], f[3][3] = {{0}};
-    cubic(at.a, wu), cubic(at.b, wv);
+    real wu[3][4], wv[3][4], d[4][4], f[3][3] = {{{0}}};
+    cubic(at.a, wu), cubic(at.b, wv), patch(rod, &at, 1, 4, d);
     for (int j = 0; j < 4; ++j) {
-        const double *row = at.at + (j - 1) * rod->width - 1;
         for (int p = 0; p < 3; ++p) {
-            const double line = wu[p][0] * row[0] + wu[p][1] * row[1] + wu[p][2] * row[2] + wu[p][3] * row[3];
+            const real line = wu[p][0] * d[j][0] + wu[p][1] * d[j][1] + wu[p][2] * d[j][2] + wu[p][3] * d[j][3];
             for (int q = 0; p + q < 3; ++q)
                 f[p][q] += wv[q][j] * line;
         }
     }
     const double c = rod->pose[2], s = rod->pose[3], k = rod->per_cell, k2 = k * k;
     const dual u = plus(scaled(c, x), scaled(s, y)), v = minus(scaled(c, y), scaled(s, x));
-    const double gu = f[1][0] * k, gv = f[0][1] * k;
+    const real gu = f[1][0] * k, gv = f[0][1] * k;
     const dual p = {gu, sum_of(k2 * f[2][0], u.d, k2 * f[1][1], v.d)}, q = {gv, sum_of(k2 * f[1][1], u.d, k2 * f[0][2], v.d)};
     const dual size = length_of(p, q), nu = over(p, size), nv = over(q, size);
     /* Beyond the table the distance only has to be large, and to grow. */
-    const double beyond = at.away > 0.0 ? 0.7 / (at.away * k) : 0.0;
-    const double fu = gu * (at.u == at.cu) + beyond * (at.u - at.cu), fv = gv * (at.v == at.cv) + beyond * (at.v - at.cv);
+    real fu = gu, fv = gv;
+    for (int lane = 0; lane < WIDE; ++lane)
+        if (AT(at.away, lane) > 0.0) {
+            const double du = AT(at.u, lane) - AT(at.cu, lane), dv = AT(at.v, lane) - AT(at.cv, lane);
+            const double more = 0.7 / (AT(at.away, lane) * k);
+            AT(fu, lane) = (du == 0.0) * AT(gu, lane) + more * du, AT(fv, lane) = (dv == 0.0) * AT(gv, lane) + more * dv;
+        }
     const dual gap = {f[0][0] + 0.7 * at.away, sum_of(fu, u.d, fv, v.d)};
     return (Place){gap, minus(scaled(c, nu), scaled(s, nv)), plus(scaled(s, nu), scaled(c, nv))};
 }
 
 /* Curvature: the moments of the loads beyond and of the tendons, of which friction takes part by what the rod turned. */
-static inline dual curvature(const Rod *rod, const State *q, dual s, dual base)
+static inline __attribute__((always_inline)) dual curvature(const Rod *rod, const State *q, dual s, dual base)
 {
     dual tendon = times(along(rod, TENDON, s), base);
     if (rod->tendon_friction != 0.0) {
-        const double factor = exp(-rod->tendon_friction * q->turned.v);
+        real factor = -rod->tendon_friction * q->turned.v;
+        for (int k = 0; k < WIDE; ++k)
+            AT(factor, k) = exp(AT(factor, k));
         tendon = times(tendon, with(q->turned, factor, -rod->tendon_friction * factor));
     }
     const dual moment = plus(q->moment, tendon);
@@ -225,7 +300,7 @@ static inline dual bending(const State *q) { return plus(times(q->sine, q->fy), 
 static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelfth, dual base)
 {
     const dual k0 = q->bent, s0 = q->sine, c0 = q->cosine;
-    const double before = q->s.v;
+    const real before = q->s.v;
     q->moment = plus(q->moment, times(half, bending(q)));
     const dual k = curvature(rod, q, plus(q->s, half), base), turn = times(h, k);
     q->angle = plus(q->angle, turn);
@@ -237,9 +312,11 @@ static inline void step(const Rod *rod, State *q, dual h, dual half, dual twelft
     }
     q->s = plus(q->s, h);
     for (int m = 0; m < rod->masses; ++m)
-        if (before <= rod->mass[3 * m] && rod->mass[3 * m] < q->s.v)
-            q->fx.v -= rod->mass[3 * m + 1], q->fy.v -= rod->mass[3 * m + 2];
-    const double sine = sin(q->angle.v), cosine = cos(q->angle.v);
+        for (int k = 0; k < WIDE; ++k)
+            if (AT(before, k) <= rod->mass[3 * m] && rod->mass[3 * m] < AT(q->s.v, k))
+                AT(q->fx.v, k) -= rod->mass[3 * m + 1], AT(q->fy.v, k) -= rod->mass[3 * m + 2];
+    real sine, cosine;
+    waves(q->angle.v, &sine, &cosine);
     q->sine = with(q->angle, sine, cosine), q->cosine = with(q->angle, cosine, -sine);
     q->moment = plus(q->moment, times(half, bending(q)));
     q->bent = curvature(rod, q, q->s, base);
@@ -252,6 +329,13 @@ static inline void step_by(const Rod *rod, State *q, double h, dual base)
 {
     step(rod, q, constant(h), constant(0.5 * h), constant(h * h / 12.0), base);
 }
+
+/* A segment between contacts as integrated; its extremes are sought by values, and have slopes where they are. */
+typedef struct { dual begin, h, x[STEPS], y[STEPS], bent[STEPS]; int steps; } Segment;
+
+#if WIDE == 1
+static inline dual least(dual a, dual b) { return a.v < b.v ? a : b; }
+static inline dual greatest(dual a, dual b) { return a.v > b.v ? a : b; }
 
 /* How far a section is clear of the supports; before its first contact a finger may come out of one. */
 static inline dual clear_of_supports(const Rod *rod, dual x, dual y, dual half, int emerging)
@@ -272,9 +356,6 @@ static inline dual clear_of_supports(const Rod *rod, dual x, dual y, dual half, 
     }
     return clear;
 }
-
-/* A segment between contacts as integrated; its extremes are sought by values, and have slopes where they are. */
-typedef struct { dual begin, h, x[STEPS], y[STEPS], bent[STEPS]; int steps; } Segment;
 
 static inline dual place_of(const Segment *seg, int k) { return plus(seg->begin, scaled(k, seg->h)); }
 
@@ -336,6 +417,8 @@ static dual greatest_bend(const Rod *rod, const Segment *seg, int from_rest)
     return size_of(from_rest ? minus(seg->bent[at], along(rod, REST, place_of(seg, at))) : seg->bent[at]);
 }
 
+#endif
+
 /* A section that touches, or the tip. */
 typedef struct { dual gap, lean, x, y, nx, ny, half; } Touch;
 
@@ -386,6 +469,7 @@ static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
             step(rod, &q, seg.h, half, twelfth, z[3]);
             seg.x[k] = q.x, seg.y[k] = q.y, seg.bent[k] = q.bent;
         }
+#if WIDE == 1
         if (extremes) {
             out->strain = greatest(out->strain, greatest_bend(rod, &seg, 1));
             out->bend[segment] = times(span, greatest_bend(rod, &seg, 0));
@@ -393,6 +477,7 @@ static void integrate(const Rod *rod, const dual *z, int extremes, Finger *out)
             if (rod->walls + rod->pegs)
                 out->supports = least(out->supports, segment_clear_of_supports(rod, &seg, segment == 0));
         }
+#endif
         out->touch[segment] = touch_of(rod, &q);
         if (segment < rod->contacts)
             pass(rod, &q, out->touch + segment, z + 4 + 3 * segment, z[3]);

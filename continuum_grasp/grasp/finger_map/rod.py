@@ -39,8 +39,12 @@ _CELLS = 220
 """Cells of the table of distances from the object, each way."""
 
 
-def call(lanes: int, name: str, *given: Any) -> Any:
-    """Call a function of `rod.c` and what follows it, with so many slopes."""
+WIDE = 8
+"""Rods that are integrated side by side where values alone are asked for."""
+
+
+def call(lanes: int, name: str, *given: Any, wide: int = 1) -> Any:
+    """Call a function of `rod.c` and what follows it, with so many slopes, of so many rods side by side."""
 
     def passed(value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -50,19 +54,20 @@ def call(lanes: int, name: str, *given: Any) -> Any:
         return ctypes.c_double(value) if isinstance(value, float) else value
 
     # A process that had no compiler for a while, or another one, is not bound to what it had then.
-    return getattr(_library(lanes, os.environ.get("CC"), os.environ.get("PATH")), name)(*map(passed, given))
+    return getattr(_library(lanes, wide, os.environ.get("CC"), os.environ.get("PATH")), name)(*map(passed, given))
 
 
 @cache
-def _library(lanes: int, _named: str | None, _path: str | None) -> ctypes.CDLL:
+def _library(lanes: int, wide: int, _named: str | None, _path: str | None) -> ctypes.CDLL:
     compiler = Compiler.find()
     if compiler is None:
         raise RuntimeError(Compiler.why_none())
     folder = files(__package__)
     source = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in ("rod.c", "touching.c", "balance.c"))
+    sizes = f"#define LANES {lanes}\n#define WIDE {wide}\n"
     # What coils up without end must remain no number.
     fast = '#pragma GCC optimize("O3", "fast-math", "no-finite-math-only")\n'
-    return ctypes.CDLL(str(compiler.library(f"#define LANES {lanes}\n{fast}{source}", "the map of fingers")))
+    return ctypes.CDLL(str(compiler.library(f"{sizes}{fast}{source}", "the map of fingers")))
 
 
 class ObjectTable:
@@ -211,11 +216,19 @@ class MapFinger:
         call(lanes, "trace", self.struct, len(z), z, entered, out)
         return Traced(self, z, out, numbers, numbers + self.conditions, numbers + self.conditions + shape)
 
+    def touches(self, z: Array) -> Traced:
+        """Contacts and conditions of equilibria (B, 4 + 3 k), without slopes and limits."""
+        z = np.ascontiguousarray(z, dtype=float)
+        numbers = 7 * (self.middles + 1) + 2
+        out = np.empty((len(z), numbers + self.conditions, 1))
+        call(0, "touches", self.struct, len(z), z, out, wide=WIDE)
+        return Traced(self, z, out, numbers, numbers + self.conditions, numbers + self.conditions)
+
     def touching(self, z: Array) -> Array:
         """Residuals of the conditions alone (B, m)."""
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty((len(z), self.conditions))
-        call(0, "touching", self.struct, len(z), z, out)
+        call(0, "touching", self.struct, len(z), z, out, wide=WIDE)
         return out
 
     def scales(self, z: Array) -> Array:
@@ -234,7 +247,17 @@ class MapFinger:
     def corrected(self, z: Array, rounds: int, back: Array, step: Array) -> Array:
         """Equilibria (B, n) moved back to the conditions by inverses (B, n, m) of slopes per ``step`` (B, n)."""
         z = np.array(z, dtype=float, order="C")
-        call(0, "corrected", self.struct, len(z), rounds, np.ascontiguousarray(back), np.ascontiguousarray(step), z)
+        call(
+            0,
+            "corrected",
+            self.struct,
+            len(z),
+            rounds,
+            np.ascontiguousarray(back),
+            np.ascontiguousarray(step),
+            z,
+            wide=WIDE,
+        )
         return z
 
     def nearest(self, z: Array) -> Array:

@@ -24,6 +24,97 @@ static int conditions(const Rod *rod, const Finger *at, dual *row)
     return n;
 }
 
+enum { ROWS = 64 };
+
+/* Numbers of rods side by side, of which there may be fewer. */
+static void read_numbers(const Rod *rod, int count, const double *given, dual *z)
+{
+    const int size = 4 + 3 * rod->contacts;
+    for (int k = 0; k < size; ++k) {
+        z[k] = constant(0.0);
+        for (int lane = 0; lane < WIDE; ++lane)
+            AT(z[k].v, lane) = given[(lane < count ? lane : 0) * size + k];
+#if LANES > 0
+        ((double *)&z[k].d)[k] = 1.0;
+#endif
+    }
+}
+
+static double *write_number(double *to, const dual *a, int lane)
+{
+    *to++ = AT(a->v, lane);
+    for (int k = 0; k < LANES; ++k)
+        *to++ = ((const double *)&a->d)[k];
+    return to;
+}
+
+/* Numbers of the contacts, and the force at the tip. */
+static double *write_touches(double *to, const Rod *rod, const Finger *at, int lane)
+{
+    for (int k = 0; k <= rod->contacts; ++k)
+        for (int field = 0; field < 7; ++field)
+            to = write_number(to, &at->touch[k].gap + field, lane);
+    return write_number(write_number(to, &at->normal, lane), &at->friction, lane);
+}
+
+#if WIDE > 1
+/* The conditions alone (count, rows). */
+void touching(const Rod *rod, int count, const double *given, double *out)
+{
+    Finger at;
+    dual z[NUMBERS], row[ROWS];
+    for (; count > 0; count -= WIDE, given += WIDE * (4 + 3 * rod->contacts)) {
+        read_numbers(rod, count, given, z);
+        integrate(rod, z, 0, &at);
+        const int rows = conditions(rod, &at, row);
+        for (int lane = 0; lane < WIDE && lane < count; ++lane)
+            for (int k = 0; k < rows; ++k)
+                *out++ = AT(row[k].v, lane);
+    }
+}
+
+/* Numbers of the contacts and the force at the tip, the conditions: out (count, 7 (contacts + 1) + 2 + rows). */
+void touches(const Rod *rod, int count, const double *given, double *out)
+{
+    Finger at;
+    dual z[NUMBERS], row[ROWS];
+    for (; count > 0; count -= WIDE, given += WIDE * (4 + 3 * rod->contacts)) {
+        read_numbers(rod, count, given, z);
+        integrate(rod, z, 0, &at);
+        const int rows = conditions(rod, &at, row);
+        for (int lane = 0; lane < WIDE && lane < count; ++lane) {
+            out = write_touches(out, rod, &at, lane);
+            for (int k = 0; k < rows; ++k)
+                out = write_number(out, row + k, lane);
+        }
+    }
+}
+
+/* Equilibria (count, n) moved towards the conditions by one inverse of their slopes each (count, n, rows), in units of
+   `step` (count, n), in so many rounds. */
+void corrected(const Rod *rod, int count, int rounds, const double *back, const double *step, double *z)
+{
+    const int size = 4 + 3 * rod->contacts;
+    Finger at;
+    dual numbers[NUMBERS], row[ROWS];
+    for (; count > 0; count -= WIDE, z += WIDE * size, step += WIDE * size) {
+        int rows = 0;
+        for (int round = 0; round < rounds; ++round) {
+            read_numbers(rod, count, z, numbers);
+            integrate(rod, numbers, 0, &at);
+            rows = conditions(rod, &at, row);
+            for (int lane = 0; lane < WIDE && lane < count; ++lane)
+                for (int k = lane * size; k < (lane + 1) * size; ++k) {
+                    double move = 0.0;
+                    for (int j = 0; j < rows; ++j)
+                        move += back[rows * k + j] * AT(row[j].v, lane);
+                    z[k] -= step[k] * fmin(fmax(move, -1.0), 1.0);
+                }
+        }
+        back += WIDE * rows * size;
+    }
+}
+#else
 static inline dual beyond(double limit, dual a) { return (dual){a.v - limit, a.d}; }
 
 /* Excesses of tension and shape over their limits, not above zero within them. */
@@ -63,28 +154,9 @@ static int force_limits(const Rod *rod, const dual *z, const Finger *at, dual *r
     return n;
 }
 
-enum { ROWS = 64 };
 /* Slopes from which on they say nothing: of a rod that makes a few turns they are below 1e4, of one that coils up without
    end they have no bound. */
 #define SANE 1e6
-
-static void read_numbers(const Rod *rod, const double *given, dual *z)
-{
-    for (int k = 0; k < 4 + 3 * rod->contacts; ++k) {
-        z[k] = constant(given[k]);
-#if LANES > 0
-        ((double *)&z[k].d)[k] = 1.0;
-#endif
-    }
-}
-
-static double *write_number(double *to, const dual *a)
-{
-    *to++ = a->v;
-    for (int lane = 0; lane < LANES; ++lane)
-        *to++ = ((const double *)&a->d)[lane];
-    return to;
-}
 
 /* Numbers of the contacts and the force at the tip, the conditions, the limits of the shape, those of the forces: out
    (count, 7 (contacts + 1) + 2 + rows, 1 + LANES). */
@@ -93,31 +165,14 @@ void trace(const Rod *rod, int count, const double *given, double entered, doubl
     Finger at;
     dual z[NUMBERS], row[ROWS];
     for (; count > 0; --count, given += 4 + 3 * rod->contacts) {
-        read_numbers(rod, given, z);
+        read_numbers(rod, 1, given, z);
         integrate(rod, z, 1, &at);
-        for (int k = 0; k <= rod->contacts; ++k)
-            for (int field = 0; field < 7; ++field)
-                out = write_number(out, &at.touch[k].gap + field);
-        out = write_number(write_number(out, &at.normal), &at.friction);
+        out = write_touches(out, rod, &at, 0);
         int rows = conditions(rod, &at, row);
         rows += shape_limits(rod, z, &at, entered, row + rows);
         rows += force_limits(rod, z, &at, row + rows);
         for (int k = 0; k < rows; ++k)
-            out = write_number(out, row + k);
-    }
-}
-
-/* The conditions alone (count, rows). */
-void touching(const Rod *rod, int count, const double *given, double *out)
-{
-    Finger at;
-    dual z[NUMBERS], row[ROWS];
-    for (; count > 0; --count, given += 4 + 3 * rod->contacts) {
-        read_numbers(rod, given, z);
-        integrate(rod, z, 0, &at);
-        const int rows = conditions(rod, &at, row);
-        for (int k = 0; k < rows; ++k)
-            *out++ = row[k].v;
+            out = write_number(out, row + k, 0);
     }
 }
 
@@ -135,30 +190,6 @@ void scales(const Rod *rod, int count, const double *given, double *step)
     const int size = 4 + 3 * rod->contacts;
     for (; count > 0; --count, given += size, step += size)
         scale_of(rod, given, step);
-}
-
-/* Equilibria (count, n) moved towards the conditions by one inverse of their slopes each (count, n, rows), in units of
-   `step` (count, n), in so many rounds. */
-void corrected(const Rod *rod, int count, int rounds, const double *back, const double *step, double *z)
-{
-    const int size = 4 + 3 * rod->contacts;
-    Finger at;
-    dual numbers[NUMBERS], row[ROWS];
-    for (; count > 0; --count, z += size, step += size) {
-        int rows = 0;
-        for (int round = 0; round < rounds; ++round) {
-            read_numbers(rod, z, numbers);
-            integrate(rod, numbers, 0, &at);
-            rows = conditions(rod, &at, row);
-            for (int k = 0; k < size; ++k) {
-                double move = 0.0;
-                for (int j = 0; j < rows; ++j)
-                    move += back[rows * k + j] * row[j].v;
-                z[k] -= step[k] * fmin(fmax(move, -1.0), 1.0);
-            }
-        }
-        back += rows * size;
-    }
 }
 
 #if LANES > 0
@@ -195,7 +226,7 @@ static void residual_of(const Rod *rod, const double *given, double entered, Res
 {
     Finger at;
     dual z[NUMBERS];
-    read_numbers(rod, given, z);
+    read_numbers(rod, 1, given, z);
     integrate(rod, z, 1, &at);
     out->equal = out->rows = conditions(rod, &at, out->row);
     out->rows += shape_limits(rod, z, &at, entered, out->row + out->rows);
@@ -265,7 +296,7 @@ int curve(const Rod *rod, const double *given, double *out)
 {
     const int contacts = rod->contacts;
     dual z[NUMBERS];
-    read_numbers(rod, given, z);
+    read_numbers(rod, 1, given, z);
     State q = clamped(rod, z);
     double begin = 0.0;
     const double *first = out;
@@ -293,7 +324,7 @@ void nearest(const Rod *rod, int count, const double *given, double low, double 
     const int contacts = rod->contacts, size = 4 + 3 * contacts;
     for (int row = 0; row < count; ++row, given += size, out += 4) {
         dual z[NUMBERS];
-        read_numbers(rod, given, z);
+        read_numbers(rod, 1, given, z);
         State q = clamped(rod, z);
         const double h = 1.0 / rod->steps;
         double before = 0.0, last = 0.0;
@@ -320,3 +351,4 @@ void nearest(const Rod *rod, int count, const double *given, double low, double 
         }
     }
 }
+#endif
