@@ -42,7 +42,7 @@ from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.addons.sweeps import Sweep, SweepPlan
 from continuum_grasp.addons.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.closed_loop import PlantModel, Sensors
-from continuum_grasp.closed_loop.chain_system import ChainSystem
+from continuum_grasp.closed_loop.guides.system import ChainSystem
 from continuum_grasp.control import Prediction, Setpoints
 from continuum_grasp.export import REALS, ModelFields, PackageOptions, title_of
 from continuum_grasp.export.control.loop import Loop

@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError, check_arguments
-from continuum_grasp.closed_loop.integration import ChainIntegration, Integration
-from continuum_grasp.closed_loop.plant_model import GUIDES, PlantModel
+from continuum_grasp.closed_loop.guides.integration import ChainIntegration
+from continuum_grasp.closed_loop.guides.plant import GUIDES
+from continuum_grasp.closed_loop.integration import Integration
+from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.closed_loop.wiring import Wiring
 from continuum_grasp.control import Prediction

@@ -1,18 +1,20 @@
-"""A plant: a finger that differs from the controller's, its surroundings, and the drive between command and tendon."""
+"""A plant: a finger that differs from the controller's, its surroundings, and the drive between command and tendon.
+
+What of it is a chain of guides is in ``guides``.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.base import Array, split_unit
-from continuum_grasp.closed_loop.chain_system import ChainSystem
+from continuum_grasp.base import Array, named_value, split_unit
 from continuum_grasp.control import Outputs, Prediction, Quantities
 from continuum_grasp.model import Memory, Remade, System, column, element_lengths, lag_names, lag_rates
 from continuum_grasp.scene import (
@@ -27,6 +29,9 @@ from continuum_grasp.scene import (
     default_family,
 )
 from continuum_grasp.simulation import Signals, initial_state
+
+if TYPE_CHECKING:
+    from continuum_grasp.closed_loop.guides.system import ChainSystem
 
 _LAG = "drive_time_constant"
 """Parameter that is the lag of commanded tensions."""
@@ -49,8 +54,6 @@ def _lag_of(control: ControlScene, plant: Scene) -> Array | None:
     return np.array(known) if known and len(known) == len(lags) else None
 
 
-GUIDES = "guides"
-"""Name of the method of chains of guides, which is none of ``INTEGRATORS``."""
 _SHAPES = 4
 """Shapes at which the fastest rate is taken: each costs a linearization of the fine model on the virtual machine."""
 
@@ -58,7 +61,7 @@ _SHAPES = 4
 class PlantIntegration(NamedTuple):
     """Integration of a plant: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
 
-    ``guides``: the steps of a chain of guides, whatever its rates (0).
+    Chains of guides have a name of their own, and steps whatever their rates (0).
     """
 
     name: str
@@ -75,12 +78,20 @@ class PlantModel(Remade):
     to ``p``; ``drive_time_constant`` of commanded tensions is the last one there. ``falls``: w has a last entry
     ``friction_fall [1]``, by whose share friction is less than the parameter ``friction_factor`` has it. ``outside``
     has entries of w, by name, as functions of instants [s], on top of the scene's loads.
+
+    Of a scene with ``plant.guides`` a `ChainPlant` is made.
     """
 
+    system: System | ChainSystem
     FALL: ClassVar[str] = "friction_fall [1]"
     """Entry of w by which friction of all contacts is less than ``friction_factor``, as a share of it."""
     WRENCH: ClassVar[tuple[str, ...]] = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
     """Entries of w of what pulls at an object that moves."""
+
+    def __new__(cls, scene: ControlScene, *arguments: Any, **named: Any) -> Self:
+        kind = cls if scene.plant.guides is None else named_value("continuum_grasp.closed_loop.guides.plant:ChainPlant")
+        made: Self = super().__new__(kind, scene, *arguments, **named)
+        return made
 
     def __init__(
         self,
@@ -163,18 +174,24 @@ class PlantModel(Remade):
             parameters=(),
         )
 
+    @property
+    def _unlagged(self) -> Scene:
+        """The plant's scene without the lag, which is the plant's own: its sensors read every tension."""
+        return self.scene.replaced(finger=self.scene.finger.with_tendons(time_constant=None, drive_order=2))
+
     def _system(self) -> System | ChainSystem:
-        """The finger in its surroundings, without the lag, which is the plant's own: its sensors read every tension."""
-        plant, finger = self.control.plant, self.scene.finger
-        unlagged = self.scene.replaced(finger=finger.with_tendons(time_constant=None, drive_order=2))
-        varied = self.parameters, self.object_parameters
-        if plant.guides is not None:
-            return ChainSystem(unlagged, plant.guides, plant.axial_stiffness, *varied)
+        """The finger in its surroundings, without the lag."""
+        finger = self.scene.finger
         # A matched tip moves with its moment: without a lag of second order it would jump.
         jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
-        family = plant.fidelity.family or default_family(free_tip=jumps or finger.moves_with_free_tip)
-        rates, (parameters, of_object) = FAMILIES[family].matches_tip or None, varied
-        return System(unlagged, family=family, input_rates=rates, parameters=parameters, object_parameters=of_object)
+        family = self.control.plant.fidelity.family or default_family(free_tip=jumps or finger.moves_with_free_tip)
+        return System(
+            self._unlagged,
+            family=family,
+            input_rates=FAMILIES[family].matches_tip or None,
+            parameters=self.parameters,
+            object_parameters=self.object_parameters,
+        )
 
     def __getstate__(self) -> tuple[Array, dict[str, Callable[[Array], Array]]]:
         return self.p.copy(), dict(self.outside)
@@ -220,20 +237,14 @@ class PlantModel(Remade):
     @cached_property
     def tensions(self) -> ca.SX:
         """Tension of each tendon at its drive [N]."""
-        x, u, p = self._of_system
         finger = self.system.finger_model
-        tensions = self.drive[: self.nu - len(self.scene.finger.chambers)]
-        if isinstance(self.system, ChainSystem):
-            tensions = self.system.tensions(x, u, p)
-        elif finger.structure.own_tendons:
-            tensions = finger.tensions()(x[: finger.nx], u, p[: finger.np])[0]
-        return ca.SX(tensions)
+        if not finger.structure.own_tendons:
+            return self.drive[: self.nu - len(self.scene.finger.chambers)]
+        x, u, p = self._of_system
+        return ca.SX(finger.tensions()(x[: finger.nx], u, p[: finger.np])[0])
 
     def friction_along(self, tendon: int, start: float, end: float) -> ca.SX:
         """Direction of friction on a tendon between two positions [m], on average: 1 where it slides to the base."""
-        if isinstance(self.system, ChainSystem):
-            along: ca.SX = self.system.friction_along(self._x, self._u, tendon, start, end)
-            return along
         made, names = self.system.finger_model.structure, self.named_states
         for number, cells in enumerate(made.cell_sets):
             if tendon not in cells.tendons:
@@ -245,40 +256,6 @@ class PlantModel(Remade):
             mean: ca.SX = ca.dot(ca.DM(shares), ca.vertcat(*map(Memory.direction, states))) / max(shares.sum(), 1e-9)
             return side * mean
         return ca.SX(0.0)
-
-    # -- a chain of guides --------------------------------------------------------------------------------------------
-
-    @property
-    def chain(self) -> ChainSystem:
-        if not isinstance(self.system, ChainSystem):
-            raise TypeError("the plant is no chain of guides")
-        return self.system
-
-    @property
-    def _others(self) -> tuple[ca.SX, ca.SX]:
-        """States of a chain beside bends and tensions, drive, object, contacts and lag, and those of its system."""
-        return self._x[self.chain.first_other :], self._x[self.chain.first_other : self.chain.nx]
-
-    @cached_property
-    def drums(self) -> ca.Function:
-        """``(others, u) -> drum``: what each tendon of a chain has at its drive: a length [m], or a tension [N]."""
-        others, chain_states = self._others
-        value = ca.densify(self.chain.drums(chain_states, self.acting))
-        return ca.Function("drums", [others, self._u], [value], ["others", "u"], ["drum"])
-
-    @cached_property
-    def around(self) -> ca.Function:
-        """``(places, tension, others, u, w, p) -> rate, exerted, force``: rates of the other states with the lag, what
-        the finger exerts on the object, and forces on the places; parameters are without those of the finger.
-        """
-        chain, (others, chain_states) = self.chain, self._others
-        places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
-        p = self._now[self.finger_parameters :]
-        force, rate, *exerted = chain.around(places, tension, chain_states, self.acting, self._loads, p)
-        names = ["places", "tension", "others", "u", "w", "p"]
-        values = [ca.vertcat(rate, self._drive_rates), self._wrench(*exerted), force]
-        inputs = [places, tension, others, self._u, self._w, self._p[self.finger_parameters :]]
-        return ca.Function("around", inputs, values, names, ["rate", "exerted", "force"])
 
     # -- functions ----------------------------------------------------------------------------------------------------
 
@@ -302,9 +279,19 @@ class PlantModel(Remade):
         return ca.vertcat(self.elements.forward_dynamics(x, u, self._loads, p), self._drive_rates)
 
     @property
+    def _bending_rate(self) -> ca.SX:
+        """Rates of the state, as far as angles along the finger depend on it."""
+        return self._rate
+
+    @property
+    def first_other(self) -> int:
+        """Index of the first state behind bends, their rates and what integrators take beside them."""
+        return 2 * self.system.n
+
+    @property
     def elements(self) -> System:
         """The system of a plant that is no chain of guides, whose motion is decided step by step."""
-        if isinstance(self.system, ChainSystem):
+        if not isinstance(self.system, System):
             raise TypeError("a chain of guides has no differential equation")
         return self.system
 
@@ -371,14 +358,7 @@ class PlantModel(Remade):
 
     def angle_rates(self, at: Sequence[float]) -> ca.SX:
         """Rates of the angles of sections [rad/s]."""
-        # Angles are functions of the first n states alone.
-        n, angles = self.system.n, self.sections(at)[1]
-        rates = (
-            ca.vertcat(self._x[n : 2 * n], ca.SX(self.nx - n, 1))
-            if isinstance(self.system, ChainSystem)
-            else self._rate
-        )
-        return ca.jtimes(angles, self._x, rates)
+        return ca.jtimes(self.sections(at)[1], self._x, self._bending_rate)
 
     @cached_property
     def curvature(self) -> ca.SX:
@@ -430,17 +410,13 @@ class PlantModel(Remade):
     def start_of(self, scene: Scene) -> Array:
         """State at time zero (nx) of a scene that differs from that of this plant by values of parameters."""
         model, pose = self.system.finger_model, self._start_pose(scene)
-        finger = initial_state(scene, model)
         drive_states = np.zeros(self.nx - self.system.nx)
         drive_states[: self._lags] = self.rest_input[: self._lags]
-        if isinstance(self.system, ChainSystem):
-            q, qd = finger[: model.n], finger[model.n : 2 * model.n]
-            drives = finger[2 * model.n : 2 * model.n + model.structure.drive_states]
-            x = self.system.start(q, qd, drives, self.rest_input, scene.initial)
-            if pose is not None:
-                x[self.system.object_states] = pose
-            return np.concatenate([x, drive_states])
-        return np.concatenate([finger, self.system.state(pose=pose)[model.nx :], drive_states])
+        return np.concatenate([self._begun(scene, initial_state(scene, model), pose), drive_states])
+
+    def _begun(self, scene: Scene, finger: Array, pose: list[float] | None) -> Array:
+        """State of the system at time zero, by that of the finger alone and the pose of an object that moves."""
+        return np.concatenate([finger, self.elements.state(pose=pose)[self.system.finger_model.nx :]])
 
     @staticmethod
     def _start_pose(around: Surroundings) -> list[float] | None:
@@ -516,11 +492,8 @@ class PlantModel(Remade):
 
     def method_for(self, period: float) -> PlantIntegration:
         """Choose the cheapest stable steps, by the fastest rate of some shapes at rest, contacts and damping."""
-        system, w = self.system, self.forces(0.0)[0]
+        system, w = self.elements, self.forces(0.0)[0]
         radius, longest = 0.0, system.finger_model.structure.partial_step
-        if isinstance(system, ChainSystem):
-            # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
-            return PlantIntegration(GUIDES, math.ceil(period / (10.0 * longest) - 1e-9), radius)
         for q in system.finger_model.sample_shapes(self.start[: system.n])[:_SHAPES]:
             x = self.start.copy()
             x[: system.n] = q

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array
-from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant_model import PlantModel
 
 _RISE = "object_z_rate [m/s]"
@@ -33,7 +32,7 @@ class SharedModel:
         self.plants = tuple(plants)
         self.integrations: dict[str, Any] = {}
         shared = [_shared(plant) if len(plants) > 1 else np.zeros(0, dtype=np.intp) for plant in plants]
-        self._first, start = [_first_other(plant) for plant in plants], 0
+        self._first, start = [plant.first_other for plant in plants], 0
         self._at = [np.zeros(plant.nx, dtype=np.intp) for plant in plants]
         ends = [
             (0, plant.system.n, 2 * plant.system.n, at, plant.nx) for plant, at in zip(plants, self._first, strict=True)
@@ -99,40 +98,17 @@ class SharedModel:
         """(x, u, p) -> mass matrix of the fingers, their stiffness and their damping, a block for each."""
         return self._separate([plant.internal for plant in self.plants], ca.diagcat)
 
-    # -- chains of guides ---------------------------------------------------------------------------------------------
-
-    @property
-    def chains(self) -> tuple[ChainSystem, ...]:
-        return tuple(plant.chain for plant in self.plants)
-
-    @cached_property
-    def drums(self) -> ca.Function:
-        """``(others, u) -> drum``: what each tendon has at its drive: a length [m], or a tension [N]."""
-        return self._separate([plant.drums for plant in self.plants], ca.vertcat)
-
-    @cached_property
-    def around(self) -> ca.Function:
-        """``(places, tension, others, u, w, p) -> force, rate``: forces and couples (3, K) on the places of all chains,
-        and the rates of all other states.
-        """
-        functions = [plant.around for plant in self.plants]
-        symbols, parts = self._arguments(functions)
-        rate, outputs = self._rates(functions, parts, self._others_at, "others")
-        values = [ca.horzcat(*(force for *_, force in outputs)), rate]
-        return ca.Function("around", [*symbols.values()], values, [*symbols], ["force", "rate"])
-
-    @property
-    def _others_at(self) -> list[list[int]]:
-        """Places of each chain's other states among those of all."""
-        before = sum(self._first)
-        return [(place[first:] - before).tolist() for place, first in zip(self._at, self._first, strict=True)]
-
     # -- all plants together ------------------------------------------------------------------------------------------
+
+    @property
+    def _state_places(self) -> dict[str, list[list[int]]]:
+        """Places of each plant's states among those of all, by the names of inputs of the plants' functions."""
+        return {"x": [place.tolist() for place in self._at]}
 
     def _arguments(self, functions: Sequence[ca.Function]) -> tuple[dict[str, ca.SX], list[dict[str, ca.SX]]]:
         """Symbols of a function of all plants by the names of the plants' ``functions``, and those of each."""
         symbols, parts = dict[str, ca.SX](), list[dict[str, ca.SX]]([{} for _ in functions])
-        states = {"x": [place.tolist() for place in self._at], "others": self._others_at}
+        states = self._state_places
         for name in functions[0].name_in():
             sizes = [function.size_in(name) for function in functions]
             if name in states:
@@ -187,11 +163,6 @@ class SharedModel:
 def _size(at: list[list[int]]) -> int:
     """Number of common states of which each plant has those at some places."""
     return 1 + max((k for places in at for k in places), default=-1)
-
-
-def _first_other(plant: PlantModel) -> int:
-    """Index of the first state behind the coordinates of a finger, their rates and the tensions of a chain."""
-    return plant.system.first_other if isinstance(plant.system, ChainSystem) else 2 * plant.system.n
 
 
 def _shared(plant: PlantModel) -> NDArray[np.intp]:

@@ -21,7 +21,7 @@ from continuum_grasp.addons.mission.record import MissionRecord
 from continuum_grasp.addons.mission.run import MissionRunner
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import SharedModel
-from continuum_grasp.closed_loop.integration import ChainIntegration
+from continuum_grasp.closed_loop.guides.integration import ChainIntegration
 from continuum_grasp.control import Prediction
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.results import read_run

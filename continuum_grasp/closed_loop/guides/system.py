@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.closed_loop.links import Links, guided_tendons
+from continuum_grasp.closed_loop.guides.tendons import guided_tendons
+from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.model import (
     Contacts,
     FingerModel,

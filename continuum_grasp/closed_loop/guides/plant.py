@@ -1,0 +1,127 @@
+"""Plants that are chains of guides, one or several that touch one object."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import cast
+
+import casadi as ca
+
+from continuum_grasp.base import Array
+from continuum_grasp.closed_loop.guides.system import ChainSystem
+from continuum_grasp.closed_loop.plant_model import PlantIntegration, PlantModel
+from continuum_grasp.closed_loop.shared_object import SharedModel
+from continuum_grasp.scene import Scene
+
+GUIDES = "guides"
+"""Name of the method of chains of guides, which is none of ``INTEGRATORS``."""
+
+
+class ChainPlant(PlantModel):
+    """A plant whose finger is a chain of guides.
+
+    It has no state derivative, since what sticks at a guide is decided step by step.
+    """
+
+    def _system(self) -> ChainSystem:
+        plant = self.control.plant
+        varied = self.parameters, self.object_parameters
+        return ChainSystem(self._unlagged, cast(int, plant.guides), plant.axial_stiffness, *varied)
+
+    @property
+    def chain(self) -> ChainSystem:
+        """The finger in its surroundings."""
+        return cast(ChainSystem, self.system)
+
+    @property
+    def first_other(self) -> int:
+        """Index of the first state behind bends, their rates and tensions."""
+        return self.chain.first_other
+
+    @cached_property
+    def tensions(self) -> ca.SX:
+        """Tension of each tendon at its drive [N]."""
+        return ca.SX(self.chain.tensions(*self._of_system))
+
+    def friction_along(self, tendon: int, start: float, end: float) -> ca.SX:
+        """Direction of friction on a tendon between two positions [m], on average: 1 where it slides to the base."""
+        return self.chain.friction_along(self._x, self._u, tendon, start, end)
+
+    def method_for(self, period: float) -> PlantIntegration:
+        """Steps of a chain."""
+        # 10: step of a chain of guides, which is implicit, per that of methods that are so in part
+        longest = 10.0 * self.system.finger_model.structure.partial_step
+        return PlantIntegration(GUIDES, math.ceil(period / longest - 1e-9), 0.0)
+
+    @property
+    def _bending_rate(self) -> ca.SX:
+        # Angles are functions of the bends alone, which are the first n states.
+        n = self.chain.n
+        return ca.vertcat(self._x[n : 2 * n], ca.SX(self.nx - n, 1))
+
+    def _begun(self, scene: Scene, finger: Array, pose: list[float] | None) -> Array:
+        model = self.system.finger_model
+        q, qd = finger[: model.n], finger[model.n : 2 * model.n]
+        drives = finger[2 * model.n : 2 * model.n + model.structure.drive_states]
+        x = self.chain.start(q, qd, drives, self.rest_input, scene.initial)
+        if pose is not None:
+            x[self.system.object_states] = pose
+        return x
+
+    @property
+    def _others(self) -> tuple[ca.SX, ca.SX]:
+        """States of a chain beside bends and tensions, drive, object, contacts and lag, and those of its system."""
+        return self._x[self.first_other :], self._x[self.first_other : self.chain.nx]
+
+    @cached_property
+    def drums(self) -> ca.Function:
+        """``(others, u) -> drum``: what each tendon of a chain has at its drive: a length [m], or a tension [N]."""
+        others, chain_states = self._others
+        value = ca.densify(self.chain.drums(chain_states, self.acting))
+        return ca.Function("drums", [others, self._u], [value], ["others", "u"], ["drum"])
+
+    @cached_property
+    def around(self) -> ca.Function:
+        """``(places, tension, others, u, w, p) -> rate, exerted, force``: rates of the other states with the lag, what
+        the finger exerts on the object, and forces on the places; parameters are without those of the finger.
+        """
+        chain, (others, chain_states) = self.chain, self._others
+        places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
+        p = self._now[self.finger_parameters :]
+        force, rate, *exerted = chain.around(places, tension, chain_states, self.acting, self._loads, p)
+        names = ["places", "tension", "others", "u", "w", "p"]
+        values = [ca.vertcat(rate, self._drive_rates), self._wrench(*exerted), force]
+        inputs = [places, tension, others, self._u, self._w, self._p[self.finger_parameters :]]
+        return ca.Function("around", inputs, values, names, ["rate", "exerted", "force"])
+
+
+class SharedChains(SharedModel):
+    """Plants that are chains of guides, as their integration takes them."""
+
+    def __init__(self, plants: Sequence[PlantModel]) -> None:
+        super().__init__(plants)
+        self.chains = tuple(cast(ChainPlant, plant) for plant in plants)
+
+    @cached_property
+    def drums(self) -> ca.Function:
+        """``(others, u) -> drum``: what each tendon has at its drive: a length [m], or a tension [N]."""
+        return self._separate([plant.drums for plant in self.chains], ca.vertcat)
+
+    @cached_property
+    def around(self) -> ca.Function:
+        """``(places, tension, others, u, w, p) -> force, rate``: forces and couples (3, K) on the places of all chains,
+        and the rates of all other states.
+        """
+        functions = [plant.around for plant in self.chains]
+        symbols, parts = self._arguments(functions)
+        rate, outputs = self._rates(functions, parts, self._state_places["others"], "others")
+        values = [ca.horzcat(*(force for *_, force in outputs)), rate]
+        return ca.Function("around", [*symbols.values()], values, [*symbols], ["force", "rate"])
+
+    @property
+    def _state_places(self) -> dict[str, list[list[int]]]:
+        before = sum(self._first)
+        places = [(place[first:] - before).tolist() for place, first in zip(self._at, self._first, strict=True)]
+        return super()._state_places | {"others": places}
