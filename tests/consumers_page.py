@@ -1,4 +1,4 @@
-"""The lists in docs/consumers.md; from inside: they are written from the table of all consumers.
+"""The lists in docs/consumers.md, written from the table of all consumers.
 
 The lists in docs/consumers.md, as consumers declare them; ``python -m tests.consumers_page`` writes them there.
 """
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
-from continuum_grasp.scene.consumer import CONSUMERS
+from continuum_grasp.scene import Consumer
 from tests.features import FEATURES, VERBS, declared
 from tests.results_page import table
 
@@ -55,7 +55,7 @@ def features() -> str:
 def reasons(kind: str) -> Iterator[str]:
     """Lines of the keys that consumers declare, below the verbs that they are about."""
     found: defaultdict[str, tuple[dict[str, None], dict[str, None]]] = defaultdict(lambda: ({}, {}))
-    for name, one in sorted(CONSUMERS.items()):
+    for name, one in sorted(Consumer.DECLARED.items()):
         for key, why in getattr(one, kind).items():
             keys, verbs = found[why]
             keys[key.replace("=", ": ")] = verbs[re.match(r"export to \w+|[^, ]+", name)[0]] = None

@@ -24,8 +24,7 @@ from continuum_grasp.addons.planning.search import PlanSearch
 from continuum_grasp.base import InputError
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.scene import ControlScene, GraspScene, Scene, Value
-from continuum_grasp.scene.consumer import CONSUMERS
+from continuum_grasp.scene import Consumer, ControlScene, GraspScene, Scene, Value
 from continuum_grasp.simulation import resolve_fidelity
 from tests import scene_products as products
 
@@ -239,7 +238,7 @@ def _at_rest(scene: Scene) -> Iterator[object]:
 
 def _compared(scene: Scene) -> Iterator[object]:
     """What accuracy measures, of the scene as it is."""
-    CONSUMERS["accuracy by the exact rod"].check(scene)
+    Consumer.DECLARED["accuracy by the exact rod"].check(scene)
     yield from products.measured_choices(scene)
 
 
@@ -306,11 +305,11 @@ def declared(feature: Feature, verb: Verb) -> str | None:
     AssertionError
         If a scene is refused for another reason.
     """
-    reasons = {why for one in CONSUMERS.values() for why in one.refused.values()}
+    reasons = {why for one in Consumer.DECLARED.values() for why in one.refused.values()}
     try:
         scene = scene_of(verb.kind, feature, verb.more)
         for name in () if scene is None else verb.consumers:
-            CONSUMERS[name].check(scene)
+            Consumer.DECLARED[name].check(scene)
     except InputError as error:
         if not (found := [why for why in reasons if why in error.message]):
             raise AssertionError(f"{feature.name}, {verb.name}: refused, and not declared: {error}") from None

@@ -26,7 +26,6 @@ from continuum_grasp.scene import (
     Rod,
     Scene,
     Surroundings,
-    default_family,
 )
 from continuum_grasp.simulation import Signals, initial_state
 
@@ -184,7 +183,7 @@ class PlantModel(Remade):
         finger = self.scene.finger
         # A matched tip moves with its moment: without a lag of second order it would jump.
         jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
-        family = self.control.plant.fidelity.family or default_family(free_tip=jumps or finger.moves_with_free_tip)
+        family = self.control.plant.fidelity.family or FAMILIES.default(free_tip=jumps or finger.moves_with_free_tip)
         return System(
             self._unlagged,
             family=family,

@@ -21,7 +21,7 @@ from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import ControlParts, Settings
 from continuum_grasp.control.status import Anomaly, CommandStatus, Statistics
-from continuum_grasp.core import CodeKind, precision_of
+from continuum_grasp.core import CodeKind, CReal
 from continuum_grasp.model import Remade
 
 _STATUS = tuple(CommandStatus)
@@ -53,7 +53,7 @@ class CompiledController(Remade, Summarized):
     def _compile(self, parts: ControlParts, precision: str, deadline: float, steps: float = math.inf) -> None:
         """Compile from parts, whose commands are late after ``deadline`` [s], for so many steps."""
         s, n, estimation = parts.stages, parts.stages.stages, parts.estimation
-        self.parts, self.stages, self.period, self.precision = parts, s, parts.calls.period, precision_of(precision)
+        self.parts, self.stages, self.period, self.precision = parts, s, parts.calls.period, CReal.named(precision).name
         self.measurement_names = parts.measurement_names
         # With an infinite deadline no command is late.
         self._deadline_ns = 1e9 * (deadline if deadline == math.inf else positive("deadline", deadline))

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import InputError
-from continuum_grasp.core.precision import literal
+from continuum_grasp.core.precision import CReal
 from continuum_grasp.model import Kernels
 
 OPERATORS = {
@@ -41,6 +41,7 @@ def lane_function(function: ca.Function, real: str = "double") -> str:
     From the first of ``out`` that is null on, nothing is computed. ``lane_prelude`` must stand before it. InputError
     where an operation has no vector code, or the type ``real`` (double or float) cannot hold a constant.
     """
+    constant = CReal.KINDS[real]
     lines = [f"static void {function.name()}_lanes(const cg_lanes *const in[], cg_lanes *const out[])", "{"]
     left = [function.nnz_out(i) for i in range(function.n_out())]
     # CasADi's instructions name places of a work vector, each of which holds what was written to it last. Those in
@@ -62,7 +63,7 @@ def lane_function(function: ca.Function, real: str = "double") -> str:
         target = results[0]
         name = f"v{k}"
         if operation == ca.OP_CONST:
-            values[target] = f"({literal(float(function.instruction_constant(k)), real)})"
+            values[target] = f"({constant.written(float(function.instruction_constant(k)))})"
             constants.add(target)
             continue
         if operation == ca.OP_INPUT:

@@ -18,7 +18,7 @@ import casadi as ca
 from continuum_grasp.base import InputError
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.core.lanes import lane_function, with_loops
-from continuum_grasp.core.precision import literal, single
+from continuum_grasp.core.precision import CReal, single
 from continuum_grasp.core.template import Template
 
 
@@ -123,7 +123,7 @@ class CSource:
         return [f for f in self.functions if not f.is_a("SXFunction")]
 
     def _lane(self, value: float) -> str:
-        return f"(cg_lanes){{0}} + {literal(value, self.real)}"
+        return f"(cg_lanes){{0}} + {CReal.KINDS[self.real].written(value)}"
 
 
 def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:

@@ -3,7 +3,6 @@ from .build import strict_flags as strict_flags
 from .build import wasm_module as wasm_module
 from .control.loop import DIAGNOSIS as DIAGNOSIS
 from .control.loop import ExportedPhases as ExportedPhases
-from .fields import REALS as REALS
 from .fields import Field as Field
 from .fields import fill as fill
 from .functions import export_casadi as export_casadi

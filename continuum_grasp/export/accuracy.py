@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.export.fields import REALS, to_digits
+from continuum_grasp.core import CReal
+from continuum_grasp.export.fields import to_digits
 from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import press, reach_of, split
@@ -100,7 +101,7 @@ def _differences(narrow: Call, wide: Call, rows: Array, arguments: list[Argument
     Zero in rows that are refused, and in those of which a code warns that they are out of range or leave it.
     """
     computed, codes = (narrow.compiled or narrow.reference)(split(rows, arguments))
-    true, _ = (wide.compiled or wide.reference)(split(rows.astype(REALS["double"].dtype), arguments))
+    true, _ = (wide.compiled or wide.reference)(split(rows.astype(CReal.KINDS["double"].dtype), arguments))
     good = ((codes >= 0) & (codes != Code.WARN_LEFT_RANGE))[:, None]
     with np.errstate(invalid="ignore"):
         return np.where(good, np.abs(computed - true), 0.0), np.where(good, np.abs(true), 0.0)

@@ -14,68 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import split_unit
-from continuum_grasp.core import Template, literal
-
-
-@dataclass(frozen=True)
-class Real:
-    """A C type with its numpy reference and its IEEE 754 layout."""
-
-    name: str
-    dtype: Any
-    bits: Any
-    """Unsigned whole numbers of the same width."""
-    mantissa_bits: int
-    bias: int
-    epsilon: float
-
-    @property
-    def width(self) -> int:
-        """Bits of a number."""
-        return 8 * int(np.dtype(self.dtype).itemsize)
-
-    @property
-    def exponent_mask(self) -> int:
-        """Bits of the exponent; all are set in numbers that are not finite."""
-        return ((1 << (self.width - 1 - self.mantissa_bits)) - 1) << self.mantissa_bits
-
-    @property
-    def greatest(self) -> float:
-        """The greatest finite number."""
-        return float(np.finfo(self.dtype).max)
-
-    @property
-    def least_normal(self) -> float:
-        """The least normal number above zero."""
-        return float(np.finfo(self.dtype).tiny)
-
-    def rounded(self, value: float) -> float:
-        """The nearest number of the type."""
-        return float(self.dtype(value))
-
-    def literal(self, value: float) -> str:
-        """C that means exactly ``rounded(value)``; negative ones in parentheses, so that -(-1) is no decrement."""
-        text = literal(float(value), self.name, str(self.dtype(value)))
-        return f"({text})" if text.startswith("-") else text
-
-    def finite_literal(self, value: float) -> str:
-        """The literal of the nearest finite number: C99 has none of infinity."""
-        return self.literal(min(max(float(value), -self.greatest), self.greatest))
-
-    def bit_pattern(self, bits: int) -> str:
-        """Unsigned literal of C for the bits of a number."""
-        return f"{hex(bits)}u{'' if self.width == 32 else 'll'}"
-
-    def hexadecimal(self, value: float) -> str:
-        """The number as a hexadecimal floating literal of C99."""
-        return float(self.dtype(value)).hex() + ("f" if self.name == "float" else "")
-
-
-REALS = {
-    "float": Real("float", np.float32, np.uint32, 23, 127, float(np.finfo(np.float32).eps)),
-    "double": Real("double", np.float64, np.uint64, 52, 1023, float(np.finfo(np.float64).eps)),
-}
-
+from continuum_grasp.core import CReal, Template
 
 LINE = 118
 """Characters of a line in the header, which is as wide as the sources of this package."""
@@ -166,7 +105,7 @@ class Struct:
         """Values by their fields, one each."""
         return {field.name: float(value) for field, value in zip(self.fields, values, strict=True)}
 
-    def bounds(self, prefix: str, real: Real, mark: str = "") -> str:
+    def bounds(self, prefix: str, real: CReal, mark: str = "") -> str:
         """C of the least and of the greatest value of every number."""
         # C has no literal of infinity, and a finite number is within the greatest one.
         lows, highs = (", ".join(map(real.finite_literal, side)) for side in zip(*self.bounded, strict=True))

@@ -12,7 +12,7 @@ import casadi as ca
 
 from continuum_grasp import __version__
 from continuum_grasp.base import check_arguments, interruptible
-from continuum_grasp.export.fields import REALS
+from continuum_grasp.core import CReal
 from continuum_grasp.export.manifest import Package, model_description, write_package
 from continuum_grasp.export.source import Given, chosen, source_of
 from continuum_grasp.model import FingerModel
@@ -63,7 +63,7 @@ def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequenc
     """
     check_folder(folder, "export")
     names = functions_of(what)
-    source = source_of(given, REALS["double"])
+    source = source_of(given, CReal.KINDS["double"])
     model = source.finger
     functions = {name: getattr(model, name) for name in names}
     files = {f"{name}.casadi": _stored(function) for name, function in functions.items()}

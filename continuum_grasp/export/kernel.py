@@ -17,9 +17,9 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array, InputError
-from continuum_grasp.core import OPERATORS, Compiler, straight_function
+from continuum_grasp.core import OPERATORS, Compiler, CReal, straight_function
 from continuum_grasp.export.build import strict_library
-from continuum_grasp.export.fields import Real, fill
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.strict_math import FUNCTIONS, c_source, reference
 
 _NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP_")}
@@ -119,7 +119,7 @@ class Kernel:
             )
 
     @staticmethod
-    def all_c_source(kernels: Sequence[Kernel], prefix: str, real: Real) -> str:
+    def all_c_source(kernels: Sequence[Kernel], prefix: str, real: CReal) -> str:
         """C of kernels, behind that of the mathematical functions that they call."""
         strict = c_source(set().union(*(kernel.calls for kernel in kernels)), real, prefix)
         texts = [kernel.c_source(prefix, real) for kernel in kernels]
@@ -147,7 +147,7 @@ class Kernel:
         operands = ", ".join(arguments.get(name, name) for name in (*self.inputs, *self.outputs))
         return f"{prefix}_kernel_{self.name}({operands});"
 
-    def c_source(self, prefix: str, real: Real) -> str:
+    def c_source(self, prefix: str, real: CReal) -> str:
         """C in single assignments."""
         f, kind = self._function, f"{prefix}_real"
         # By places of CasADi's work vector, which are used again: each holds the name that was written to it last.
@@ -185,7 +185,7 @@ class Kernel:
         head = [f"/* {self.text} */", self.prototype(prefix), "{"]
         return "\n".join([*head, *(() if self._called else inputs), *lines, "}", ""])
 
-    def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
+    def evaluate(self, real: CReal, **rows: Array) -> dict[str, Array]:
         """Evaluate as the C does, to the last bit, for rows (count, size) of inputs by name; outputs of the same
         form.
         """
@@ -208,7 +208,7 @@ class Kernel:
                     values[results[0]] = _NUMPY[operation](*(values[a] for a in arguments))
         return outputs
 
-    def compiled(self, real: Real) -> Callable[..., dict[str, Array]]:
+    def compiled(self, real: CReal) -> Callable[..., dict[str, Array]]:
         """``evaluate`` by the C itself, in a quarter of the time for many rows; by numpy without a compiler."""
         if Compiler.find() is None:
             return partial(self.evaluate, real)

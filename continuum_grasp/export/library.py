@@ -12,11 +12,12 @@ from typing import Any
 
 from continuum_grasp.base import InputError
 from continuum_grasp.control import Stages
+from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import Report
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
 from continuum_grasp.export.build import clang, wasm_module, write_files
 from continuum_grasp.export.control.loop import ExportedPhases, Loop
-from continuum_grasp.export.fields import REALS, Field
+from continuum_grasp.export.fields import Field
 from continuum_grasp.export.layer import Contents, add_sizes, library_files
 from continuum_grasp.export.manifest import manifest
 from continuum_grasp.export.package import PackageOptions, contents_of, subject_of
@@ -40,7 +41,7 @@ class Library:
     def of(given: Given, options: PackageOptions, *, if_possible: Sequence[str] = ()) -> Library:
         """The library with the parts of the options, and with those of ``if_possible`` that there can be."""
         _, computed_in = target_of(options.target, options.real)
-        kind = REALS[computed_in]
+        kind = CReal.KINDS[computed_in]
         source = source_of(given, kind, options.finger)
         asked = parts_of(options.what, source)
         subject = subject_of(source, asked, kind, options)
@@ -99,7 +100,7 @@ class WasmController:
     """
 
     def __init__(self, scene: ControlScene, phases: Callable[[Stages], ExportedPhases] | None = None) -> None:
-        kind, names = REALS["double"], ["mpc", *(["mission"] if phases is not None else [])]
+        kind, names = CReal.KINDS["double"], ["mpc", *(["mission"] if phases is not None else [])]
         self.loop = Loop.of(scene, kind, names, phases)
         self._contents = contents_of(Subject("finger", kind, loop=self.loop), names, title_of(scene))
         files = library_files(self._contents)

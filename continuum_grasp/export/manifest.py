@@ -15,10 +15,11 @@ import casadi as ca
 
 from continuum_grasp import __version__
 from continuum_grasp.base import InputError, split_unit
+from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import OutputError, Report
 from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import Field, Real, Struct, identifiers
+from continuum_grasp.export.fields import Field, Struct, identifiers
 from continuum_grasp.export.layer import DIMENSIONS, Contents
 from continuum_grasp.export.part import Code
 from continuum_grasp.model import FingerModel
@@ -122,7 +123,7 @@ def model_description(model: FingerModel) -> dict[str, Any]:
     }
 
 
-def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
+def _loop_description(loop: Loop, real: CReal) -> dict[str, Any]:
     """Times of a closed loop, and the values of its structs to begin with."""
 
     def named(struct: Struct, values: Iterable[float]) -> dict[str, float]:

@@ -12,12 +12,12 @@ from typing import Any
 from continuum_grasp import __version__
 from continuum_grasp.base import check_arguments, interruptible, positive, whole
 from continuum_grasp.control import RtiSolver
+from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import OutputError, Report, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
-from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.layer import Contents, abi_of, add_sizes, library_files
 from continuum_grasp.export.manifest import Package, manifest, write_package
 from continuum_grasp.export.part import Vectors
@@ -189,7 +189,7 @@ def _package(
     # 1e-2: greatest relative error of single precision by default
     limit = 1e-2 if options.error is None else options.error
     target, computed_in = target_of(options.target, options.real)
-    kind = REALS[computed_in]
+    kind = CReal.KINDS[computed_in]
     source = source_of(given, kind, options.finger)
     names = parts_of(options.what, source)
     solver = {"what": "a predictive controller"} if source.model is None else {}
@@ -218,7 +218,7 @@ def _checked(
     if subject.real.name == "float":
         # The same in double: the truth for the errors of single precision.
         names = [part.name for part in contents.parts]
-        double = contents_of(replace(subject, real=REALS["double"]), names, contents.words["title"])
+        double = contents_of(replace(subject, real=CReal.KINDS["double"]), names, contents.words["title"])
         for seed, (narrow, true) in enumerate(zip(contents.calls, double.calls, strict=True)):
             errors[narrow.name] = error_bounds(subject, narrow, true, seed)
         check_errors(subject, errors, limit)
@@ -235,7 +235,7 @@ _SOLVERS = Consumer(
 )
 
 
-def subject_of(source: ModelSource, names: Sequence[str], kind: Real, options: PackageOptions) -> Subject:
+def subject_of(source: ModelSource, names: Sequence[str], kind: CReal, options: PackageOptions) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
     longest = source.step if options.step is None else float(options.step)
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest

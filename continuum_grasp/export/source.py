@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 
 from continuum_grasp.base import InputError, named_value
 from continuum_grasp.control import Controller, Estimator, Prediction, RtiSolver, Stages
+from continuum_grasp.core import CReal
 from continuum_grasp.export.control.loop import ExportedPhases
-from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import (
@@ -74,7 +74,7 @@ class ExportedLoop:
     phases: Callable[[Stages], ExportedPhases] | None = None
 
 
-def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSource:
+def source_of(given: Given, real: CReal, finger: str | None = None) -> ModelSource:
     """The model to export; ``finger`` names one of a mission of several.
 
     In single precision the series of arcs are cut where rounding would hide what is left, unless the scene says
@@ -112,7 +112,7 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> ModelSourc
     )
 
 
-def _of_precision(model: FingerModel, real: Real) -> FingerModel:
+def _of_precision(model: FingerModel, real: CReal) -> FingerModel:
     """A model of the asked precision; one that is evaluated to rounding, in single precision with series that are cut
     at its own.
     """
@@ -121,11 +121,11 @@ def _of_precision(model: FingerModel, real: Real) -> FingerModel:
     return model.with_accuracy(_CUT * real.epsilon)
 
 
-def _is_cut(model: FingerModel, real: Real) -> bool:
+def _is_cut(model: FingerModel, real: CReal) -> bool:
     return real.name == "float" and model.structure.is_evaluated_to_rounding
 
 
-def _of_loop(scene: ControlScene, real: Real) -> ModelSource:
+def _of_loop(scene: ControlScene, real: CReal) -> ModelSource:
     """The closed loop, and the model that its controller predicts with."""
     if scene.estimator is not None and scene.estimator.frozen and scene.controller.supervisor and not scene.plant.noise:
         doubt(

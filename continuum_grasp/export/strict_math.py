@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.export.fields import Real, fill
+from continuum_grasp.core import CReal
+from continuum_grasp.export.fields import fill
 
 _NUMBERS = {
     "half": 0.5,
@@ -87,7 +88,7 @@ _TERMS: dict[str, Callable[[int], float]] = {
 
 
 @cache
-def _constants(real: Real) -> SimpleNamespace:
+def _constants(real: CReal) -> SimpleNamespace:
     """Constants in their own precision, and series from the highest power down, as Horner's rule takes them."""
     at = ("float", "double").index(real.name)
     counts = {name: values[at] for name, values in _COUNTS.items()}
@@ -101,7 +102,7 @@ def _constants(real: Real) -> SimpleNamespace:
     )
 
 
-def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
+def c_source(names: Iterable[str], real: CReal, prefix: str) -> str:
     """C of the named functions, keys of ``FUNCTIONS``, with what they call, for a package's prefix."""
     n = _constants(real)
     words = {
@@ -285,7 +286,7 @@ FUNCTIONS: dict[str, Callable[..., Array]] = {
 """On arrays of finite numbers of a precision, by name, as their C computes them."""
 
 
-def reference(name: str, *arguments: Array, real: Real) -> Array:
+def reference(name: str, *arguments: Array, real: CReal) -> Array:
     """A function of ``FUNCTIONS`` on arrays of the precision, as its C computes it."""
     with np.errstate(all="ignore"):
         results = FUNCTIONS[name](*arguments, _constants(real))

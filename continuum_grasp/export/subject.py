@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.base import Array, InputError, NumericalError
+from continuum_grasp.core import CReal
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import control_sources
-from continuum_grasp.export.fields import REALS, Field, Real, Struct, outside, to_digits
+from continuum_grasp.export.fields import Field, Struct, outside, to_digits
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Rows
 from continuum_grasp.export.ranges import (
@@ -38,7 +39,7 @@ class Subject:
     """A model as the parts of a package see it."""
 
     prefix: str
-    real: Real
+    real: CReal
     finger: FingerModel | None = None
     """None for a solver of a problem, whose package has ``mpc`` alone."""
     touching: System | None = None
@@ -68,7 +69,7 @@ class Subject:
     def of(
         model: FingerModel,
         prefix: str,
-        real: Real,
+        real: CReal,
         ranges: Mapping[str, Sequence[float]],
         surroundings: Surroundings | None = None,
         *,
@@ -254,7 +255,7 @@ def _check_solvable(model: FingerModel) -> None:
     leaves a factorization without pivoting as it is, and this one is within a factor n of the best (A. van der Sluis,
     doi:10.1007/BF02165096).
     """
-    rounding = 0.5 * REALS["float"].epsilon
+    rounding = 0.5 * CReal.KINDS["float"].epsilon
     mass = np.array(model.mass_matrix(np.zeros(model.n), np.zeros(model.nu), model.p_nominal))
     scale = 1.0 / np.sqrt(np.diag(mass))
     condition = float(np.linalg.cond(scale[:, None] * mass * scale))

@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.export.fields import Real, fill
+from continuum_grasp.core import CReal
+from continuum_grasp.export.fields import fill
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import Kernels
 
@@ -60,7 +61,7 @@ class SweptKernel(Kernel):
             total.update({kind: times * count for kind, count in part.operations.items()})
         return total
 
-    def c_source(self, prefix: str, real: Real) -> str:
+    def c_source(self, prefix: str, real: CReal) -> str:
         """The C definition, with those of its parts."""
         parts = [part.c_source(prefix, real).replace("\nvoid ", "\nstatic void ", 1) for part in self._parts.values()]
         return "\n".join([*parts, self._loop(prefix, real)])
@@ -76,7 +77,7 @@ class SweptKernel(Kernel):
         arguments |= {"rates": f"rates + {made.shared} + {window}", "force": "acting" if key == "loads" else "force[k]"}
         return arguments | ({"spin": f"spins[{made.links}]"} if key == "tip" else {})
 
-    def _loop(self, prefix: str, real: Real) -> str:
+    def _loop(self, prefix: str, real: CReal) -> str:
         made, sizes = self._made, dict[str, int]()
         for of in self._sizes.values():
             sizes |= of
@@ -108,7 +109,7 @@ class SweptKernel(Kernel):
             },
         )
 
-    def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
+    def evaluate(self, real: CReal, **rows: Array) -> dict[str, Array]:
         """Evaluate as the C does, to the last bit; see ``Kernel``."""
         made, t = self._made, real.dtype
         n, links = made.unknowns, range(made.links)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp.base import InputError, SolverError
-from continuum_grasp.core import precision_of, said_by
+from continuum_grasp.core import CReal, said_by
 from continuum_grasp.export.build import check_tools, version_of, write_files
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.subject import Subject
@@ -35,7 +35,7 @@ def target_of(name: Any, real: Any) -> tuple[str, str]:
         raise InputError(
             f"{name} computes {real} in software, 22 to 35 times slower: expected {TARGETS[name][0]}", key="real"
         )
-    return name, precision_of(real)
+    return name, CReal.named(real).name
 
 
 def _core(target: str) -> str | None:

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from continuum_grasp.base import Array
-from continuum_grasp.export.fields import Field, Real, fill
+from continuum_grasp.core import CReal
+from continuum_grasp.export.fields import Field, fill
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors
 from continuum_grasp.export.subject import Subject
@@ -130,7 +131,7 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     return rows
 
 
-def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
+def _bad(real: CReal, arguments: list[Argument], row: int) -> list[Bad]:
     """Cases in which each number is not finite, below its range, or above it."""
     bad, first = [], 0
     for argument in arguments:
@@ -140,7 +141,7 @@ def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
     return bad
 
 
-def bad_entries(real: Real, fields: Sequence[Field], row: int, first: int, code: Code) -> list[Bad]:
+def bad_entries(real: CReal, fields: Sequence[Field], row: int, first: int, code: Code) -> list[Bad]:
     """Bad entries of the fields of one struct, whose numbers stand in the row from ``first`` on."""
     bad = []
     for entry, field in enumerate(f for f in fields for _ in range(f.size)):
@@ -153,7 +154,7 @@ def bad_entries(real: Real, fields: Sequence[Field], row: int, first: int, code:
     return bad
 
 
-def _beyond(real: Real, limit: float, side: float) -> float:
+def _beyond(real: CReal, limit: float, side: float) -> float:
     """The next number beyond a limit; beyond zero the next that is normal, since fast flags drop those below."""
     if limit == 0.0:  # -ffast-math flushes subnormal numbers to zero
         return side * real.least_normal
@@ -211,7 +212,7 @@ def check_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
     )
 
 
-def _table(vectors: Vectors, real: Real) -> dict[str, object]:
+def _table(vectors: Vectors, real: CReal) -> dict[str, object]:
     inputs, good = vectors.inputs, np.isfinite(vectors.inputs)
     spoilt = [(int(k), int(j), _bits(inputs[k, j], real), 0) for k, j in np.argwhere(~good)]
     numbers = {
@@ -229,5 +230,5 @@ def _table(vectors: Vectors, real: Real) -> dict[str, object]:
     }
 
 
-def _bits(value: float, real: Real) -> str:
+def _bits(value: float, real: CReal) -> str:
     return real.bit_pattern(int(np.array([value], dtype=real.dtype).view(real.bits)[0]))

@@ -21,7 +21,7 @@ from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, Change, OutlineError, Sensitivity, tension_of
 from continuum_grasp.nlp import Budget, SolverStatus
-from continuum_grasp.scene import GraspScene, default_family
+from continuum_grasp.scene import FAMILIES, GraspScene
 
 FINE = 6
 """Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:
@@ -125,7 +125,7 @@ def resolve_elements(
 def _fine(scene: GraspScene) -> GraspScene:
     """The scene with many elements of the finest family that all fingers can have."""
     has_friction = any(setup.finger.has_friction for setup in scene.setups)
-    return with_elements(scene, FINE, default_family(free_tip=has_friction))
+    return with_elements(scene, FINE, FAMILIES.default(free_tip=has_friction))
 
 
 def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Tried | str:

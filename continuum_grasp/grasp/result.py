@@ -31,7 +31,7 @@ from continuum_grasp.grasp.values import (
 )
 from continuum_grasp.model import Family
 from continuum_grasp.results import Dimension, File, Picture, Result, Stored
-from continuum_grasp.scene import GraspScene, default_family
+from continuum_grasp.scene import FAMILIES, GraspScene
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import RecomputedDrive
@@ -219,7 +219,7 @@ class GraspResult(Result):
             return ()
         warnings, error = [], self.certificate.model_error
         if not error.small:
-            fine = default_family(free_tip=False)
+            fine = FAMILIES.default(free_tip=False)
             coarse = any(Family.named(f.family).order < Family.named(fine).order for f in self.fingers.values())
             other = f" or take fidelity.family: {fine}" if coarse else ""
             warnings.append(f"{error}: raise fidelity.elements{other}")

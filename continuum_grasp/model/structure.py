@@ -37,7 +37,6 @@ from continuum_grasp.scene import (
     Samples,
     Scene,
     Surroundings,
-    default_family,
 )
 
 _CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: take choose_fidelity(scene).scene"})
@@ -87,7 +86,7 @@ class Structure:
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            family = choices.family or default_family(free_tip=free_tip)
+            family = choices.family or FAMILIES.default(free_tip=free_tip)
             # A couple that is an input bends by a known shape there: it needs no element of its own.
             known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
             loads = [load for load in (*self.loads, *held) if load not in known]
@@ -260,7 +259,7 @@ class Structure:
         unknown = scene is None and input_rates is None and not self.lagged
         jumps = scene is not None and scene.time is not None and scene.initial.q is None and scene.tip_moment_jumps
         reasons = free_tip or self._runtime_at_tip or self.tip_couple_varies or jumps or unknown
-        return default_family(free_tip=bool(reasons))
+        return FAMILIES.default(free_tip=bool(reasons))
 
     @property
     def couples(self) -> list[MomentLoad]:

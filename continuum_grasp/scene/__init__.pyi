@@ -70,7 +70,6 @@ from .methods import FAMILIES as FAMILIES
 from .methods import INTEGRATORS as INTEGRATORS
 from .methods import ONE_TURN as ONE_TURN
 from .methods import SolverOptions as SolverOptions
-from .methods import default_family as default_family
 from .objects import GraspObject as GraspObject
 from .objects import Union as Union
 from .objects.outline import Outline as Outline

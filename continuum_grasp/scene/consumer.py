@@ -14,9 +14,6 @@ from pydantic_core import PydanticUndefined
 
 from continuum_grasp.base import InputError
 
-CONSUMERS: dict[str, Consumer] = {}
-"""All declarations by name, in the order of their import."""
-
 
 @dataclass(frozen=True)
 class Consumer:
@@ -47,6 +44,8 @@ class Consumer:
     unneeded: Mapping[str, str] = field(default_factory=dict)
     where: Callable[[Any], Any] = lambda scene: True
 
+    DECLARED: ClassVar[dict[str, Consumer]] = {}
+    """All declarations by name, in the order of their import."""
     LIMITS_OF_BENDING: ClassVar[Mapping[str, str]] = {
         "fidelity.frequencies": "of fidelity.tolerance",
         "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
@@ -68,7 +67,7 @@ class Consumer:
     """Keys that limit commands alone, which a scene keeps to; those above are not needed by ranges from zero on."""
 
     def __post_init__(self) -> None:
-        CONSUMERS[self.name or str(dict(self.refused))] = self
+        self.DECLARED[self.name or str(dict(self.refused))] = self
 
     @classmethod
     def beside(cls, keys: str, where: Callable[[Any], Any], why: str) -> Consumer:

@@ -15,7 +15,7 @@ from continuum_grasp.scene.drives import TAKES, LengthDrive
 from continuum_grasp.scene.estimator import Mounting
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation
-from continuum_grasp.scene.methods import INTEGRATORS, default_family
+from continuum_grasp.scene.methods import FAMILIES, INTEGRATORS
 from continuum_grasp.scene.reach import Reach
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial, Scene, begins
 from continuum_grasp.scene.units import Unit
@@ -247,7 +247,7 @@ class CommandedScene(FingerScene):
         # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
         # neither.
         free_tip = self.finger.moves_with_free_tip or self.lag is None
-        return self.fidelity.family or default_family(free_tip=free_tip)
+        return self.fidelity.family or FAMILIES.default(free_tip=free_tip)
 
     @property
     def simulated(self) -> Scene:
@@ -388,7 +388,7 @@ class ControllerSettings(Limited):
 class PlantDifferences(_Differs):
     """Differences of the plant from the controller's model."""
 
-    fidelity: Fidelity = Fidelity(family=default_family(free_tip=True), elements=8)
+    fidelity: Fidelity = Fidelity(family=FAMILIES.default(free_tip=True), elements=8)
     """Resolution of the plant's model."""
     guides: Annotated[int, Field(ge=8, le=200)] | None = None
     """In place of ``fidelity``: a chain of this many hinges with a guide of the tendons at each, at which they stick or

@@ -26,7 +26,7 @@ from continuum_grasp.scene.grasp_options import (
     PlanarGravity,
     Robust,
 )
-from continuum_grasp.scene.methods import FAMILIES, ONE_TURN, default_family
+from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import SHARE
 from continuum_grasp.scene.placement import Supported, is_beside
@@ -394,7 +394,7 @@ class GraspScene(Configuration, Supported):
             tip=contacts["tip"],
             before=tuple(round(count * (k + 1) / (len(middles) + 1)) for k in range(len(middles))),
             elements=count,
-            family=fidelity.family or default_family(free_tip=bool(finger.free_tip_reasons)),
+            family=fidelity.family or FAMILIES.default(free_tip=bool(finger.free_tip_reasons)),
             bending_range=fidelity.bending_range or bends,
             accuracy=fidelity.accuracy,
             middle_bounds=(low, high),

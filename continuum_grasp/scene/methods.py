@@ -35,22 +35,27 @@ DEFAULT_RANGE = 2.0 * math.pi / 3.0
 ONE_TURN = 6.3
 """Greatest bend of an element that is evaluated by quadrature [rad]: as far as its number of nodes is tabulated."""
 
-FAMILIES = {
-    "arc": CurvatureFamily("continuum_grasp.model.arc:ArcFamily", even=True),
-    "clothoid": CurvatureFamily("continuum_grasp.model.moment_linear:MomentLinearFamily", one_turn=True),
-    "matched_clothoid": CurvatureFamily(
+
+class Families(dict[str, CurvatureFamily]):
+    """Families by name."""
+
+    @staticmethod
+    def default(*, free_tip: bool) -> str:
+        """Name the family of a model where none is stated: the finest one that allows its tip moment.
+
+        ``free_tip``: that moment may jump, or depends on the shape by tendon friction.
+        """
+        return "clothoid" if free_tip else "matched_clothoid"
+
+
+FAMILIES = Families(
+    arc=CurvatureFamily("continuum_grasp.model.arc:ArcFamily", even=True),
+    clothoid=CurvatureFamily("continuum_grasp.model.moment_linear:MomentLinearFamily", one_turn=True),
+    matched_clothoid=CurvatureFamily(
         "continuum_grasp.model.moment_linear:MomentLinearFamily", matches_tip=True, one_turn=True
     ),
-}
+)
 """All families by name, from coarse to fine; a new one is a line here."""
-
-
-def default_family(*, free_tip: bool) -> str:
-    """Name the family of a model where none is stated: the finest one that allows its tip moment.
-
-    ``free_tip``: that moment may jump, or depends on the shape by tendon friction.
-    """
-    return "clothoid" if free_tip else "matched_clothoid"
 
 
 def _known(name: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from continuum_grasp.base import Array, check_arguments
 from continuum_grasp.model import FingerModel, Memory, System
-from continuum_grasp.scene import Scene, default_family
+from continuum_grasp.scene import FAMILIES, Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import states_of_motors
 from continuum_grasp.simulation.statics import equilibrium_at, friction_of, statics_model
@@ -95,5 +95,5 @@ def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
         return ()
     return (
         f"the motion starts with the tip curvature that the moments on the tip impose on {model.family}, not with that "
-        f"of the initial pose: use fidelity.family: {default_family(free_tip=True)}, or moments that grow from zero",
+        f"of the initial pose: use fidelity.family: {FAMILIES.default(free_tip=True)}, or moments that grow from zero",
     )

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.core import Core
-from continuum_grasp.export import REALS, Code, ModelFields, export_c
+from continuum_grasp.core import Core, CReal
+from continuum_grasp.export import Code, ModelFields, export_c
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import STABLE, Subject
@@ -52,7 +52,7 @@ WOUND = ("winches", "motor")
 # What is in the folder.
 
 
-@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("real", CReal.KINDS)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_manifest_says_what_is_there(name, real, packages):
     folder = packages(name, real)
@@ -107,7 +107,7 @@ def test_each_part_stands_alone(name, tmp_path):
 @pytest.mark.deep
 @needs("cc")
 @pytest.mark.parametrize(
-    ("name", "real"), but(itertools.product(WOUND, REALS), itertools.product((*NAMES, *WOUND), REALS))
+    ("name", "real"), but(itertools.product(WOUND, CReal.KINDS), itertools.product((*NAMES, *WOUND), CReal.KINDS))
 )
 def test_functions_are_those_of_the_model(name, real, packages, tmp_path):
     """Against CasADi's own evaluation of the model's functions, which shares no code with kernels and vectors."""
@@ -173,8 +173,8 @@ def test_the_bound_of_the_tip_is_in_the_header(packages):
 def test_the_stated_rounding_errors_hold_on_other_rows(name, packages):
     """Of 40,000 fresh rows, half uniform and half crowded at the ends, none is off by more; none by much less."""
     stated = json.loads((packages(name, "float") / "MANIFEST.json").read_text())["functions"]
-    subject = Subject.of(source_of(scene(name), REALS["float"]).model, "finger", REALS["float"], {})
-    exact = replace(subject, real=REALS["double"])
+    subject = Subject.of(source_of(scene(name), CReal.KINDS["float"]).model, "finger", CReal.KINDS["float"], {})
+    exact = replace(subject, real=CReal.KINDS["double"])
     rng = np.random.default_rng(20)
     parts = [part for part in PARTS if part not in (*OF_LOOPS, *ASKED_FOR)]
     calls = [calls_by_name(s, *parts).values() for s in (subject, exact)]
@@ -236,7 +236,7 @@ def test_the_fastest_motion_is_found(name):
     Tendons have any tension that they may have, and friction in any state.
     """
     model = FingerModel(scene(name))
-    subject = Subject.of(model, "finger", REALS["double"], {})
+    subject = Subject.of(model, "finger", CReal.KINDS["double"], {})
     rng = np.random.default_rng(5)
     reach = np.array([field.high for field in subject.state.fields[: model.n]])
     p_ranges = np.array(subject.parameters.bounded).T if subject.parameters else np.zeros((2, 0))
@@ -290,7 +290,7 @@ def test_at_the_longest_step_the_motion_dies_out(name, packages, tmp_path):
 
 def test_sub_steps_are_steps():
     model = FingerModel(scene("arcs"))
-    one, four = (Subject.of(model, "finger", REALS["double"], {}, count=count) for count in (1, 4))
+    one, four = (Subject.of(model, "finger", CReal.KINDS["double"], {}, count=count) for count in (1, 4))
     assert four.longest_step == pytest.approx(4 * one.longest_step, rel=0.01)
     rows = {"p": np.zeros((1, 0)), "u": np.array([[5.0, 1.0]]), "w": np.zeros((1, 0))}
     x = np.array([[0.2, -0.1, 1.0, 2.0, 0.0, 0.0]])
@@ -531,7 +531,7 @@ def test_steps_that_the_return_of_dry_friction_does_not_allow_are_refused(tmp_pa
 def test_steps_bear_the_quadratic_damping_of_a_finger_that_springs_back():
     """From half of its bending range, from which sub-steps for a finger at rest end in numbers that are not finite."""
     given = scene("arcs").changed({"finger.damping.quadratic": 1e-5})
-    subject = Subject.of(FingerModel(given), "finger", REALS["double"], {}, longest=1e-3)
+    subject = Subject.of(FingerModel(given), "finger", CReal.KINDS["double"], {}, longest=1e-3)
     rows = {"p": np.zeros((1, 0)), "u": np.zeros((1, 2)), "w": np.zeros((1, 0)), "h": np.full((1, 1), 1e-3)}
     x = np.zeros((1, subject.model.nx))
     x[0, :2] = bend = 0.5 * np.array([field.high for field in subject.state.fields[:2]])
@@ -564,7 +564,7 @@ def test_a_wider_parameter_shortens_the_step():
     """A lighter tip moves faster."""
     model = FingerModel(scene("friction"))
     light, heavy = (
-        Subject.of(model, "finger", REALS["double"], {"tip_mass": pair}) for pair in ((0.0, 2e-3), (2e-3, 5e-3))
+        Subject.of(model, "finger", CReal.KINDS["double"], {"tip_mass": pair}) for pair in ((0.0, 2e-3), (2e-3, 5e-3))
     )
     assert light.longest_step < heavy.longest_step
 

@@ -17,7 +17,8 @@ import pytest
 from continuum_grasp.base import InputError
 from continuum_grasp.closed_loop import SimulatedBench
 from continuum_grasp.control import CommandStatus, Controller, Estimator
-from continuum_grasp.export import REALS, Code, Library, PackageOptions, export_c, package
+from continuum_grasp.core import CReal
+from continuum_grasp.export import Code, Library, PackageOptions, export_c, package
 from continuum_grasp.export.control import replay
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import identifiers, unit_of
@@ -156,7 +157,9 @@ def test_a_controller_of_drives_or_scenarios_is_that_of_python(name, packages, t
 
 @pytest.mark.deep
 @needs("cc")
-@pytest.mark.parametrize(("name", "real"), [*(("observed", real) for real in REALS), *few([("adapting", "double")], 0)])
+@pytest.mark.parametrize(
+    ("name", "real"), [*(("observed", real) for real in CReal.KINDS), *few([("adapting", "double")], 0)]
+)
 def test_the_estimator_is_that_of_python(name, real, libraries):
     finger, library = libraries(name, real)
     python, other = Estimator(scene(name), precision=real), finger.Estimator(library)
@@ -415,7 +418,7 @@ def test_all_memory_is_copied_from_build_to_build():
 
 def test_measurements_of_the_vectors_have_noise():
     """Of 0.1 mm and 1e-2 of other units, so that an estimator has something to do."""
-    loop = Loop.of(hand_scene(), REALS["double"], ["estimator", "mpc"])
+    loop = Loop.of(hand_scene(), CReal.KINDS["double"], ["estimator", "mpc"])
     finger = replay.ReplayedFinger(loop, np.random.default_rng(0))
     readings = np.array([finger.measured(loop.before) for _ in range(400)])
     deviations = [1e-4 if "[m]" in name else 1e-2 for name in loop.measurement_names]
@@ -426,11 +429,11 @@ def test_a_package_whose_readings_can_not_freeze_says_so():
     """Those of a plant without noise rest together, so that controllers of such a scene do not look for frozen ones."""
     ideal = hand_scene().changed({"plant.noise": 0.0})
     with pytest.warns(UserWarning, match=r"plant\.noise is 0"):
-        source_of(ideal, REALS["double"], None)
+        source_of(ideal, CReal.KINDS["double"], None)
     meant = hand_scene(), ideal.changed({"estimator.frozen": False})
     with warnings.catch_warnings(record=True) as said:
         for scene in meant:
-            source_of(scene, REALS["double"], None)
+            source_of(scene, CReal.KINDS["double"], None)
     assert not [one for one in said if "plant.noise" in str(one.message)]
 
 

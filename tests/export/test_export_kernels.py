@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from continuum_grasp.base import InputError
-from continuum_grasp.export import REALS, Kernel
+from continuum_grasp.core import CReal
+from continuum_grasp.export import Kernel
 from continuum_grasp.export.build import FLAGS
 from continuum_grasp.export.strict_math import reference
 from tests.export_cases import STRICT, needs, run
@@ -79,7 +80,7 @@ def test_nothing_is_fused_in_vectors(tmp_path):
     x = ca.SX.sym("x", 6)
     y = ca.vertcat(x[0] * x[2] - x[4], x[1] * x[3] + x[5])
     kernel = Kernel("pair", ca.Function("pair", [x], [y], ["x"], ["y"]), "Two products.")
-    (tmp_path / "pair.c").write_text(HEADER.format(real="double") + kernel.c_source("k", REALS["double"]))
+    (tmp_path / "pair.c").write_text(HEADER.format(real="double") + kernel.c_source("k", CReal.KINDS["double"]))
     run("gcc", *FLAGS["strict"], *FLAGS["gcc"], "-O3", "-mavx2", "-mfma", "-S", "pair.c", cwd=tmp_path)
     assert re.findall(r"\bvfn?m\w+", (tmp_path / "pair.s").read_text()) == []
 
@@ -90,7 +91,7 @@ def arguments(name, real):
     return [np.ascontiguousarray(column) for column in np.atleast_2d(rows.T).astype(real.dtype)], roundings
 
 
-@pytest.mark.parametrize("real", REALS.values(), ids=REALS)
+@pytest.mark.parametrize("real", CReal.KINDS.values(), ids=CReal.KINDS)
 @pytest.mark.parametrize("name", [*PLACES, *PAIRS])
 def test_own_functions_are_as_right_as_stated(name, real):
     """Against 40 digits; cosine and sine relative to one, since near their zeros the argument itself is rounded."""
@@ -109,7 +110,7 @@ def test_own_functions_are_as_right_as_stated(name, real):
 
 
 @needs("cc")
-@pytest.mark.parametrize("real", REALS.values(), ids=REALS)
+@pytest.mark.parametrize("real", CReal.KINDS.values(), ids=CReal.KINDS)
 @pytest.mark.parametrize("name", [*PLACES, *PAIRS])
 def test_own_functions_are_their_references_to_the_bit(name, real, tmp_path):
     columns, _ = arguments(name, real)
@@ -150,7 +151,7 @@ def expressions():
 
 
 @needs("cc")
-@pytest.mark.parametrize("real", REALS.values(), ids=REALS)
+@pytest.mark.parametrize("real", CReal.KINDS.values(), ids=CReal.KINDS)
 def test_every_operation_is_that_of_casadi(real, tmp_path):
     function = expressions()
     kernel = Kernel("f", function, "")
@@ -176,7 +177,7 @@ def test_single_precision_has_no_literal_in_double():
 
     x = ca.SX.sym("x")
     terms = ca.vertcat(0.1 * x, x / 3, 1e-30 * x, 12345678.9 + x, ca.fmin(x, -2), ca.exp(x))
-    text = Kernel("f", ca.Function("f", [x], [terms], ["x"], ["y"]), "").c_source("k", REALS["float"])
+    text = Kernel("f", ca.Function("f", [x], [terms], ["x"], ["y"]), "").c_source("k", CReal.KINDS["float"])
     numbers = re.findall(r"(?<![\w.])\d+\.?\d*(?:e[-+]?\d+)?f?(?![\w\]])", re.sub(r"\[\d+\]", "", text))
     assert len(numbers) >= 5
     assert all(number.endswith("f") for number in numbers)
@@ -186,4 +187,4 @@ def test_a_constant_beyond_single_precision_is_refused():
     x = ca.SX.sym("x")
     kernel = Kernel("f", ca.Function("f", [x], [1e-50 * x], ["x"], ["y"]), "")
     with pytest.raises(InputError, match="single precision"):
-        kernel.c_source("k", REALS["float"])
+        kernel.c_source("k", CReal.KINDS["float"])

@@ -14,7 +14,8 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp import System
 from continuum_grasp.base import InputError
-from continuum_grasp.export import REALS, export_c
+from continuum_grasp.core import CReal
+from continuum_grasp.export import export_c
 from continuum_grasp.export.parts import PARTS
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import Subject
@@ -146,8 +147,8 @@ def test_what_cannot_be_seen_is_refused(options, message, tmp_path):
 @pytest.mark.parametrize("name", ["arcs", "friction", "winches", "motor", "contact", DISC, MUG], ids=str)
 def test_every_argument_has_a_range(name):
     given = cg.load(name) if not isinstance(name, str) else scene(name)
-    source = source_of(given, REALS["double"])
-    own = Subject.of(source.finger, "finger", REALS["double"], {}, source.surroundings)
+    source = source_of(given, CReal.KINDS["double"])
+    own = Subject.of(source.finger, "finger", CReal.KINDS["double"], {}, source.surroundings)
     touches = ["contact"] if isinstance(name, Path) else []
     calls = [call for part in ("dynamics", "kinematics", "shape", *touches) for call in PARTS[part](own).calls]
     fields = [field for call in calls for taken in own.passed_to(call) for field in taken.fields]

@@ -12,7 +12,8 @@ import subprocess
 import pytest
 
 from continuum_grasp.base import SolverError
-from continuum_grasp.export import REALS, Code, export_c, targets
+from continuum_grasp.core import CReal
+from continuum_grasp.export import Code, export_c, targets
 from tests.export_cases import STRICT, compile_programs, needs, run, scene, two_arcs
 from tests.rods import ROOT
 
@@ -42,7 +43,7 @@ CONTROLLED = {("float", "cortex-m4f"): 204_320, ("double", "cortex-m7"): 220_000
 CONTROL_LIMITS = {"cortex-m4f": 568_000, "cortex-m7": 589_000}
 
 
-@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("real", CReal.KINDS)
 @MACHINES
 def test_every_vector_to_the_bit_elsewhere(machine, real, packages, tmp_path):
     compiler, emulator, flags = ELSEWHERE[machine]
@@ -131,7 +132,7 @@ def test_toolchain_files(core, packages, tmp_path):
 
 
 @needs("clang", "wasm-ld", "node")
-@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("real", CReal.KINDS)
 def test_every_vector_to_the_bit_in_webassembly(real, packages, tmp_path):
     package = packages("friction", real, "wasm")
     run("sh", package / "wasm/build.sh", tmp_path)

@@ -13,7 +13,8 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.base import InputError
-from continuum_grasp.export import REALS, Code, export_c
+from continuum_grasp.core import CReal
+from continuum_grasp.export import Code, export_c
 from continuum_grasp.export.parts import PARTS
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import Subject
@@ -69,8 +70,10 @@ def scene(name: str) -> Scene:
 
 
 def subject_of(name: str, **more) -> Subject:
-    source = source_of(scene(name), REALS["double"])
-    return Subject.of(source.finger, "finger", REALS["double"], more.pop("ranges", {}), source.surroundings, **more)
+    source = source_of(scene(name), CReal.KINDS["double"])
+    return Subject.of(
+        source.finger, "finger", CReal.KINDS["double"], more.pop("ranges", {}), source.surroundings, **more
+    )
 
 
 @needs("cc")
@@ -164,7 +167,7 @@ def test_the_fastest_motion_is_that_of_pressed_contacts(name):
 
 def test_what_lands_on_a_contact_is_resolved():
     """A sub-step times the fastest oscillation on the contact's spring, sqrt(k) |dr/dq| / sqrt(M), is 1/8."""
-    subject, model = subject_of("disc", longest=0.002), source_of(scene("disc"), REALS["double"]).finger
+    subject, model = subject_of("disc", longest=0.002), source_of(scene("disc"), CReal.KINDS["double"]).finger
     fastest = 0.0
     for bend in np.linspace(-1.0, 1.0, 41) * subject.state.fields[0].high:
         jacobian = np.array(model.jacobian([bend], [0.0, 0.0], 0.15, [])).ravel()[:2]

@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 
 from continuum_grasp.cli import app
 from continuum_grasp.control import Controller
-from continuum_grasp.core import Core
-from continuum_grasp.export import REALS
+from continuum_grasp.core import Core, CReal
 from continuum_grasp.model import FingerModel
 from tests.export_cases import ROOT, STRICT, TENDONS, WARNINGS, needs, run, scene
 
@@ -126,7 +125,7 @@ def test_the_control_loop_commands_as_python_does(packages, tmp_path):
 
 
 @needs("nvcc")
-@pytest.mark.parametrize("real", REALS)
+@pytest.mark.parametrize("real", CReal.KINDS)
 def test_the_source_is_cuda_too(real, packages, tmp_path):
     package = packages("contact", real)
     options = ("-O1", "--fmad=false", "-Werror", "all-warnings", "-ptx", f"-I{package / 'include'}")

@@ -1,4 +1,4 @@
-"""What consumers do not take of a scene; from inside: the table of all consumers and the conditions of their keys.
+"""What consumers do not take of a scene: keys that are declared, against keys that change what is made.
 
 What consumers do not take of a scene: every declared key exists, and is refused or listed where it is given; every
 key that is not declared changes what a consumer makes.
@@ -24,7 +24,6 @@ from continuum_grasp.closed_loop import PlantModel
 from continuum_grasp.model import ModelOptions, System
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene import Consumer, Scene, Value, json_schema, kinds
-from continuum_grasp.scene.consumer import CONSUMERS, KeyCondition
 from continuum_grasp.simulation import equilibrium
 from tests.consumers_page import BEGIN, PAGE, tables
 from tests.features import FEATURES, VERBS, declared, scene_of
@@ -58,9 +57,9 @@ def known(key: str) -> bool:
     return key in arguments() or any(fnmatch.filter(keys_below(part, above), last) for part in parts)
 
 
-@pytest.mark.parametrize("name", CONSUMERS)
+@pytest.mark.parametrize("name", Consumer.DECLARED)
 def test_every_declared_key_is_a_key_of_scenes(name):
-    one = CONSUMERS[name]
+    one = Consumer.DECLARED[name]
     assert not [key for key in (*one.refused, *one.otherwise, *one.unneeded) if not known(key)]
 
 
@@ -93,7 +92,7 @@ RULED = sorted((kind for kind in subclasses(Value) if "REFUSALS" in vars(kind)),
 @pytest.mark.parametrize("kind", RULED, ids=lambda kind: kind.__qualname__)
 def test_every_rule_is_about_what_its_class_has(kind):
     for rule in vars(kind)["REFUSALS"]:
-        others = [] if not isinstance(rule.where, KeyCondition) else rule.where.others
+        others = getattr(rule.where, "others", [])
         keys = [*rule.refused, *(other for other in others if other.partition("(")[0] not in rule.where.functions)]
         assert not [key for key in keys if not is_there({kind}, key.partition("=")[0].split("."))]
 
@@ -103,7 +102,7 @@ def test_keys_count_as_given_where_they_differ_from_their_default():
     law = Consumer(
         "test", otherwise={"contact_law.presliding": "own", "contact_law.friction": "own", "moment_of_inertia": "none"}
     )
-    del CONSUMERS["test"]
+    del Consumer.DECLARED["test"]
     plain = scene.changed({"contact_law": {"stiffness": 2e3, "friction": 0.5}})
     assert law.check(plain) == ("contact_law.friction: own",)
     given = plain.changed({"contact_law.presliding": 5e-5})
@@ -115,9 +114,9 @@ def test_the_key_of_what_is_refused_is_that_of_the_entry():
     two = [tendon, {**tendon, "offset": -0.005, "friction": 0.1}]
     scene = cg.load("configs/simulate/tendon_step.yaml").changed({"finger.tendons": two})
     with pytest.raises(InputError) as caught:
-        CONSUMERS["export to mjcf"].check(scene)
+        Consumer.DECLARED["export to mjcf"].check(scene)
     assert caught.value.key == "finger.tendons[1].friction"
-    assert CONSUMERS["export to mjcf"].check(scene.changed({"finger.tendons[1].friction": 0.0})) == ()
+    assert Consumer.DECLARED["export to mjcf"].check(scene.changed({"finger.tendons[1].friction": 0.0})) == ()
 
 
 def test_the_tables_are_what_consumers_declare():
@@ -145,7 +144,7 @@ def of_base(walk: Walk, base: str) -> tuple[object, ...] | None:
 
 def ignored(walk: Walk, found: list[Place]) -> str:
     """What is wrong with a key, of which the places are given: empty where its value counts, or is declared."""
-    consumer, key = CONSUMERS.get(walk.consumer), found[0].key
+    consumer, key = Consumer.DECLARED.get(walk.consumer), found[0].key
     heads = [".".join(key.split(".")[: k + 1]) for k in range(key.count(".") + 1)]
     declared = {**consumer.refused, **consumer.otherwise, **consumer.unneeded} if consumer else {}
     if {*heads} & {*walk.but} or key in NOT_ALONE or any(fnmatch.filter(heads, one) for one in declared):
@@ -245,5 +244,5 @@ def test_what_would_have_no_effect_is_refused(key, refused):
 
 def test_environments_list_what_they_do_not_keep():
     given = cg.load("configs/mpc/steady_tip.yaml", ["plant.seed=3", "controller.bounds.speed=20.0"])
-    listed = [text.partition(":")[0] for text in CONSUMERS["environments"].check(given)]
+    listed = [text.partition(":")[0] for text in Consumer.DECLARED["environments"].check(given)]
     assert listed == ["controller.bounds.speed", "plant.seed"]

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.addons.identification.scene import Estimate
 from continuum_grasp.base import Array, InputError, nearest, split_unit
 from continuum_grasp.model import POSITIVE, FingerModel, Parameters
-from continuum_grasp.scene import Consumer, Scene, default_family
+from continuum_grasp.scene import FAMILIES, Consumer, Scene
 
 LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
@@ -144,7 +144,7 @@ def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
         # matches it cannot have
         bends_tip = name.startswith(("tendon_friction", "tip_body_"))
         stated = not bends_tip or scene.fidelity.family is not None
-        family = None if stated else default_family(free_tip=True)
+        family = None if stated else FAMILIES.default(free_tip=True)
         model = FingerModel(scene, parameters=(name,), input_rates=False, family=family)
     except InputError as error:
         hint = nearest(name, _OWN, say_all=False) if "did you mean" not in error.message else ""

@@ -28,12 +28,12 @@ from continuum_grasp.core import Core
 from continuum_grasp.grasp import Contact, GraspResult, Resistance, optimize_grasp
 from continuum_grasp.model import FingerModel, Winch
 from continuum_grasp.scene import (
+    FAMILIES,
     ControlScene,
     Finger,
     FingerSetup,
     GraspObject,
     MotorDrive,
-    default_family,
 )
 from continuum_grasp.simulation import equilibrium_under
 
@@ -264,7 +264,7 @@ def _control_scene(
         "contacts": stations,
         **_surroundings(mission, body),
         "fidelity": {
-            "family": default_family(free_tip=bool(finger.free_tip_reasons)),
+            "family": FAMILIES.default(free_tip=bool(finger.free_tip_reasons)),
             "elements": lengths,
             "bending_range": reach,
         },
@@ -340,7 +340,7 @@ def _about_to_touch(
     free = FingerModel(
         finger,
         gravity=control.gravity,
-        family=control.fidelity.family if not finger.has_tendon_friction else default_family(free_tip=True),
+        family=control.fidelity.family if not finger.has_tendon_friction else FAMILIES.default(free_tip=True),
         elements=control.fidelity.elements,
         bending_range=control.fidelity.bending_range,
         tip_force=False,

@@ -16,8 +16,8 @@ import numpy as np
 from continuum_grasp.base import Array, InputError
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.control import Prediction, Stages, stages_of
-from continuum_grasp.core import Sdirk2Stages
-from continuum_grasp.export import REALS, SETTLED, Field, Kernel, SeenKernels, fill
+from continuum_grasp.core import CReal, Sdirk2Stages
+from continuum_grasp.export import SETTLED, Field, Kernel, SeenKernels, fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene import (
     FAMILIES,
@@ -25,7 +25,6 @@ from continuum_grasp.scene import (
     ControlScene,
     ForceLoad,
     Scene,
-    default_family,
 )
 from continuum_grasp.simulation import Signals, initial_state, resolve_fidelity
 
@@ -150,7 +149,7 @@ class WebPlant:
     @cached_property
     def source(self) -> str:
         """All of its C: one file without a library."""
-        real = REALS["double"]
+        real = CReal.KINDS["double"]
         words = {
             "kernels": Kernel.all_c_source(self._kernels, "plant", real),
             "exponent": real.bit_pattern(real.exponent_mask),
@@ -206,7 +205,7 @@ def plant_of_scene(given: Scene) -> WebPlant:
     lagged = any(channel.time_constant is not None for channel in finger.channels)
     # A hand changes inputs at once, with which a matched tip would jump.
     if not lagged and (family is None or FAMILIES[family].matches_tip):
-        family = default_family(free_tip=True)
+        family = FAMILIES.default(free_tip=True)
     place = () if scene.object_moves else ("object_x", "object_y")
     varied = () if scene.object is None else (FRICTION, *place)
     system = System(scene, family=family, object_parameters=varied)

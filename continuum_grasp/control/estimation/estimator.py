@@ -14,7 +14,7 @@ from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.status import Anomaly, MeasurementVerdict, texts
-from continuum_grasp.core import precision_of
+from continuum_grasp.core import CReal
 from continuum_grasp.model import Remade
 from continuum_grasp.scene import ControlScene, scene_of
 
@@ -135,7 +135,7 @@ class Estimator(Remade, Summarized):
     def __init__(self, scene: ControlScene | str | PathLike[str], *, precision: str = "double") -> None:
         self.scene = scene_of(scene, ControlScene)
         self._arguments = (self.scene,), {"precision": precision}  # no path, whose file may change
-        self.prediction, self.precision = Prediction(self.scene), precision_of(precision)
+        self.prediction, self.precision = Prediction(self.scene), CReal.named(precision).name
         parts = ControlParts.of_scene(self.scene, self.prediction)
         self.estimation = e = parts.observed
         self.period, self.delay, self.settings = parts.calls.period, parts.periods, parts.filter

@@ -20,8 +20,9 @@ from continuum_grasp.control import (
     Setpoints,
     Stages,
 )
+from continuum_grasp.core import CReal
 from continuum_grasp.export.control.kernels import Adapter, adapters_of
-from continuum_grasp.export.fields import Field, Real, Struct, identifiers, unit_of
+from continuum_grasp.export.fields import Field, Struct, identifiers, unit_of
 from continuum_grasp.scene import ControlScene
 
 DIAGNOSIS = tuple(number for number in ControlParts.reported if number.exported)
@@ -74,7 +75,7 @@ class Loop(ControlParts):
 
     @staticmethod
     def of(
-        scene: ControlScene, real: Real, parts: Sequence[str], phases: Callable[[Stages], ExportedPhases] | None = None
+        scene: ControlScene, real: CReal, parts: Sequence[str], phases: Callable[[Stages], ExportedPhases] | None = None
     ) -> Loop:
         """A scene's loop for a package that computes in a type, with the ``phases`` of a mission."""
         model = Prediction(scene)
@@ -96,7 +97,7 @@ class Loop(ControlParts):
         )
 
     @staticmethod
-    def of_solver(solver: RtiSolver, real: Real) -> Loop:
+    def of_solver(solver: RtiSolver, real: CReal) -> Loop:
         """The loop of a solver, whose measurement is the state and which takes any finite number."""
         nd = solver.stages.nd
         return Loop(

@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.base import Array
 from continuum_grasp.control import UNLIMITED
+from continuum_grasp.core import CReal
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.build import strict_library
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import Real, Struct
+from continuum_grasp.export.fields import Struct
 from continuum_grasp.export.layer import Contents, library_files
 from continuum_grasp.export.part import ROW_FLAGS, Bad, Code, Stateful, Vectors
 from continuum_grasp.export.vectors import bad_entries
@@ -277,7 +278,7 @@ _Begin = Callable[[int, int, int], _Record]
 """Begins a record of a function by the number of its outputs, of those that must agree, and of rows at most."""
 
 
-def _controller_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
+def _controller_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list[Bad]]:
     rng, nu = np.random.default_rng(0), loop.command.size
     record = begin(nu + loop.start.size + 5, nu, _EPISODES * _EPISODE)
     limits = np.clip((loop.stages.u_min, loop.stages.u_max), -UNLIMITED, UNLIMITED)
@@ -306,7 +307,7 @@ def _controller_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, li
     return record, bad_entries(real, loop.settings.fields, 0, ROW_FLAGS, Code.ERR_RANGE)
 
 
-def _estimator_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
+def _estimator_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list[Bad]]:
     rng, nz = np.random.default_rng(1), loop.estimate.size
     low, high = loop.stages.u_min, loop.stages.u_max
     record = begin(2 * nz + 1, nz, _EPISODES * _EPISODE)
@@ -329,7 +330,7 @@ def _estimator_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, lis
     return record, bad + bad_entries(real, loop.applied.fields, 0, at, Code.ERR_RANGE)
 
 
-def _mission_rows(loop: Loop, real: Real, begin: _Begin) -> tuple[_Record, list[Bad]]:
+def _mission_rows(loop: Loop, real: CReal, begin: _Begin) -> tuple[_Record, list[Bad]]:
     """All phases in turn; missions that let go after the lift, are aborted in the squeeze, are blind from there on."""
     rng, nu = np.random.default_rng(2), loop.command.size
     phases = [] if loop.phases is None else [*loop.phases.names]

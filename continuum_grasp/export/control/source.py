@@ -16,9 +16,9 @@ from continuum_grasp.control import (
     Anomaly,
     template,
 )
-from continuum_grasp.core import TOKEN, CSource, literal
+from continuum_grasp.core import TOKEN, CReal, CSource
 from continuum_grasp.export.control.loop import DIAGNOSIS, Loop
-from continuum_grasp.export.fields import Real, each_once, fill, identifiers
+from continuum_grasp.export.fields import each_once, fill, identifiers
 from continuum_grasp.export.strict_math import c_source
 
 _MODULES = {
@@ -58,7 +58,7 @@ def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()
             text = _NAME.sub(of_package, match[0]).replace("`real`", f"`{prefix}_real`")
             return _HEADER.sub(f"{prefix}_memory.h", text)
         if match["number"]:
-            return literal(float(match["number"]), real, match["number"])
+            return CReal.KINDS[real].written(float(match["number"]), match["number"])
         if not match["name"]:
             return match[0]
         if match[0] == "real":
@@ -116,7 +116,7 @@ ANOMALIES = {_RENAMED.get(str(anomaly.name), str(anomaly.name)): anomaly.descrip
 class _Writer:
     """Texts of one package."""
 
-    def __init__(self, loop: Loop, prefix: str, real: Real) -> None:
+    def __init__(self, loop: Loop, prefix: str, real: CReal) -> None:
         self.loop, self.prefix, self.real = loop, prefix, real
         self.mpc = mpc = "mpc" in loop.parts
         needed: dict[str, object] = {"rti": mpc, "ekf": loop.estimation}
@@ -268,7 +268,7 @@ class _Writer:
         return fill("control/common.c", {**words, **more})
 
 
-def control_sources(loop: Loop, prefix: str, real: Real) -> tuple[dict[str, str], dict[str, str]]:
+def control_sources(loop: Loop, prefix: str, real: CReal) -> tuple[dict[str, str], dict[str, str]]:
     """Files of estimator and controller by path, and the declarations of each part.
 
     The declarations leave places for the bytes of the memory, which are known once it was compiled.

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.base import Array, InputError, NumericalError
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene import INTEGRATORS, Scene, Timing, default_family
+from continuum_grasp.scene import FAMILIES, INTEGRATORS, Scene, Timing
 from continuum_grasp.simulation.accuracy.choice import choices
 from continuum_grasp.simulation.accuracy.truth import Truth
 from continuum_grasp.simulation.initial import initial_state
@@ -65,7 +65,7 @@ def reference_motion(scene: Scene, truth: Truth) -> TipMotion:
     """
     # 2e-7: error of the time steps of reference motions, per length: far below what twelve clothoids leave
     timing = timing_of_comparison(scene).model_copy(update={"tolerance": 2e-7})
-    fine = {c.elements: c for c in choices(scene, truth, default_family(free_tip=True), 1e-9)}
+    fine = {c.elements: c for c in choices(scene, truth, FAMILIES.default(free_tip=True), 1e-9)}
     tips = []
     for count in _FINE:
         fidelity = fine[count].fidelity
