@@ -1,7 +1,4 @@
-"""The lists in docs/consumers.md, written from the table of all consumers.
-
-The lists in docs/consumers.md, as consumers declare them; ``python -m tests.consumers_page`` writes them there.
-"""
+"""The lists in docs/consumers.md, as consumers declare them; ``python -m tests.consumers_page`` writes them there."""
 
 from __future__ import annotations
 

@@ -44,7 +44,8 @@ from continuum_grasp.addons.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.closed_loop import PlantModel, Sensors
 from continuum_grasp.closed_loop.guides.system import ChainSystem
 from continuum_grasp.control import Prediction, Setpoints
-from continuum_grasp.export import REALS, ModelFields, PackageOptions, title_of
+from continuum_grasp.core import CReal
+from continuum_grasp.export import ModelFields, PackageOptions, title_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.package import subject_of
 from continuum_grasp.export.source import source_of
@@ -135,9 +136,9 @@ def equilibrium_and_modes(scene: Scene) -> Iterator[object]:
 
 def package(scene: Scene) -> Iterator[object]:
     """What export to c makes of a finger."""
-    source = source_of(scene, REALS["double"])
+    source = source_of(scene, CReal.KINDS["double"])
     yield source.title, source.finger, source.step, source.finger.range_use
-    subject = Subject.of(source.finger, "finger", REALS["double"], {}, source.surroundings)
+    subject = Subject.of(source.finger, "finger", CReal.KINDS["double"], {}, source.surroundings)
     yield subject.parameters, subject.state, subject.input, subject.forces
     if subject.touching is not None:
         yield from (subject.touching.forward_dynamics, subject.touching.touch, subject.start)
@@ -165,7 +166,7 @@ def lanes(scene: ControlScene) -> Iterator[object]:
 
 def loop(scene: ControlScene) -> Iterator[object]:
     """What export to c makes of a closed loop."""
-    yield from (title_of(scene), Loop.of(scene, REALS["double"], ["mpc"]))
+    yield from (title_of(scene), Loop.of(scene, CReal.KINDS["double"], ["mpc"]))
 
 
 def moved(scene: ControlScene) -> Iterator[object]:
@@ -190,7 +191,7 @@ def run(scene: ControlScene) -> Iterator[object]:
 
 def units_of_loop(scene: ControlScene) -> Iterator[object]:
     """What functional mock-up units of a closed loop have: the controller by its first setpoints, and the plant."""
-    first = Loop.of(scene, REALS["double"], ["mpc"])
+    first = Loop.of(scene, CReal.KINDS["double"], ["mpc"])
     yield from (title_of(scene), replace(first, setpoints=first.setpoints.rows(_INSTANTS[:1]), duration=0.0))
     with patch.object(plants, "UnitContents", _given):
         yield {key: made for key, made in plants.loop_plant_unit(scene, "unit").items() if key != "manifest"}
@@ -222,10 +223,10 @@ class _Library:
 
     @staticmethod
     def of(scene: Scene, options: PackageOptions, *, if_possible: Sequence[str]) -> SimpleNamespace:
-        source = source_of(scene, REALS["double"])
+        source = source_of(scene, CReal.KINDS["double"])
         known = {"nominal_parameters": {}, "steps": {"step": {"accurate_s": 1.0}}, "functions": {}}
         return SimpleNamespace(
-            subject=subject_of(source, options.what, REALS["double"], options),
+            subject=subject_of(source, options.what, CReal.KINDS["double"], options),
             structs={"input": (), "state": (), "rate": ()},
             manifest={**known, "options": options},
             parts=if_possible,

@@ -1,7 +1,6 @@
-"""What consumers do not take of a scene: keys that are declared, against keys that change what is made.
+"""What consumers do not take of a scene: every declared key exists, and is refused or listed where it is given.
 
-What consumers do not take of a scene: every declared key exists, and is refused or listed where it is given; every
-key that is not declared changes what a consumer makes.
+Every key that is not declared changes what a consumer makes.
 """
 
 from __future__ import annotations
