@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.curved_parts import SHARE
 from continuum_grasp.scene.drives import DriveLaw
 from continuum_grasp.scene.grasp_options import (
     Aim,
@@ -28,7 +29,6 @@ from continuum_grasp.scene.grasp_options import (
 )
 from continuum_grasp.scene.methods import FAMILIES, ONE_TURN
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.parts import SHARE
 from continuum_grasp.scene.placement import Supported, is_beside
 from continuum_grasp.scene.reach import Reach
 from continuum_grasp.scene.simulate import Fidelity

@@ -12,7 +12,8 @@ from pydantic import Field, ValidationError
 
 from continuum_grasp.base import nearest
 from continuum_grasp.scene.objects.shapes import MemberPlace, ObjectBody
-from continuum_grasp.scene.parts import OffsetPolygon, PlanePoint
+from continuum_grasp.scene.parts import OffsetPolygon
+from continuum_grasp.scene.polygons import PlanePoint
 from continuum_grasp.scene.supports import Peg, Place, Support, Wall
 from continuum_grasp.scene.value import SAME, Value
 

@@ -9,8 +9,8 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.parts import polygon_moments
 from continuum_grasp.scene.placement import Supported
+from continuum_grasp.scene.polygons import polygon_moments
 from continuum_grasp.scene.supports import Palm, Place, Wall
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (

@@ -19,7 +19,8 @@ from continuum_grasp.grasp.certificate import surfaces
 from continuum_grasp.model import Frame, surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.scene import GraspScene, OffsetPolygon, load
-from continuum_grasp.scene.parts import corners_of, curved
+from continuum_grasp.scene.curved_parts import curved
+from continuum_grasp.scene.polygons import corners_of
 from tests.marks import few
 
 GROWN = 0.004

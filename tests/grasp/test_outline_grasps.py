@@ -21,7 +21,7 @@ from continuum_grasp.model import TouchingCircle, surface_of
 from continuum_grasp.model.surfaces.surface import ROUND
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import OffsetPolygon, load
-from continuum_grasp.scene.parts import corners_of
+from continuum_grasp.scene.polygons import corners_of
 from tests.marks import few
 
 # An L, 60 mm by 60 mm of bars 25 mm wide, whose foot is away from the palm; from its center of mass.

@@ -24,7 +24,7 @@ from continuum_grasp.grasp.certificate import surfaces
 from continuum_grasp.model import Vec, nearest, surface_of
 from continuum_grasp.model.surfaces.offset_polygon import pieces_of
 from continuum_grasp.scene import ConfigurationData, GraspScene, OffsetPolygon, Polygon, load
-from continuum_grasp.scene.parts import corners_of
+from continuum_grasp.scene.polygons import corners_of
 
 SCENE = "configs/grasp/mug.yaml"
 # An L of two bars, 60 mm and 40 mm long, both 20 mm wide.

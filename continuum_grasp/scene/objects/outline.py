@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.base import named_value
+from continuum_grasp.scene.curved_parts import SHARE, curved
 from continuum_grasp.scene.objects.shapes import MaybeDrawn, ObjectBody, OutlineCurve
 from continuum_grasp.scene.objects.simplify import FINER, MOST, deviation, simplified
-from continuum_grasp.scene.parts import SHARE, OffsetPolygon, Part, PlanePoint, check_simple, curved
+from continuum_grasp.scene.parts import OffsetPolygon, Part
+from continuum_grasp.scene.polygons import PlanePoint, check_simple
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import SAME, Extent
 

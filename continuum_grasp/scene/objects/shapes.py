@@ -8,18 +8,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
-from continuum_grasp.scene.parts import (
-    OffsetPolygon,
-    Part,
-    PlanePoint,
-    SuperellipsePart,
-    check_simple,
-    corners_of,
-    curved,
-    farthest,
-    polygon_centroid,
-    rounded,
-)
+from continuum_grasp.scene.curved_parts import curved
+from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart, farthest, rounded
+from continuum_grasp.scene.polygons import PlanePoint, check_simple, corners_of, polygon_centroid
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Distance, Extent, Interval, ListOf, Mass, Position, Value
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from itertools import pairwise
 
-from continuum_grasp.scene.parts import PlanePoint, corners_of
+from continuum_grasp.scene.polygons import PlanePoint, corners_of
 
 FINER = 0.25
 """Share of the tolerance with which reports measure what the tolerance changes [1]: chords half as long."""

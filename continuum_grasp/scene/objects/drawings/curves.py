@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from continuum_grasp.base import Array
-from continuum_grasp.scene.parts import PlanePoint, check_simple
+from continuum_grasp.scene.polygons import PlanePoint, check_simple
 
 _GAP = 1e-4
 """Gap between ends that meet, as a part of what all open curves measure: files round to 0.01 px or 1e-4 inch, which is

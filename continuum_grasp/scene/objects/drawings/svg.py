@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 
 from continuum_grasp.base import Array
 from continuum_grasp.scene.objects.drawings.curves import Drawing, DrawnCurve, distinct
-from continuum_grasp.scene.parts import PlanePoint
+from continuum_grasp.scene.polygons import PlanePoint
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.objects.outline import OutlineFile
