@@ -1,5 +1,6 @@
 from .actuation import lag_names as lag_names
 from .actuation import lag_rates as lag_rates
+from .cables import soft as soft
 from .contact_law import TouchLaw as TouchLaw
 from .contacts import Contacts as Contacts
 from .equations import Equations as Equations
@@ -38,4 +39,3 @@ from .system import System as System
 from .touching import Station as Station
 from .winches import Motor as Motor
 from .winches import Winch as Winch
-from .winches import soft as soft

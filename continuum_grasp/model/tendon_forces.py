@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 
+from continuum_grasp.model.cables import Cables, soft_integral
 from continuum_grasp.model.family import gathered
 from continuum_grasp.model.memory import Instant, Memory
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import Cell, CellSet, Shares, rounded, shares
-from continuum_grasp.model.winches import Cables, Motor, Winch, soft_integral, stiffnesses
+from continuum_grasp.model.winches import Motor, Winch, stiffnesses
 
 
 @dataclass(frozen=True)

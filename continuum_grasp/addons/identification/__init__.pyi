@@ -7,12 +7,12 @@ from .comparison import Comparison as Comparison
 from .data import Poses as Poses
 from .data import Reading as Reading
 from .data import TipPath as TipPath
+from .data_files import data_folder as data_folder
 from .experiments import ExperimentPlan as ExperimentPlan
 from .experiments import design_experiments as design_experiments
 from .fit import Fit as Fit
 from .fitting import compare as compare
 from .fitting import identify as identify
-from .read import data_folder as data_folder
 from .read import read_data as read_data
 from .replayed import Replay as Replay
 from .replayed import replay as replay

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp.addons.identification.blocks import MeasuredBlock, PosesBlock
 from continuum_grasp.addons.identification.data import Reading, TipPath
+from continuum_grasp.addons.identification.data_files import sets_of
 from continuum_grasp.addons.identification.fit import applied, estimate_texts, table_of
 from continuum_grasp.addons.identification.fitting import Measurements, posed, resolved, sources_of
 from continuum_grasp.addons.identification.inference import allotted, infer, information
 from continuum_grasp.addons.identification.path_block import PathBlock
 from continuum_grasp.addons.identification.problem import FitProblem, Progress, SetInProblem, Solution
-from continuum_grasp.addons.identification.read import choices_of, plain_scene, sets_of
+from continuum_grasp.addons.identification.read import choices_of, plain_scene
 from continuum_grasp.addons.identification.scene import (
     Column,
     DataSet,

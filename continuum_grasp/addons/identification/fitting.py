@@ -14,6 +14,7 @@ import numpy as np
 from continuum_grasp.addons.identification.blocks import MeasuredBlock
 from continuum_grasp.addons.identification.comparison import Comparison
 from continuum_grasp.addons.identification.data import Data, Poses, TipPath
+from continuum_grasp.addons.identification.data_files import folder_of
 from continuum_grasp.addons.identification.doubts import doubts, doubts_of_elements
 from continuum_grasp.addons.identification.fit import Fit, estimates
 from continuum_grasp.addons.identification.path_block import block_of, of_one_code
@@ -26,7 +27,7 @@ from continuum_grasp.addons.identification.plausibility import (
     too_far,
 )
 from continuum_grasp.addons.identification.problem import FitProblem, Solution
-from continuum_grasp.addons.identification.read import changed_at, folder_of, plain_scene, read_data
+from continuum_grasp.addons.identification.read import changed_at, plain_scene, read_data
 from continuum_grasp.addons.identification.scene import Estimate, IdentifyScene
 from continuum_grasp.addons.identification.searches import LawTrial, choose_law, may_be_local, restarted
 from continuum_grasp.addons.identification.unknowns import read_unknowns

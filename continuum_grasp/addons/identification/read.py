@@ -1,10 +1,9 @@
-"""From files, as a configuration describes them, to measurements; where the files may lie."""
+"""From files, as a configuration describes them, to measurements."""
 
 from __future__ import annotations
 
 import difflib
 import math
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.addons.identification.data import KIND_OF, OF_MODES, UNIT_OF, Data, Poses, Reading, Signal, TipPath
+from continuum_grasp.addons.identification.data_files import files_in, in_data_folder, located
 from continuum_grasp.addons.identification.scene import (
     Column,
     ColumnLike,
@@ -69,8 +69,8 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
     (1, [-0.0, -0.098])
     """
     sets = scene.data if isinstance(scene, IdentifyScene) else ()
-    paths = [_located(path) for path in paths] or located(scene, beside)
-    files = list(_files(paths, sets))
+    paths = [in_data_folder(path) for path in paths] or located(scene, beside)
+    files = list(files_in(paths, sets))
     for file in files:
         if sum(file.resolve() == other.resolve() for other in files) > 1:
             raise InputError("this file is given twice: its measurements would count twice", file=str(file))
@@ -97,57 +97,6 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
             wanted = ", ".join(str(data_set.file) for data_set in sets)
             raise InputError(f"no set of the configuration reads this file; they read {wanted}", file=str(path))
     return measurements
-
-
-def sets_of(scene: IdentifyScene, paths: Sequence[Path]) -> tuple[DataSet, ...]:
-    """Sets of a configuration that are in some files, or in folders of them."""
-    files = list(_files([_located(path) for path in paths], scene.data))
-    return tuple(
-        data_set
-        for data_set in scene.data
-        if any(data_set.file is None or file.resolve().match(data_set.file) for file in files)
-    )
-
-
-def located(scene: Scene, beside: Path | None) -> list[Path]:
-    """Files that the data of a scene name, in a folder, or in one folder of the data folder.
-
-    InputError if the scene names none, or one is in none of these, or in several.
-    """
-    sets = scene.data if isinstance(scene, IdentifyScene) else ()
-    if not sets:
-        raise InputError("expected files with measurements, or a configuration that names them: data: [{file: ...}]")
-    paths = dict[Path, None]()
-    for k, data_set in enumerate(sets):
-        key = f"data[{k}].file"
-        if data_set.file is None:
-            raise InputError("expected the name of a file, or a file that is given", key=key)
-        shared = data_folder()
-        folders = [] if beside is None else [beside]
-        folders += [] if shared is None else [shared, *sorted(folder for folder in shared.iterdir() if folder.is_dir())]
-        mine = [files for folder in folders if (files := sorted(folder.glob(data_set.file)))]
-        if not mine or (len(mine) > 1 and mine[0][0].parent != beside):
-            where = "is in several folders" if mine else f"is neither beside the configuration nor in {VARIABLE}"
-            raise InputError(f"{data_set.file} {where}: give the file or its folder", key=key)
-        paths.update(dict.fromkeys(mine[0]))
-    return list(paths)
-
-
-def folder_of(scene: object) -> Path | None:
-    """Folder of the file of a scene; None where it is given as such."""
-    return Path(scene).parent if isinstance(scene, (str, os.PathLike)) else None
-
-
-def _files(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
-    for path in paths:
-        if path.is_dir():
-            # a folder may hold other files; in the order of their names, which no file system promises
-            patterns = [data_set.file or "*.csv" for data_set in sets] or ["*.csv"]
-            yield from sorted(file for file in path.iterdir() if any(file.resolve().match(p) for p in patterns))
-        elif path.is_file():
-            yield path
-        else:
-            raise InputError(f"no such file, nor in the folder that {VARIABLE} names", file=str(path))
 
 
 def plain_scene(scene: Scene) -> Scene:
@@ -499,31 +448,3 @@ def _entries_of(scene: Scene, *parameters: str) -> Mapping[str, str]:
     plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
     model = FingerModel(plain, parameters=parameters, input_rates=False)
     return dict(split_unit(label) for label in (model.p_names if parameters else (*model.u_names, *model.w_names)))
-
-
-VARIABLE = "CONTINUUM_GRASP_DATA"
-"""Environment variable with the path of the folder."""
-
-
-@check_arguments
-def data_folder() -> Path | None:
-    """The folder that ``CONTINUUM_GRASP_DATA`` names, or ``../shared/data`` beside a checkout; None: there is none.
-
-    Examples
-    --------
-    >>> from continuum_grasp.addons.identification import data_folder
-    >>> folder = data_folder()
-    >>> folder is None or folder.is_dir()
-    True
-    """
-    named = os.environ.get(VARIABLE)
-    folder = Path(named) if named else Path(__file__).resolve().parents[3] / "shared" / "data"
-    return folder if folder.is_dir() else None
-
-
-def _located(path: Path) -> Path:
-    """A path as it is given, or in the data folder where it is relative and not found as given."""
-    folder = data_folder()
-    if path.is_absolute() or path.exists() or folder is None or not (folder / path).exists():
-        return path
-    return folder / path

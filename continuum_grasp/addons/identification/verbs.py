@@ -36,8 +36,8 @@ def compare(
 
 def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
     """Compare a scene with measurements, and save that."""
+    from continuum_grasp.addons.identification.data_files import located
     from continuum_grasp.addons.identification.fitting import compare as run
-    from continuum_grasp.addons.identification.read import located
 
     paths = list(data or located(scene, output.config.parent))
     prediction, files = output.run("comparing", lambda report: run(scene, paths, progress=report))
@@ -96,8 +96,8 @@ def identify(
             raise typer.Exit(FAILED)
         return
 
+    from continuum_grasp.addons.identification.data_files import located
     from continuum_grasp.addons.identification.fitting import identify as run
-    from continuum_grasp.addons.identification.read import located
 
     paths = data or located(scene, output.config.parent)
     fit, files = output.run(
