@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from continuum_grasp.model.memory import Memory
 from continuum_grasp.model.planar import Scalar
-
-if TYPE_CHECKING:
-    from continuum_grasp.model.winches import Winch
 
 
 @dataclass(frozen=True)
@@ -24,35 +20,43 @@ class Cables:
     with the angle by straight pieces, with a tendon in tension, both or none.
     """
 
-    winch: Winch
+    start: Scalar  # wound up while the drum is at zero [m], counted from where a straight tendon pulls
+    radius: float  # wound up per angle of the drum [m]
+    onset: float  # half the length in which they go from slack to tension [m]
+    slack_stiffness: float  # share of the stiffness that they have while they are slack [1]
     compliances: Sequence[Scalar]  # elongation per tension [m/N]
     paths: Sequence[Scalar]  # what the bend draws in [m]
 
     def slacks(self, drum: Scalar) -> list[Scalar]:
         """Cable wound up beyond slack [m] where the drum is."""
-        return [y - path for y, path in zip(self.winch.wound(drum), self.paths, strict=True)]
+        wound = [self.start + (side * self.radius) * drum for side in self.sides]
+        return [y - path for y, path in zip(wound, self.paths, strict=True)]
+
+    @property
+    def sides(self) -> tuple[float, ...]:
+        """Whether the drum winds up or pays out each tendon."""
+        return (1.0, -1.0)[: len(self.paths)]
 
     def tensions(self, slacks: Sequence[Scalar]) -> list[Scalar]:
         """Tensions for cable wound up beyond its straight length [N]."""
-        pulled, share = [soft(slack, self.winch.onset) for slack in slacks], self.winch.slack_stiffness
+        pulled, share = [soft(slack, self.onset) for slack in slacks], self.slack_stiffness
         if share:
             pulled = [(1.0 - share) * pull + share * slack for pull, slack in zip(pulled, slacks, strict=True)]
         return [pull / c for pull, c in zip(pulled, self.compliances, strict=True)]
 
     def slopes(self, slacks: Sequence[Scalar]) -> list[Scalar]:
         """Torque of each tendon per angle of the drum [N m/rad]."""
-        return [soft_slope(y, self.winch.onset) * rise for y, rise in zip(slacks, self._rises, strict=True)]
+        return [soft_slope(y, self.onset) * rise for y, rise in zip(slacks, self._rises, strict=True)]
 
     @cached_property
     def _tight(self) -> list[Scalar]:
         """Angle at which each tendon is in tension [rad]."""
-        made, sides = self.winch, self.winch.sides
-        return [side * (path - made.start) / made.radius for side, path in zip(sides, self.paths, strict=True)]
+        return [side * (path - self.start) / self.radius for side, path in zip(self.sides, self.paths, strict=True)]
 
     @cached_property
     def _rises(self) -> list[Scalar]:
         """Torque per angle of each tendon in tension [N m/rad]."""
-        return [self.winch.radius**2 / c for c in self.compliances]
+        return [self.radius**2 / c for c in self.compliances]
 
     def towards(self, gain: float, angle: Scalar) -> Scalar:
         """Angle at which they balance a torque of a gain [N m/rad] towards an angle."""
@@ -65,7 +69,7 @@ class Cables:
         both = angle - pulled / (gain + sum(self._rises))
         # None in tension: all of the torque is that towards the angle; without any, the angle as far as no tendon
         # begins to pull.
-        edge = ca.fmin(self.winch.onset / self.winch.radius, 0.5 * (high - low))
+        edge = ca.fmin(self.onset / self.radius, 0.5 * (high - low))
         none = angle if gain else ca.fmin(ca.fmax(angle, low + edge), high - edge)
         balanced = ca.if_else(ca.SX(self._tight[0]) < self._tight[1], both, none)
         return ca.if_else(balanced < low, alone[1], ca.if_else(balanced > high, alone[0], balanced))
@@ -76,7 +80,7 @@ class Cables:
         alone = [at + torque / slope for slope, at in rises]
         if len(alone) == 1:
             # About where a soft one begins to: e - u + 2 sqrt(u w) - w of u = min(e, w).
-            beyond, edge = torque / self._rises[0], self.winch.onset / self.winch.radius
+            beyond, edge = torque / self._rises[0], self.onset / self.radius
             within = ca.fmin(beyond, edge)
             # 1e-12: keeps a root differentiable at zero
             begun = 2.0 * ca.sqrt(edge * within + 1e-12 * edge**2)

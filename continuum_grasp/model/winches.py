@@ -88,7 +88,9 @@ class Winch(ABC):
 
     def cables(self, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Cables:
         """The winch's tendons as cables, from compliances [m/N] and paths [m] per tendon."""
-        return Cables(self, self.of_its(compliances), self.of_its(paths))
+        return Cables(
+            self.start, self.radius, self.onset, self.slack_stiffness, self.of_its(compliances), self.of_its(paths)
+        )
 
     def wound(self, position: Scalar) -> list[Scalar]:
         """Cable wound up of each tendon [m] at a position of what winds up."""
