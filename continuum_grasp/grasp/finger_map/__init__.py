@@ -1,7 +1,7 @@
 """The finger map: equilibria of one finger that touch, sampled once, combined by the object's balance, and settled.
 
 Read `rod` (one equilibrium, an initial value problem), `fill` (all of a finger), `balance` (combinations of fingers),
-`settled` (the starts that a search takes).
+`stability` (what a small motion meets), `settled` (the starts that a search takes).
 """
 
 from continuum_grasp.grasp.finger_map.settled import SceneMaps, is_mapped, places_of

@@ -96,7 +96,7 @@ class ObjectBalance:
         self.weight = scene.object.mass * np.array(scene.gravity_in_plane)
         self.lift = scene.weight if scene.lifted else 0.0
         self.supports = support_contacts(scene, pose, {name for name in on if scene.support_of(name) is not None})
-        self._places = {
+        self.places = {
             name: (origin + turn * complex(*start.point), turn * cmath.exp(1j * start.normal_angle))
             for name, start in self.supports.items()
         }
@@ -108,15 +108,15 @@ class ObjectBalance:
         self.greatest = sum(f.setup.max_tension for f in fingers)
         frictions = [[f.friction] * len(names) for f, names in zip(fingers, self.names, strict=True)]
         forces = [[f.setup.normal_force_max] * len(names) for f, names in zip(fingers, self.names, strict=True)]
-        frictions.append(list(map(scene.held_friction, self._places)))
-        forces.append(list(map(scene.normal_force_max, self._places)))
+        frictions.append(list(map(scene.held_friction, self.places)))
+        forces.append(list(map(scene.normal_force_max, self.places)))
         bends = [0.02 * f.greatest_moment * f.moment / self.size for f in fingers]
         self.force = max(float(np.abs(self.weight).max()), self.lift, sum(bends))
         shares = [(f.setup.max_tension - f.least_tension) / self.greatest for f in fingers]
         self._arrays = {
             "rod": np.array([ctypes.addressof(f.struct) for f in fingers], np.uintp),
             "finger": np.array([[f.length, f.force, share] for f, share in zip(fingers, shares, strict=True)]),
-            "support": np.array([[p.real, p.imag, n.real, n.imag] for p, n in self._places.values()] or [[0.0] * 4]),
+            "support": np.array([[p.real, p.imag, n.real, n.imag] for p, n in self.places.values()] or [[0.0] * 4]),
             "cone": np.column_stack([list(chain(*frictions)), list(chain(*forces))]),
             "step": self._steps(),
         }
@@ -248,11 +248,11 @@ class ObjectBalance:
 
     def _supported(self, need: Array) -> tuple[Array, Array]:
         """Forces of supports (B, 2 S) within their cones that come nearest to wrenches (B, 3) [N], and what is left."""
-        size = 2 * len(self._places)
+        size = 2 * len(self.places)
         best = np.linalg.norm(need, axis=1)
         forces = np.zeros((len(need), size))
         edges, effects = [], []
-        for j, (name, (point, normal)) in enumerate(self._places.items()):
+        for j, (name, (point, normal)) in enumerate(self.places.items()):
             arm = (point - self.center) / self.size
             for use in (1.0, -1.0):
                 mu = use * self.scene.held_friction(name)
@@ -282,7 +282,7 @@ class ObjectBalance:
             normal, along = (part.value[:, :on] * finger.force for part in one.samples.touches.force)
             spare = np.sqrt(np.maximum((finger.friction * normal) ** 2 - along**2, 0.0)).sum(axis=1)
             carried += spare[index[:, k]]
-        for j, name in enumerate(self._places):
+        for j, name in enumerate(self.places):
             normal, along = forces[:, 2 * j], forces[:, 2 * j + 1]
             carried += np.sqrt(np.maximum((self.scene.held_friction(name) * normal) ** 2 - along**2, 0.0))
         return np.maximum(self.lift - carried, 0.0)

@@ -3,8 +3,8 @@
    Units: lengths L, forces E I / L^2, moments E I / L of the finger. Numbers z of an equilibrium: curvature at the base,
    internal force there (2), moment of the tendons at the base; per middle contact its place, normal force and friction.
    A dual number has a value, and slopes by each of these numbers; without slopes, values of `WIDE` rods at a time: a step
-   waits for the one before, not for as many others beside it. `touching.c` and `balance.c`, which follow this file,
-   export what `rod.py` and `balance.py` call. */
+   waits for the one before, not for as many others beside it. `touching.c`, `balance.c` and `stiffness.c`, which
+   follow this file, export what Python calls. */
 
 #include <math.h>
 #include <stdlib.h>

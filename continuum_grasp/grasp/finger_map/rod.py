@@ -63,7 +63,10 @@ def _library(lanes: int, wide: int, _named: str | None, _path: str | None) -> ct
     if compiler is None:
         raise RuntimeError(Compiler.why_none())
     folder = files(__package__)
-    source = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in ("rod.c", "touching.c", "balance.c"))
+    source = "".join(
+        folder.joinpath(name).read_text(encoding="utf-8")
+        for name in ("rod.c", "touching.c", "balance.c", "stiffness.c")
+    )
     sizes = f"#define LANES {lanes}\n#define WIDE {wide}\n"
     # What coils up without end must remain no number.
     fast = '#pragma GCC optimize("O3", "fast-math", "no-finite-math-only")\n'

@@ -10,6 +10,7 @@ from continuum_grasp.core import Compiler
 from continuum_grasp.grasp.finger_map.balance import ObjectBalance, Settled
 from continuum_grasp.grasp.finger_map.fill import FingerMap
 from continuum_grasp.grasp.finger_map.rod import MapFinger, ObjectTable, Traced
+from continuum_grasp.grasp.finger_map.stability import not_unstable
 from continuum_grasp.grasp.starts.supports import base_poses, nearest_contact, object_poses
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, GraspStart, Pose
 from continuum_grasp.scene import FingerSetup, GraspScene
@@ -73,11 +74,14 @@ class SceneMaps:
         if not len(x):
             return []
         settled = balance.settle(x)
-        rows = settled.different(scene.object.size)[: BEST * len(maps)]
+        rows = settled.different(scene.object.size)
+        rows = (not_unstable(balance, settled, rows) or rows)[: BEST * len(maps)]
         if not rows:
             return []
         settled = balance.refined(settled.x[rows])
-        return [_as_start(balance, settled, row) for row in settled.different(scene.object.size)]
+        rows = settled.different(scene.object.size)
+        # Where none is stable, the least shows it.
+        return [_as_start(balance, settled, row) for row in not_unstable(balance, settled, rows) or rows[:1]]
 
 
 def _as_start(balance: ObjectBalance, settled: Settled, row: int) -> GraspStart:
