@@ -67,8 +67,8 @@ _FAR = 0.1
 (configs/mpc/keep_out.yaml: 16 mm of 180 mm), lost ones reach 0.5."""
 
 _CORRECTED = 0.03
-"""Greatest correction of a setpoint that stands, in finger lengths [1]: configs/mpc/trunk_2m.yaml needs 0.023 where it
-reaches the setpoint (benchmarks/results/soak_standing.md); against an unknown contact a finger presses no further."""
+"""Greatest correction of a setpoint that stands, in finger lengths [1]: without any, configs/mpc/trunk_2m.yaml stood up
+to 0.023 off (``python -m benchmarks.soak_standing --loops trunk_2m``); what is unknown is pressed no further."""
 
 
 class ControllerCalls(NamedTuple):

@@ -391,11 +391,14 @@ static void controller_correct(controller_state *state, controller_work *work, c
 
 /* Follow that distance while the setpoint stands, and forget it while it moves. */
 static void controller_compensate(controller_state *state, controller_work *work, const controller_settings *o,
-                                  const real *y, int moves, int planned)
+                                  const real *y, int moves, int contradicts, int planned)
 {
   real end[2] = {0, 0}, squares = 0;
   if (!(o->correction > 0)) return;
-  state->stood = moves ? 0 : state->stood < o->correction_after ? state->stood + 1 : state->stood;
+  /* what swings after a gap, contradicts the model, or may be an old image is no constant distance */
+  int doubted = contradicts || state->supervisor.unseen > 2;
+  for (int sensor = 0; sensor < CONTROLLER_NS; ++sensor) doubted |= state->supervisor.together[sensor] > 0;
+  state->stood = moves || doubted ? 0 : state->stood < o->correction_after ? state->stood + 1 : state->stood;
   const int follows = state->stood >= o->correction_after;
   if (follows && (!planned || !cg_finite(y + o->supervisor.tip, 2))) return;
   if (follows) controller_end(state, work, o, end);
@@ -499,7 +502,7 @@ int controller_step(controller_state *state, controller_work *work, const contro
 #if CONTROLLER_CORRECTS
   if (planned && output->supervisor.offset > 0)
     output->supervisor.cause = controller_cause(state, work, settings, &corrected, output);
-  controller_compensate(state, work, settings, y, moves, planned);
+  controller_compensate(state, work, settings, y, moves, output->supervisor.contradicts, planned);
 #endif
   output->sight = controller_sight(state, settings, &output->supervisor);
   if (!planned) output->status = state->planned ? CONTROLLER_PREVIOUS_PLAN : CONTROLLER_SAFE_RAMP;
