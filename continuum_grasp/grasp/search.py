@@ -3,11 +3,12 @@
 1. Exact rods that hold the object are the first starts: of all equilibria of the fingers that touch (`finger_map`),
    settled to the least tension, the least first. Where they hold with less than the best grasp and the fingers'
    elements do not follow, the grasp is not called optimal.
-2. Fingers of two elements bend otherwise: they start from grasps with eight. Another objective is also sought from
+2. Where none holds it, those that come nearest are.
+3. Fingers of two elements bend otherwise: they start from grasps with eight. Another objective is also sought from
    grasps with the least tension, where those starts do not lead to its optimum.
-3. Where that gives no grasp, or one far above what is proven, and where there are no maps, postures that touch are
-   sampled for each set of contacts, scanned ones first, and solved in the order of their estimates.
-4. The best grasp is solved to the end.
+4. Fingers of few elements, and those without maps: where that gives no grasp, or one far above what is proven, postures
+   that touch are sampled for each set of contacts, scanned ones first, and solved in the order of their estimates.
+5. The best grasp is solved to the end.
 
 What ends it early: a proof by `bound` that nothing is better, or that there is nothing, and the budget.
 """
@@ -39,7 +40,7 @@ from continuum_grasp.grasp.effort import (
     UNFOLLOWED,
     WORSE,
 )
-from continuum_grasp.grasp.finger_map import SceneMaps, is_mapped, places_of
+from continuum_grasp.grasp.finger_map import SETTLED, SceneMaps, is_mapped, places_of
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, GraspAttempt, GraspSolverRun
 from continuum_grasp.grasp.starts.basins import Basins
@@ -52,6 +53,8 @@ from continuum_grasp.scene import GraspScene
 
 ALIKE = "like one that was solved before"
 """Reason why a start is not solved again."""
+FEW = 4
+"""Elements up to which fingers bend otherwise than exact rods do."""
 FINE = 8
 """Elements with which grasps of fingers with two are found first: exact rods are no starts for so few."""
 
@@ -107,30 +110,40 @@ class GraspSearch:
             self._from_maps()
         if not self._least_tension and not (self.best and self.best.attempt.optimal):
             self._from(GraspSearch(self.scene.replaced(objective="least_tension"), self.budget), "least tension")
-        if samples and (self.best is None or self.excess > OPEN):
+        if samples and self.is_sampled and (self.best is None or self.excess > OPEN):
             self._from_samples()
         if not self.proven:
             self._converge()
 
+    @cached_property
+    def is_sampled(self) -> bool:
+        """Whether postures are sampled where exact rods lead nowhere."""
+        return not is_mapped(self.scene) or all(setup.elements <= FEW for setup in self.scene.setups)
+
     # -- exact rods --------------------------------------------------------------------------------------------
 
-    def settle(self) -> list[Candidate]:
-        """Exact rods that hold the object, those of least tension first; none where fingers have no maps."""
+    def settle(self, wider: SceneMaps | None = None) -> list[Candidate]:
+        """Exact rods that hold the object, those of least tension first, then those that come nearest to it; from maps
+        of a ``wider`` scene where those are known.
+        """
         if not is_mapped(self.scene):
             return []
-        began, maps = time.perf_counter(), SceneMaps(self.scene)
+        began, maps = time.perf_counter(), SceneMaps(self.scene, wider)
         places = [(mode, place) for mode in self.modes for place in places_of(self.scene, mode)[: self._effort.places]]
         starts = [start for mode, place in places for start in maps.settled(mode, place)]
         self.start_seconds += time.perf_counter() - began
-        # Those that hold nearly come last.
-        return [Candidate(each) for each in sorted(starts, key=lambda one: (one.imbalance >= BALANCED, one.estimate))]
+        return [Candidate(start) for start in sorted(starts, key=_promise)]
 
     def _from_maps(self) -> None:
-        """Start from exact rods that hold the object, as far as they are better than the best grasp."""
+        """Start from exact rods that hold the object, as far as they are better than the best grasp, or from those that
+        come nearest to it.
+        """
         if not self.budget.over:
             self.settled = self.settle()
         for candidate in self.settled[: self._effort.settled]:
             if self.budget.over or self.proven or self._promised(candidate) > SURE:
+                return
+            if not candidate.holds and (self.is_sampled or self.best is not None):
                 return
             candidate.tried = True
             # Boldly first, since it is nearly exact.
@@ -187,16 +200,17 @@ class GraspSearch:
         """
         if any(setup.friction_states for setup in self.scene.setups):
             return math.nan
-        less = [held.start.estimate for held in self._held_exactly if 0.0 < self._promised(held) < UNFOLLOWED]
+        less = [held.start.estimate for held in self.held_exactly if 0.0 < self._promised(held) < UNFOLLOWED]
         return min(less, default=math.nan)
 
     @property
     def exact(self) -> bool:
         """Whether exact rods hold the object."""
-        return bool(self._held_exactly)
+        return bool(self.held_exactly)
 
     @property
-    def _held_exactly(self) -> list[Candidate]:
+    def held_exactly(self) -> list[Candidate]:
+        """Exact rods that hold the object."""
         return [candidate for candidate in self.settled if candidate.start.imbalance < BALANCED]
 
     # -- samples of postures -----------------------------------------------------------------------------------
@@ -291,8 +305,8 @@ class GraspSearch:
             postures=sum(scan.postures for scan in self._scans.values()),
             starts_solved=len(self.good),
             starts_failed=len(self.tried) - len(self.good),
-            settled=len(self.settled),
-            untried=sum(not held.tried and self._promised(held) < 1.0 - OPEN for held in self._held_exactly),
+            settled=sum(candidate.holds for candidate in self.settled),
+            untried=sum(not held.tried and self._promised(held) < 1.0 - OPEN for held in self.held_exactly),
             exact_less=self.exact_less,
             pruned=dict(self._pruned),
         )
@@ -409,3 +423,9 @@ class GraspSearch:
             self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
         return self._solvers[contacts]
+
+
+def _promise(start: GraspStart) -> tuple[bool, bool, float]:
+    """Order of starts: those that hold exactly, those that nearly do, and the others by what they leave."""
+    missed = start.imbalance > SETTLED
+    return missed, start.imbalance >= BALANCED, start.imbalance if missed else start.estimate

@@ -374,6 +374,10 @@ class _Verdict:
             return self._failed(GraspStatus.STOPPED, message, "Raise solver.time_limit, or free the machine.", closest)
         if self.budget.cut:
             message, advice = f"{self._cut()} without a verified grasp", "Raise solver.max_total_iterations."
+        elif self.search.exact and not self.search.is_sampled:
+            held = amount_text(min(candidate.start.estimate for candidate in self.search.held_exactly), "N", ".4g")
+            message = f"exact rods hold with {held} in all, and {self._elements} elements per finger do not follow them"
+            advice = "Raise fidelity.elements, or leave it out: the program takes as many as are needed."
         elif curled := [t.curled for t in self.search.tried if t.attempt.converged and t.curled]:
             message = f"no grasp was found in which {', '.join(sorted(curled[0]))} does not pass through itself"
             advice = "Take a shorter finger, or place its base where it need not curl up."

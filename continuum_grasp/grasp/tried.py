@@ -10,6 +10,7 @@ from typing import Any
 from continuum_grasp.base import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.certificate.check import CURLED
+from continuum_grasp.grasp.finger_map import SETTLED
 from continuum_grasp.grasp.problem.solver_run import GraspAttempt, GraspSolverRun
 from continuum_grasp.grasp.starts.values import GraspStart
 from continuum_grasp.grasp.values import NEAR
@@ -91,6 +92,11 @@ class Candidate:
 
     start: GraspStart
     tried: bool = False
+
+    @property
+    def holds(self) -> bool:
+        """Whether the object is held, but for what the solver brings to zero."""
+        return self.start.imbalance <= SETTLED
 
 
 @dataclass(frozen=True)

@@ -7,19 +7,24 @@ a finger has every equilibrium of the exact rod that touches; the search starts 
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
+from benchmarks import grasp_images as images
 from benchmarks.grasp_images import mirrored
 from benchmarks.grasp_populations import document
 from continuum_grasp.core import Compiler
-from continuum_grasp.grasp import GraspStatus, solve
+from continuum_grasp.grasp import RELAXATIONS, GraspStatus, optimize_grasp, solve
 from continuum_grasp.grasp.finger_map import SceneMaps, balance, fill, places_of, rod
+from continuum_grasp.grasp.finger_map.settled import MISSES
 from continuum_grasp.grasp.modes import contact_modes, with_elements
+from continuum_grasp.grasp.reasons.starts import MappedStarts
 from continuum_grasp.grasp.search import GraspSearch
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import GraspScene
 
 pytestmark = pytest.mark.skipif(Compiler.find() is None, reason="the map is compiled")
@@ -230,6 +235,78 @@ def test_where_more_elements_lead_nowhere_the_grasp_with_fewer_stays(ends, monke
     assert grasp.status is GraspStatus.FEASIBLE
     assert [setup.elements for setup in grasp.scene.setups] == [8]
     assert grasp.statistics["interrupted"] is (ends == "by Ctrl-C")
+
+
+def relaxed(seed):
+    """A random scene that is not held, its starts with limits relaxed, and its limits by name."""
+    scene = images.scene_of(images.drawn("one", seed), 8)
+    search = GraspSearch(scene, Budget.of(scene.solver))
+    return scene, search, {limit.name: limit for limit in RELAXATIONS}
+
+
+def test_where_no_combination_holds_the_nearest_are_known():
+    _, search, _ = relaxed(122)
+    nearest = search.settle()
+    assert 0 < len(nearest) <= MISSES * len(search.modes)
+    assert not any(candidate.holds for candidate in nearest)
+    missed = [candidate.start.imbalance for candidate in nearest]
+    assert missed == sorted(missed)
+
+
+@pytest.mark.parametrize(
+    ("name", "key"), [("friction", "contacts.friction"), ("tension", "finger.tendons.max_tension")]
+)
+def test_rods_with_a_limit_relaxed_are_within_the_others(name, key):
+    """Within what settling leaves open, 4e-3, and of forces as many of its units."""
+    scene, search, limits = relaxed(122)
+    starts = MappedStarts(scene, search).alone(limits[name])
+    assert starts
+    setup = scene.setups[0]
+    unit = setup.stiffness / setup.finger.rod.length**2
+    spare = 4e-3 * unit / rod.FORCE
+    exceeds = {"friction": [], "tension": []}
+    for start in starts:
+        if start.imbalance > 4e-3:
+            continue
+        shared = max(math.hypot(f, lift) - setup.friction * n for n, f, lift in start.forces.values())
+        exceeds["friction"].append(shared > spare)
+        exceeds["tension"].append(max(start.tensions["finger"]) > 1.01 * setup.max_tension)
+        assert max(n for n, _, _ in start.forces.values()) <= 1.01 * setup.normal_force_max + spare
+    (other,) = exceeds.keys() - {name}
+    assert not any(exceeds[other]), key
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("seed", "name", "needed"),
+    [(103, "mass", 0.0509), (118, "mass", 0.2748), (122, "friction", 0.6947), (124, "friction", 0.8506)],
+)
+def test_reasons_of_many_elements_repair_and_a_little_less_does_not(seed, name, needed):
+    """Postures that were sampled gave none, or 0.004 kg, a friction of 0.768 and 1.86."""
+    scene, _, limits = relaxed(seed)
+    result = optimize_grasp(scene, raise_on_failure=False)
+    (reason,) = (reason for reason in result.reasons if reason.name == name)
+    assert reason.needed == pytest.approx(needed, rel=2e-2)
+    limit, more = limits[name], 1.0 if name == "mass" else -1.0
+    for share, held in ((1.0 - 0.02 * more, True), (1.0 + 0.1 * more, False)):
+        amount = abs(share * reason.needed - reason.limit)
+        part = amount / reason.limit if name == "mass" else amount
+        search = GraspSearch(limit.relaxed(scene, part), Budget.of(scene.solver))
+        search.run()
+        assert (search.best is not None) is held
+
+
+def test_elements_that_do_not_follow_rods_are_said_to(monkeypatch):
+    """Where exact rods hold, no limit is in the way."""
+    monkeypatch.setattr(GraspSearch, "attempt", lambda *_, **__: None)
+    scene = grasp_scene("mug").changed({"fidelity.elements": 8})
+    found = optimize_grasp(scene, raise_on_failure=False)
+    assert found.status is GraspStatus.NOT_SOLVED
+    held = float(re.search(r"exact rods hold with (\S+) N in all, and 8 elements", found.message)[1])
+    # With 16 elements it takes 41.76 N.
+    assert held == pytest.approx(41.76, rel=2e-3)
+    assert "fidelity.elements" in found.advice
+    assert not found.reasons
 
 
 @pytest.mark.deep

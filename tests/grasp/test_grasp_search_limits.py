@@ -145,6 +145,27 @@ def test_where_no_exact_rod_holds_samples_are_tried(monkeypatch):
     assert mode == frozenset({"finger.tip", "palm"})
 
 
+@pytest.mark.parametrize(("elements", "sampled"), [(2, True), (4, True), (5, False), (8, False)])
+def test_postures_are_sampled_for_few_elements_alone(elements, sampled, monkeypatch):
+    search, _ = searching(elements=elements)
+    monkeypatch.setattr(search, "run_before", lambda *_, **__: None)
+    asked = []
+    search.settle, search._from_samples = list, lambda: asked.append(True)
+    search.run()
+    assert bool(asked) is sampled
+
+
+@pytest.mark.parametrize(("elements", "held", "tried"), [(8, False, 6), (8, True, 2), (4, False, 0)])
+def test_where_no_exact_rod_holds_the_nearest_are_tried(elements, held, tried):
+    """Boldly, then carefully; once there is a grasp none of them."""
+    search, starts = searching(elements=elements)
+    search.settle = lambda: [settled(1.0)] * held + [settled(1.0, imbalance=0.01 * k) for k in (1, 2, 3)]
+    attempt = search.attempt
+    search.attempt = lambda start, **options: (attempt(start, **options), held and search.good.append(grasp()))[0]
+    search._from_maps()
+    assert len(starts) == tried
+
+
 def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_samples(monkeypatch):
     search, _ = searching(elements=4)
     search.attempt = lambda start, **options: search.tried.append(grasp())

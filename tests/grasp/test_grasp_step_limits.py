@@ -19,7 +19,7 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.reasons import diagnosis
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, is_clear, is_rare, ordered
 from continuum_grasp.grasp.reasons.elastic import Repair, settled
-from continuum_grasp.grasp.reasons.starts import LARGER, Starts
+from continuum_grasp.grasp.reasons.sampled_starts import LARGER, SampledStarts
 from continuum_grasp.grasp.robust import joint
 from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
@@ -52,7 +52,7 @@ def reason(name="tension", limit=1.0, needed=1.0):
 
 def searching(scene=SCENE, **more):
     known = {"scene": scene, "budget": Budget(), "settled": [], "tried": [], "good": [], "best": None, "unscanned": []}
-    return Some(**{**known, "basins_of": lambda mode: None, "impossible": False, **more})
+    return Some(**{**known, "basins_of": lambda mode: None, "impossible": False, "is_sampled": True, **more})
 
 
 # -- reasons ---------------------------------------------------------------------------------------------------
@@ -62,7 +62,7 @@ def hopeful(imbalance, known=math.inf, elements=2):
     """Whether a start is tried whose best forces leave so much, where the scan without the limit relaxed left more."""
     contacts, scene = {"finger.tip": None}, SCENE.changed({"fidelity.elements": elements})
     search = searching(scene, basins_of=lambda mode: [Some(imbalance=known, contacts=contacts)])
-    return bool(Starts(scene, search)._hopeful([Some(imbalance=imbalance, contacts=contacts)]))
+    return bool(SampledStarts(scene, search)._hopeful([Some(imbalance=imbalance, contacts=contacts)]))
 
 
 def repaired(amount, most=1.0, other=None):
@@ -267,7 +267,7 @@ def starts_per_limit(agreeing):
         if agreeing is not None:
             repairs.found[limits] = Repair({TENSION: 1.0}, {}, None)
 
-    repairs.starts = Some(alone=lambda limit, part=None: [] if part else starts, rough=[])
+    repairs.starts = Some(alone=lambda limit, part=None: [] if part else starts, near=[])
     repairs.attempt, repairs._in_place_of = attempt, lambda *_: None
     repairs._alone([TENSION])
     return sorted(set(asked))
@@ -289,7 +289,7 @@ def ends_of_a_start(*found):
 def starts_together():
     """Usual amounts by which shapes are relaxed in search of postures for all limits; starts of either kind."""
     strain = next(limit for limit in RELAXATIONS if limit.name == "bending range")
-    eased, known = [], Starts(SCENE, searching(rebalanced=lambda _: [[*range(20)]]))
+    eased, known = [], SampledStarts(SCENE, searching(rebalanced=lambda _: [[*range(20)]]))
 
     def starts_of(scene):
         eased.append(strain.limit(scene) - strain.limit(SCENE))
@@ -303,7 +303,7 @@ def starts_together():
 def rough_starts():
     """Starts that no scan gave from which all limits are relaxed, and those that the mass alone is relaxed from."""
     asked, repairs = [], Repairs(make_scene(), searching())
-    repairs.starts = Some(alone=lambda *_: [], rough=[*range(9)])
+    repairs.starts = Some(alone=lambda *_: [], near=[*range(9)])
     repairs.relax = lambda limits, start: asked.append((len(limits) > 1, start))
     repairs._alone([limit for limit in RELAXATIONS if limit.name in ("tension", "mass")])
     return [start for many, start in asked if many], [start for many, start in asked if not many]
@@ -378,7 +378,7 @@ def eased_by():
         seen.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / usual)
         return [[]]
 
-    Starts(SCENE, searching(rebalanced=rebalanced))._balanced(TENSION, LARGER)
+    SampledStarts(SCENE, searching(rebalanced=rebalanced))._balanced(TENSION, LARGER)
     return seen
 
 

@@ -4,6 +4,7 @@ Read `rod` (one equilibrium, an initial value problem), `fill` (all of a finger)
 `stability` (what a small motion meets), `settled` (the starts that a search takes).
 """
 
+from continuum_grasp.grasp.finger_map.balance import SETTLED
 from continuum_grasp.grasp.finger_map.settled import SceneMaps, is_mapped, places_of
 
-__all__ = ["SceneMaps", "is_mapped", "places_of"]
+__all__ = ["SETTLED", "SceneMaps", "is_mapped", "places_of"]

@@ -70,17 +70,25 @@ class Settled:
         tension = np.sum([at.tension for at in traced], axis=0)
         return Settled(x, off, tension, places)
 
-    def different(self, size: float) -> list[int]:
+    def holding(self, size: float) -> list[int]:
         """Rows within the limits that differ, before an object of a size [m], those of least tension first."""
+        order = np.argsort(self.tension, kind="stable")
+        return self._different(size, order[self.off[order] <= SETTLED])
+
+    def nearest(self, size: float) -> list[int]:
+        """Rows that differ, those of least residual first."""
+        return self._different(size, np.argsort(self.off, kind="stable"))
+
+    def _different(self, size: float, order: Array) -> list[int]:
         rows: list[int] = []
-        for row in np.argsort(self.tension, kind="stable").tolist():
+        for row in order.tolist():
             # 0.03 of the size, 1 % of the tension
             alike = (
                 np.linalg.norm(self.places[row] - self.places[other]) < 0.03 * size
                 and abs(self.tension[row] - self.tension[other]) < 0.01 * self.tension[other] + 1e-6
                 for other in rows
             )
-            if self.off[row] <= SETTLED and not any(alike):
+            if not any(alike):
                 rows.append(row)
         return rows
 

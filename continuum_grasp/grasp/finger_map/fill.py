@@ -31,6 +31,8 @@ CURVATURES, DIRECTIONS, FORCES = 25, 36, 10
 """Size of the grid of rods: curvatures at the base, directions and sizes of the force there."""
 ON_SET = 1e-3
 """Residual up to which an equilibrium touches, in lengths and forces of the finger."""
+WITHIN = 0.01
+"""Excess over limits that a sample may have, in lengths and forces of the finger."""
 MOST = 3000
 """Samples from which on a map is not filled further."""
 
@@ -97,6 +99,11 @@ class FingerMap:
         if not len(seeds):
             return FingerMap(finger, finger.traced(np.zeros((0, finger.numbers))))
         return FingerMap(finger, _filled(finger, seeds))
+
+    def within(self, finger: MapFinger) -> FingerMap:
+        """The part of it within the limits of another such finger."""
+        at = finger.traced(self.samples.z, entered=ENTERED)
+        return FingerMap(finger, at.take(at.excess < WITHIN))
 
 
 def _grid(finger: MapFinger) -> tuple[tuple[int, int, int], Array]:
@@ -246,8 +253,7 @@ def _filled(finger: MapFinger, seeds: Array) -> Traced:
         near = finger.touches(_neighbors(finger, front, directions))
         near = near.take(np.abs(near.conditions.value).max(axis=1) < ON_SET)
         at = finger.traced(near.z[unknown(near)], entered=ENTERED)
-        # 0.01: excess over limits that a sample may have
-        front = fresh(at.take(at.excess < 0.01))
+        front = fresh(at.take(at.excess < WITHIN))
         found.append(front)
     return Traced.joined(found)
 

@@ -17,6 +17,8 @@ from continuum_grasp.scene import FingerSetup, GraspScene
 
 BEST = 16
 """Settled combinations per finger of a set of contacts that are brought to their optimum."""
+MISSES = 3
+"""Combinations of a set of contacts that nearly hold the object, where none does."""
 
 
 Place = tuple[Pose, tuple[Pose, ...]]
@@ -45,27 +47,33 @@ def places_of(scene: GraspScene, on: frozenset[str]) -> list[Place]:
 
 
 class SceneMaps:
-    """The maps of a scene's fingers, made when they are first needed."""
+    """The maps of a scene's fingers, made when they are first needed; as parts of those of a ``wider`` scene, which has
+    the same fingers with greater limits, where that is given.
+    """
 
-    def __init__(self, scene: GraspScene) -> None:
-        self.scene = scene
+    def __init__(self, scene: GraspScene, wider: SceneMaps | None = None) -> None:
+        self.scene, self._wider = scene, wider
         self._maps: dict[tuple[str, Pose, Pose, frozenset[str]], FingerMap] = {}
 
     @cached_property
     def _table(self) -> ObjectTable:
-        return ObjectTable(self.scene)
+        return ObjectTable(self.scene) if self._wider is None else self._wider._table
 
     def map_of(self, setup: FingerSetup, base: Pose, pose: Pose, on: frozenset[str]) -> FingerMap:
         """The map of a finger with a set of contacts, its base and the object at their poses."""
         mine = frozenset(on & setup.switches.keys())
         key = setup.name, base, pose, mine
         if key not in self._maps:
-            self._maps[key] = FingerMap.of(MapFinger(self.scene, setup, self._table, base, pose, mine))
+            finger = MapFinger(self.scene, setup, self._table, base, pose, mine)
+            if self._wider is None:
+                self._maps[key] = FingerMap.of(finger)
+            else:
+                self._maps[key] = self._wider.map_of(setup, base, pose, on).within(finger)
         return self._maps[key]
 
     def settled(self, on: frozenset[str], place: Place) -> list[GraspStart]:
         """Starts with the contacts ``on`` by name that hold the object at a place as exact rods, of least tension
-        first.
+        first; where none does, those that come nearest to it.
         """
         scene, (pose, bases) = self.scene, place
         maps = [self.map_of(setup, base, pose, on) for setup, base in zip(scene.setups, bases, strict=True)]
@@ -73,13 +81,13 @@ class SceneMaps:
         x = balance.candidates(maps)
         if not len(x):
             return []
-        settled = balance.settle(x)
-        rows = settled.different(scene.object.size)
-        rows = (not_unstable(balance, settled, rows) or rows)[: BEST * len(maps)]
+        settled, size = balance.settle(x), scene.object.size
+        rows = settled.holding(size)
         if not rows:
-            return []
+            return [_as_start(balance, settled, row) for row in settled.nearest(size)[:MISSES]]
+        rows = (not_unstable(balance, settled, rows) or rows)[: BEST * len(maps)]
         settled = balance.refined(settled.x[rows])
-        rows = settled.different(scene.object.size)
+        rows = settled.holding(size)
         # Where none is stable, the least shows it.
         return [_as_start(balance, settled, row) for row in not_unstable(balance, settled, rows) or rows[:1]]
 

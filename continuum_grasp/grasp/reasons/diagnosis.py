@@ -2,7 +2,7 @@
 the amounts that then suffice, verified and confirmed, are the reason.
 
 1. Each limit is relaxed alone: the sum that the elastic problem minimizes has local minima which mix cheap limits.
-2. All limits are relaxed at once from rough starts; from where that holds, each alone again.
+2. All limits are relaxed at once from the nearest starts; from where that holds, each alone again.
 3. A limit that repairs the scene is relaxed from more starts, closer by its amount, until several agree.
 4. Where no usual amount of one is enough, all are relaxed at once, and weights that grow as parts vanish drive these to
    zero: reweighted L1 minimization, E. J. Candes, M. B. Wakin, S. P. Boyd, J. Fourier Anal. Appl. 14 (2008),
@@ -24,7 +24,8 @@ from continuum_grasp.grasp.effort import CLOSEST, FIRST_CAP, HELD
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit, beyond_needed, changed_numbers
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
-from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
+from continuum_grasp.grasp.reasons.sampled_starts import LARGER, SampledStarts
+from continuum_grasp.grasp.reasons.starts import MappedStarts, eased
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import GraspStart
@@ -180,7 +181,7 @@ class Repairs(Elastic):
         # Limits with a number, and all but those that keep fingers clear of something.
         self.numbered = tuple(limit for limit in self.limits if limit.limit is not None)
         self.bounding = tuple(limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape)
-        self.starts = Starts(scene, search)
+        self.starts = SampledStarts(scene, search) if search.is_sampled else MappedStarts(scene, search)
         self._tried: dict[Limits, list[tuple[GraspStart, Repair | None]]] = {}
 
     def look(self) -> None:
@@ -241,20 +242,20 @@ class Repairs(Elastic):
                 starts[limit] = self.starts.alone(limit)
                 self._from(limit, starts[limit], CLOSEST)
         others = [limit for limit in starts if limit in self.bounding]
-        # From rough starts all limits are relaxed at once: where that gives no grasp, one alone gives none, but for a
-        # part of a limit, which is not relaxed as far beside others.
-        rough = self.starts.rough if others else []
-        points = _least(self._all_from(self.numbered, rough[:CLOSEST]))
+        # From the nearest starts all limits are relaxed at once: where that gives no grasp, one alone gives none, but
+        # for a part of a limit, which is not relaxed as far beside others.
+        near = self.starts.near if others else []
+        points = _least(self._all_from(self.numbered, near[:CLOSEST]))
         for limit in others:
             if math.isfinite(limit.most(self.scene)) and not limit.bounds_shape and (points or not limit.additive):
-                self._from(limit, rough, CLOSEST)
+                self._from(limit, near, CLOSEST)
         for point in [*points, *_least(self.found.values())[:1]]:
             self._in_place_of(point, [limit for limit in others if (limit,) not in self.found])
         for limit in starts:
             if (limit,) in self.found and not settled(self.totals[limit,]):
-                # Where the amount is known, the scan finds postures for just this much: closer than the first ones.
+                # Where an amount is known, postures for just this much are closer than the first ones.
                 closer = self.starts.alone(limit, self.found[limit,].total)
-                self._from(limit, [*closer, *starts[limit], *(rough if limit in others else [])], MORE)
+                self._from(limit, [*closer, *starts[limit], *(near if limit in others else [])], MORE)
 
     def _in_place_of(self, point: Repair, others: Sequence[RelaxedLimit]) -> None:
         """Relax other limits from where some are, which count the more: a point that satisfies all leads there more

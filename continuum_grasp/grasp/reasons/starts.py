@@ -1,117 +1,79 @@
-"""Starts of the elastic problem: postures in which forces balance, or nearly, once limits are relaxed."""
+"""Starts of the elastic problem: exact rods that hold the object once limits are relaxed."""
 
 from __future__ import annotations
 
-import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Any
 
-from continuum_grasp.grasp.effort import HELD, UNLIKELY
-from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.relaxations import RelaxedLimit
+from continuum_grasp.grasp.effort import HELD
+from continuum_grasp.grasp.finger_map import SceneMaps
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit
 from continuum_grasp.grasp.search import GraspSearch
-from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
 from continuum_grasp.grasp.starts.values import GraspStart, interleaved
-from continuum_grasp.grasp.tried import branch_of
-from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene import GraspScene
 
-LARGER = (1.0, 4.0, 16.0)
-"""Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
-WIDER = (1.0, 2.9)
-"""Usual amounts by which limits of the shape are relaxed in search of postures for all limits at once."""
-
-BENT = 0.06
-"""Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair
-it: a scene that a greater tension repairs had 0.031."""
+USUAL, WIDE = 1.0, 3.0
+"""Usual amounts by which limits are relaxed."""
+CLOSER = (0.5, 1.0)
+"""Parts of an amount that is enough with which less is sought."""
 
 
-class Starts:
-    """Starts with limits relaxed of the scene of a search, those of different branches first."""
+class Starts(ABC):
+    """Starts with limits relaxed of the scene of a search that found no grasp."""
 
     def __init__(self, scene: GraspScene, search: GraspSearch) -> None:
         self._scene, self._search = scene, search
 
-    @cached_property
-    def rough(self) -> list[GraspStart]:
-        """Starts of sets of contacts that are not scanned, those that came nearest to a grasp first."""
-        near = {id(tried.attempt.start): tried.attempt.badness for tried in self._search.tried}
-        return interleaved(
-            [
-                spread(sorted(self._search.rough_starts_of(mode), key=lambda start: near.get(id(start), math.inf)))
-                for mode in self._search.unscanned
-            ]
-        )
+    @property
+    @abstractmethod
+    def near(self) -> list[GraspStart]:
+        """Starts that came nearest to a grasp of the scene as it is."""
 
-    def alone(self, limit: RelaxedLimit, part: float | None = None) -> list[GraspStart]:
-        """Scanned starts with a limit relaxed by so many usual amounts, or well beyond what is likely; where no key of
-        the scene holds a limit of the shape, those of the search, too.
-        """
-        if not limit.bounds_shape:
-            # Postures stay as they are: however much a limit is relaxed, it is no reason where none comes near.
-            return self._balanced(limit, LARGER if part is None else (part,))
-        relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[GraspStart]()
-        if limit.limit is None:
-            closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
-            tried = list({id(scanned.attempt.start): scanned.attempt.start for scanned in closest}.values())
-            known = spread(tried or self._search.rough_starts_of(contact_modes(self._scene)[0]))
-        if relaxed is self._scene:
-            return known
-        return interleaved([*self._of(relaxed, hopeful=True, rough=limit.limit is None), known])
+    @abstractmethod
+    def alone(self, limit: RelaxedLimit, enough: float | None = None) -> list[GraspStart]:
+        """Starts with a limit relaxed; with no more than is ``enough`` [usual amounts] where that is known."""
+
+    @abstractmethod
+    def together(self, limits: Iterable[RelaxedLimit]) -> list[GraspStart]:
+        """Starts for many limits at once: some of the scene as it is, and twice as many with limits relaxed."""
+
+
+class MappedStarts(Starts):
+    """Exact rods that hold the object with limits relaxed, from maps with all limits relaxed."""
+
+    @cached_property
+    def near(self) -> list[GraspStart]:
+        closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
+        return list({id(tried.attempt.start): tried.attempt.start for tried in closest}.values())
+
+    def alone(self, limit: RelaxedLimit, enough: float | None = None) -> list[GraspStart]:
+        scenes = list[GraspScene]()
+        for part in (USUAL, WIDE) if enough is None else [share * enough for share in CLOSER]:
+            relaxed = eased(self._scene, [limit], part)
+            if relaxed not in (self._scene, *scenes):
+                scenes.append(relaxed)
+        # Where no key of the scene holds a limit of the shape, postures of the scene as it is may be repaired.
+        known = self.near if limit.limit is None and limit.bounds_shape else []
+        return interleaved([*map(self._held, scenes), known])
 
     def together(self, limits: Iterable[RelaxedLimit]) -> list[GraspStart]:
-        """Starts for many limits at once: some of the scene's own postures, and twice as many of those with limits of
-        the shape relaxed in several amounts.
-        """
         limits = list(limits)
-        scans = self._search.rebalanced(eased(self._scene, [limit for limit in limits if not limit.bounds_shape], 1.0))
-        near = self.rough if self._search.unscanned else interleaved(scans)
-        wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
-        return [*near[:HELD], *interleaved(wider)[: 2 * HELD]]
+        wider = [self._held(eased(self._scene, limits, part)) for part in (USUAL, WIDE)]
+        return [*self.near[:HELD], *interleaved(wider)[: 2 * HELD]]
 
-    def _balanced(self, limit: RelaxedLimit, factors: Iterable[float]) -> list[GraspStart]:
-        """Starts of scanned postures nearly in balance with the limit relaxed by the first factor for which there are
-        any.
-        """
-        last = None
-        for factor in factors:
-            relaxed = eased(self._scene, [limit], factor)
-            if relaxed != last and (starts := self._hopeful(interleaved(self._search.rebalanced(relaxed)))):
-                return starts
-            last = relaxed
-        return []
+    @cached_property
+    def _wide(self) -> SceneMaps:
+        """Maps of the scene with all limits relaxed."""
+        limits = [limit for limit in RELAXATIONS if limit.applies(self._scene)]
+        return SceneMaps(eased(self._scene, limits, WIDE))
 
-    def _of(self, relaxed: GraspScene, hopeful: bool = False, rough: bool = True) -> list[list[GraspStart]]:
-        """Starts of a scene with limits relaxed, of each set of contacts; of scans the ``hopeful`` ones alone, and
-        ``rough`` ones of other sets.
-        """
-        search, starts = GraspSearch(relaxed, self._search.budget), []
-        for mode in contact_modes(relaxed):
-            scanned = search.basins_of(mode)
-            if scanned is None:
-                scanned = search.rough_starts_of(mode) if rough else []
-            elif hopeful:
-                scanned = self._hopeful(scanned)
-            starts.append(spread(scanned))
+    def _held(self, relaxed: GraspScene) -> list[GraspStart]:
+        """Exact rods that hold the object of a scene with limits relaxed, of least tension first, or nearly do."""
+        search = GraspSearch(relaxed, self._search.budget)
+        starts = [candidate.start for candidate in search.settle(self._wide)]
         self._search.start_seconds += search.start_seconds
         return starts
-
-    def _hopeful(self, starts: list[GraspStart]) -> list[GraspStart]:
-        """Starts nearly in balance, and nearer than without the limit relaxed."""
-        search, tips = self._search, {setup.tip_name for setup in self._scene.setups}
-        threshold = NEARLY_BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
-
-        def enough(start: GraspStart) -> float:
-            # Behind the last contact a finger is as its tendons bend it, and a small imbalance says little.
-            if not tips <= start.contacts.keys():
-                return UNLIKELY
-            alike = search.basins_of(frozenset(start.contacts)) or []
-            known = min((other.imbalance for other in alike), default=math.inf)
-            # 0.95: imbalance per that without the limit relaxed from which on relaxing it does not help
-            return min(threshold, max(0.95 * known, NEAR))
-
-        return [start for start in starts if start.imbalance < enough(start)]
 
 
 def eased(scene: GraspScene, limits: Iterable[RelaxedLimit], factor: float) -> GraspScene:
@@ -120,11 +82,3 @@ def eased(scene: GraspScene, limits: Iterable[RelaxedLimit], factor: float) -> G
     for limit in limits:
         relaxed = limit.eased(relaxed, min(factor * limit.start(scene), limit.sensible(scene)))
     return relaxed
-
-
-def spread(starts: list[GraspStart]) -> list[GraspStart]:
-    """A start of each branch first, then the second of each, and so on."""
-    branches: dict[tuple[Any, ...], list[GraspStart]] = {}
-    for start in starts:
-        branches.setdefault(branch_of(start), []).append(start)
-    return interleaved(list(branches.values()))
