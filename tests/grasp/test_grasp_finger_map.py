@@ -162,7 +162,7 @@ def test_settled_combinations_hold_the_weight_within_their_cones(name):
     scene = grasp_scene(name)
     held, maps = balance_of(scene)
     settled = held.settle(held.candidates(maps))
-    (row, *_) = settled.different(scene.object.size)
+    (row, *_) = settled.holding(scene.object.size)
     best = held.refined(settled.x[row : row + 1])
     traced = held.traced(best.x, slopes=False)
     normal, friction = (force[0] for force in held.forces(best.x, traced))

@@ -55,8 +55,8 @@ def least_settled(scene):
     maps = [held.map_of(setup, base, pose, mode) for setup, base in zip(scene.setups, bases, strict=True)]
     whole = balance.ObjectBalance(scene, mode, [one.finger for one in maps], pose)
     found = whole.settle(whole.candidates(maps))
-    best = whole.refined(found.x[found.different(scene.object.size)])
-    return whole, best, best.different(scene.object.size)[0]
+    best = whole.refined(found.x[found.holding(scene.object.size)])
+    return whole, best, best.holding(scene.object.size)[0]
 
 
 # Two fingers that hold by their tips, stable and not; one with a middle contact beside a palm.
@@ -87,7 +87,7 @@ def test_the_stiffness_is_one_of_an_energy():
 def test_clearly_unstable_combinations_are_pruned_where_stability_is_required():
     scene = GraspScene.model_validate(document("two", 1, elements=8) | {"stability": "require"})
     whole, best, _ = least_settled(scene)
-    rows = best.different(scene.object.size)
+    rows = best.holding(scene.object.size)
     left = stability.not_unstable(whole, best, rows)
     search = GraspSearch(scene, Budget())
     verdicts = {}
