@@ -273,7 +273,7 @@ def test_rods_with_a_limit_relaxed_are_within_the_others(name, key):
         exceeds["tension"].append(max(start.tensions["finger"]) > 1.01 * setup.max_tension)
         assert max(n for n, _, _ in start.forces.values()) <= 1.01 * setup.normal_force_max + spare
     (other,) = exceeds.keys() - {name}
-    assert not any(exceeds[other]), key
+    assert not any(exceeds[other])
 
 
 @pytest.mark.deep
@@ -303,8 +303,8 @@ def test_elements_that_do_not_follow_rods_are_said_to(monkeypatch):
     found = optimize_grasp(scene, raise_on_failure=False)
     assert found.status is GraspStatus.NOT_SOLVED
     held = float(re.search(r"exact rods hold with (\S+) N in all, and 8 elements", found.message)[1])
-    # With 16 elements it takes 41.76 N.
-    assert held == pytest.approx(41.76, rel=2e-3)
+    # With 24 elements it takes 42.64 N.
+    assert held == pytest.approx(42.64, rel=1.5e-2)
     assert "fidelity.elements" in found.advice
     assert not found.reasons
 

@@ -169,12 +169,17 @@ static double wrong_by(const Balance *b, const double *value, int row)
     return row < b->equal ? value[row] : fmax(value[row], 0.0);
 }
 
-static double merit(const Balance *b, const Held *at, double stiff)
+static double squares_of(const Balance *b, const Held *at)
 {
     double squares = 0.0;
     for (int k = 0; k < b->rows; ++k)
         squares += wrong_by(b, at->value, k) * wrong_by(b, at->value, k);
-    return at->tension + 0.5 * stiff * squares;
+    return squares;
+}
+
+static double merit(const Balance *b, const Held *at, double stiff)
+{
+    return at->tension + 0.5 * stiff * squares_of(b, at);
 }
 
 /* Normal equations of a penalty of what is wrong with `value`, and of a gradient; the lower triangle. */
@@ -325,9 +330,10 @@ static double *held_in(const Balance *b, Held *at, double *memory)
     return at->slope + b->rows * b->numbers;
 }
 
-/* Bring combinations (count, numbers) to the least tension: from afar, or to the optimum next to them; what is wrong with
-   each at most. 0: there is no memory. */
-int hold(const Balance *b, int count, int rounds, int near, double *x, double *off)
+/* Bring combinations (count, numbers) to the least tension: from afar, or to the optimum next to them. Per combination
+   what is wrong with it at most, and what it would take more without that, to first order: multipliers are residuals
+   times the penalty. 0: there is no memory. */
+int hold(const Balance *b, int count, int rounds, int near, double *x, double *off, double *more)
 {
     const int n = b->numbers;
     double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + 2 * b->rows) * sizeof(double));
@@ -335,7 +341,7 @@ int hold(const Balance *b, int count, int rounds, int near, double *x, double *o
     if (!memory)
         return 0;
     double *work = held_in(b, &back, held_in(b, &there, held_in(b, &here, memory)));
-    for (; count > 0; --count, x += n, ++off) {
+    for (; count > 0; --count, x += n, ++off, ++more) {
         memcpy(here.x, x, n * sizeof(double));
         reach(b, &here);
         if (near)
@@ -343,6 +349,7 @@ int hold(const Balance *b, int count, int rounds, int near, double *x, double *o
         else
             settled(b, rounds, &here, &there, work);
         memcpy(x, here.x, n * sizeof(double));
+        *more = near ? STIFF * squares_of(b, &here) : 0.0;
         *off = 0.0;
         for (int k = 0; k < b->rows; ++k)
             *off = fmax(*off, fabs(wrong_by(b, here.value, k)));
