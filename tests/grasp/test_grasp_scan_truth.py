@@ -139,7 +139,7 @@ def test_what_is_out_of_reach_is_moved_into_reach(moved):
     assert starts_of(scene_at(body | free, {"f": finger}))[0].label == "scan"
 
 
-def test_a_polygon_lies_on_four_of_its_faces():
+def test_a_polygon_lies_on_as_many_of_its_faces_as_poses_are_tried():
     corners = 0.05 * np.exp(2j * math.pi * np.arange(12) / 12)
     body = {"shape": "polygon", "vertices": [(z.real, z.imag) for z in corners], "position": (0.0, 0.05)}
     floor = {"floor": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.5 * math.pi}}
@@ -147,4 +147,5 @@ def test_a_polygon_lies_on_four_of_its_faces():
     finger = {"f": finger_at(0.0, 0.3, math.pi, contacts={"middle": "off"})}
     poses = object_poses(scene_at(body | free, finger, supports=floor), frozenset({"floor"}))
     flat = [pose for pose in poses if abs(math.remainder(pose[2] - math.pi / 12, math.pi / 6)) < 1e-9]
-    assert len(flat) == 4
+    assert len(flat) == 5
+    assert len({round(turn, 6) for _, _, turn in flat}) == 5

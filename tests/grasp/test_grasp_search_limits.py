@@ -98,7 +98,7 @@ LIMITS = [
      lambda e: explored(settled(e), grasp()).untried == 1),
     ("tension of an exact rod that elements do not follow", 0.97 * (TENSION + NONE) - NONE,
      lambda e: explored(settled(e, tried=True), grasp()).exact_less == e),
-    ("imbalance of an exact rod that holds", 2e-4, lambda off: explored(settled(1.0, off), grasp()).untried == 1),
+    ("imbalance of an exact rod that holds", 1e-5, lambda off: explored(settled(1.0, off), grasp()).untried == 1),
     ("iterations of a search with a grasp", 600.0, lambda n: not over("normal", n)),
     ("iterations of a quick one", 150.0, lambda n: not over("quick", n)),
     ("press above what is proven", 1.0 + 1e-3, proven),

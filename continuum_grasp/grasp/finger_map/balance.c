@@ -10,6 +10,9 @@
 #define SLIGHT 1e-8
 /* Penalty of a residual of one where combinations are refined, and what holds a step that nothing else fixes. */
 #define STIFF 1e6
+/* How often that penalty makes multipliers, and how wrong a combination may be that needs none. */
+#define TURNS 6
+#define RIGHT 1e-7
 #define SLACK 1e-4
 
 typedef struct {
@@ -26,9 +29,9 @@ typedef struct {
 /* What a finger or a support has at a contact, by the `count` unknowns from `at` on. */
 typedef struct { dual x, y, nx, ny, normal, along; int at, count; } Contact;
 
-/* A combination: constraints that vanish, then those that are not above zero, and the tension per the greatest; slopes
-   by steps of the unknowns. */
-typedef struct { double tension, *x, *value, *pull, *slope; } Held;
+/* A combination: constraints that vanish, then those that are not above zero, each with its multiplier per penalty added,
+   and the tension per the greatest; slopes by steps of the unknowns. */
+typedef struct { double tension, *x, *value, *pull, *slope; const double *multiplier; } Held;
 
 static double *slopes_of(const Balance *b, Held *to, int row) { return to->slope + row * b->numbers; }
 
@@ -157,6 +160,8 @@ static void reach(const Balance *b, Held *to)
     add_cones(b, to, contact, below);
     for (int k = 0; k < entries; ++k)
         sane &= fabs(to->slope[k]) < SANE;
+    for (int k = 0; k < b->rows; ++k)
+        to->value[k] += to->multiplier[k];
     if (sane)
         return;
     memset(to->slope, 0, entries * sizeof(double));
@@ -169,17 +174,12 @@ static double wrong_by(const Balance *b, const double *value, int row)
     return row < b->equal ? value[row] : fmax(value[row], 0.0);
 }
 
-static double squares_of(const Balance *b, const Held *at)
+static double merit(const Balance *b, const Held *at, double stiff)
 {
     double squares = 0.0;
     for (int k = 0; k < b->rows; ++k)
         squares += wrong_by(b, at->value, k) * wrong_by(b, at->value, k);
-    return squares;
-}
-
-static double merit(const Balance *b, const Held *at, double stiff)
-{
-    return at->tension + 0.5 * stiff * squares_of(b, at);
+    return at->tension + 0.5 * stiff * squares;
 }
 
 /* Normal equations of a penalty of what is wrong with `value`, and of a gradient; the lower triangle. */
@@ -324,35 +324,59 @@ static void refined(const Balance *b, int rounds, Held *here, Held *there, Held 
     }
 }
 
-static double *held_in(const Balance *b, Held *at, double *memory)
+/* What is wrong with a combination at most, whatever its multipliers are. */
+static double most_wrong(const Balance *b, const Held *at)
 {
+    double most = 0.0;
+    for (int k = 0; k < b->rows; ++k) {
+        const double value = at->value[k] - at->multiplier[k];
+        most = fmax(most, k < b->equal ? fabs(value) : value);
+    }
+    return most;
+}
+
+/* The optimum itself, where nothing is wrong: what a penalty leaves wrong becomes multipliers (M. J. D. Powell, 1969;
+   J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 17). */
+static void converged(const Balance *b, int rounds, Held *here, Held *there, Held *back, double *multiplier, double *work)
+{
+    refined(b, rounds, here, there, back, work);
+    for (int turn = 0; turn < TURNS && most_wrong(b, here) > RIGHT; ++turn) {
+        for (int k = 0; k < b->rows; ++k) {
+            const double wrong = wrong_by(b, here->value, k);
+            here->value[k] += wrong - multiplier[k], multiplier[k] = wrong;
+        }
+        refined(b, rounds, here, there, back, work);
+    }
+}
+
+static double *held_in(const Balance *b, Held *at, const double *multiplier, double *memory)
+{
+    at->multiplier = multiplier;
     at->x = memory, at->pull = at->x + b->numbers, at->value = at->pull + b->numbers, at->slope = at->value + b->rows;
     return at->slope + b->rows * b->numbers;
 }
 
-/* Bring combinations (count, numbers) to the least tension: from afar, or to the optimum next to them. Per combination
-   what is wrong with it at most, and what it would take more without that, to first order: multipliers are residuals
-   times the penalty. 0: there is no memory. */
-int hold(const Balance *b, int count, int rounds, int near, double *x, double *off, double *more)
+/* Bring combinations (count, numbers) to the least tension: from afar, or to the optimum next to them; what is wrong with
+   each at most. 0: there is no memory. */
+int hold(const Balance *b, int count, int rounds, int near, double *x, double *off)
 {
     const int n = b->numbers;
-    double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + 2 * b->rows) * sizeof(double));
+    double *memory = malloc((3 * (b->rows + 2) * (n + 1) + 2 * n * (n + 4) + 3 * b->rows) * sizeof(double));
     Held here, there, back;
     if (!memory)
         return 0;
-    double *work = held_in(b, &back, held_in(b, &there, held_in(b, &here, memory)));
-    for (; count > 0; --count, x += n, ++off, ++more) {
+    double *multiplier = memory, *rest = memory + b->rows;
+    rest = held_in(b, &back, multiplier, held_in(b, &there, multiplier, held_in(b, &here, multiplier, rest)));
+    for (; count > 0; --count, x += n, ++off) {
+        memset(multiplier, 0, b->rows * sizeof(double));
         memcpy(here.x, x, n * sizeof(double));
         reach(b, &here);
         if (near)
-            refined(b, rounds, &here, &there, &back, work);
+            converged(b, rounds, &here, &there, &back, multiplier, rest);
         else
-            settled(b, rounds, &here, &there, work);
+            settled(b, rounds, &here, &there, rest);
         memcpy(x, here.x, n * sizeof(double));
-        *more = near ? STIFF * squares_of(b, &here) : 0.0;
-        *off = 0.0;
-        for (int k = 0; k < b->rows; ++k)
-            *off = fmax(*off, fabs(wrong_by(b, here.value, k)));
+        *off = most_wrong(b, &here);
     }
     free(memory);
     return 1;

@@ -59,15 +59,15 @@ class Settled:
 
     x: Array  # (B, n)
     off: Array  # (B,) greatest residuals
-    tension: Array  # (B,) sums of the tensions [N] that nothing wrong would take
+    tension: Array  # (B,) sums of the tensions [N]
     places: Array  # (B, 2 C) of the contacts of fingers [m]
 
     @staticmethod
-    def of(balance: ObjectBalance, x: Array, off: Array, more: Array) -> Settled:
+    def of(balance: ObjectBalance, x: Array, off: Array) -> Settled:
         traced = balance.traced(x, slopes=False)
         parts = [part.value * at.finger.length for at in traced for part in at.touches.place]
         places = np.concatenate(parts, axis=1)
-        tension = np.sum([at.tension for at in traced], axis=0) + more * balance.greatest
+        tension = np.sum([at.tension for at in traced], axis=0)
         return Settled(x, off, tension, places)
 
     def holding(self, size: float) -> list[int]:
@@ -175,11 +175,11 @@ class ObjectBalance:
         return self._held(x, REFINED, near=True)
 
     def _held(self, x: Array, rounds: int, *, near: bool) -> Settled:
-        x, off, more = np.array(x, dtype=float, order="C"), np.empty(len(x)), np.empty(len(x))
+        x, off = np.array(x, dtype=float, order="C"), np.empty(len(x))
         lanes = max(finger.lanes for finger in self.fingers)
-        if not call(lanes, "hold", self.struct, len(x), rounds, int(near), x, off, more):
+        if not call(lanes, "hold", self.struct, len(x), rounds, int(near), x, off):
             raise MemoryError
-        return Settled.of(self, x, off, more)
+        return Settled.of(self, x, off)
 
     def _steps(self) -> Array:
         """Steps of the numbers that change a combination alike (n,)."""

@@ -35,6 +35,9 @@ FORCE = 0.1
 """Residual of a missing moment per moment, as in `touching.c`."""
 MOST_MIDDLES = 4
 """Most middle contacts of a finger, as in `rod.c`."""
+BEYOND = 0.2
+"""Part of the length beyond the bounds of places in which rods that nearly touch are sought: a finger that may touch
+from a third of its length on is held there."""
 _CELLS = 220
 """Cells of the table of distances from the object, each way."""
 
@@ -156,7 +159,7 @@ class MapFinger:
         self.greatest_moment = (setup.max_tension - least) * self.offset / self.moment
         self.sides = tuple(finger.tendons_used in ("both", side) for side in ("left", "right"))
         self.friction, self.greatest_force = setup.held_friction, setup.normal_force_max / self.force
-        self.place_bounds = tuple(bound / length for bound in setup.middle_bounds)
+        self.place_bounds: tuple[float, float] = setup.middle_bounds[0] / length, setup.middle_bounds[1] / length
         self.bending_range = setup.bending_range
         before = [count for name, count in zip(setup.middle_names, setup.before, strict=True) if name in self.names]
         self.elements = tuple(b - a for a, b in pairwise((0, *before, setup.elements)))  # per segment
@@ -264,10 +267,13 @@ class MapFinger:
         return z
 
     def nearest(self, z: Array) -> Array:
-        """Places of the first two minima of the gap beyond the last contact, and the gaps (B, 4)."""
+        """Places of the first two minima of the gap beyond the last contact, and the gaps (B, 4); also somewhat beyond
+        the bounds of places, at which contacts often are.
+        """
         z = np.ascontiguousarray(z, dtype=float)
         out = np.empty((len(z), 4))
-        call(0, "nearest", self.struct, len(z), z, *self.place_bounds, out)
+        low, high = self.place_bounds
+        call(0, "nearest", self.struct, len(z), z, max(low - BEYOND, 0.0), min(high + BEYOND, 1.0), out)
         return out
 
     def curve(self, z: Array) -> Array:

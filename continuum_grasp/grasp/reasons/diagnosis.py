@@ -16,6 +16,7 @@ import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 from continuum_grasp.base import InputError, prefixed
 from continuum_grasp.grasp.bound import cannot_balance
@@ -25,7 +26,7 @@ from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, RelaxedLimit,
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
 from continuum_grasp.grasp.reasons.sampled_starts import LARGER, SampledStarts
-from continuum_grasp.grasp.reasons.starts import MappedStarts, eased
+from continuum_grasp.grasp.reasons.starts import MappedStarts, Starts, eased
 from continuum_grasp.grasp.search import GraspSearch
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import GraspStart
@@ -181,8 +182,13 @@ class Repairs(Elastic):
         # Limits with a number, and all but those that keep fingers clear of something.
         self.numbered = tuple(limit for limit in self.limits if limit.limit is not None)
         self.bounding = tuple(limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape)
-        self.starts = SampledStarts(scene, search) if search.is_sampled else MappedStarts(scene, search)
         self._tried: dict[Limits, list[tuple[GraspStart, Repair | None]]] = {}
+
+    @cached_property
+    def starts(self) -> Starts:
+        """Starts with limits relaxed."""
+        kind = SampledStarts if self.search.is_sampled else MappedStarts
+        return kind(self.scene, self.search)
 
     def look(self) -> None:
         """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, all at
