@@ -28,8 +28,8 @@ static union {<<if estimator>>
   <<p>>_estimator_work estimator;<<end>><<if mpc>>
   <<p>>_controller_work controller;<<end>><<if loop.phases>>
   <<p>>_mission_work mission;<<end>>
-} own_scratch;
-#define <<P>>_SCRATCH(kind) if (!work) work = &own_scratch.kind
+} own_memory;
+#define <<P>>_SCRATCH(kind) if (!work) work = &own_memory.kind
 #else
 #define <<P>>_SCRATCH(kind) (void)0
 #endif
