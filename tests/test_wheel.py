@@ -84,4 +84,5 @@ def test_an_empty_folder_holds_a_certified_grasp_after_two_commands(compiler, in
     assert f"    python3 start.py {shlex.join(command[1:])}" in (ROOT / "start.py").read_text(encoding="utf-8")
     assert "Verified independently: all checks passed" in run(*command[1:])
     found = yaml.safe_load((tmp_path / "runs/grasp/mug/result.yaml").read_text(encoding="utf-8"))
-    assert found["status"] == "optimal"
+    # Without one postures are sampled.
+    assert found["status"] == ("optimal" if compiler is None else "feasible")
