@@ -52,7 +52,7 @@ def least_settled(scene):
     (mode, *_) = contact_modes(scene)
     pose, bases = places_of(scene, mode)[0]
     held = SceneMaps(scene)
-    maps = [held.map_of(setup, base, pose, mode) for setup, base in zip(scene.setups, bases, strict=True)]
+    maps = [held.map_of(setup.name, base, pose, mode) for setup, base in zip(scene.setups, bases, strict=True)]
     whole = balance.ObjectBalance(scene, mode, [one.finger for one in maps], pose)
     found = whole.settle(whole.candidates(maps))
     best = whole.refined(found.x[found.holding(scene.object.size)])

@@ -61,7 +61,7 @@ def polished(estimate, *grasps, **more):
     """Whether a settled exact rod is tried beside grasps."""
     search, starts = searching(*grasps, **more)
     search.settle = lambda: [settled(estimate)]
-    search._from_maps()
+    search._from_settled()
     return bool(starts)
 
 
@@ -162,7 +162,7 @@ def test_where_no_exact_rod_holds_the_nearest_are_tried(elements, held, tried):
     search.settle = lambda: [settled(1.0)] * held + [settled(1.0, imbalance=0.01 * k) for k in (1, 2, 3)]
     attempt = search.attempt
     search.attempt = lambda start, **options: (attempt(start, **options), held and search.good.append(grasp()))[0]
-    search._from_maps()
+    search._from_settled()
     assert len(starts) == tried
 
 
@@ -194,7 +194,7 @@ def test_an_effort_is_so_many_exact_rods_and_samples(effort, rods, basins, start
     """Rough starts are three times as many of four fingers."""
     search, found = searching(elements=4, **{"solver.effort": effort})
     search.settle = lambda: [settled(1.0 + k) for k in range(30)]
-    search._from_maps()
+    search._from_settled()
     # Boldly, then carefully.
     assert len(found) == 2 * rods
     found.clear()

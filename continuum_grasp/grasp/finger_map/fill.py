@@ -33,6 +33,8 @@ ON_SET = 1e-3
 """Residual up to which an equilibrium touches, in lengths and forces of the finger."""
 WITHIN = 0.01
 """Excess over limits that a sample may have, in lengths and forces of the finger."""
+THIN = 100
+"""Samples of a part of a map below which it is filled by itself: its cells may be smaller."""
 MOST = 3000
 """Samples from which on a map is not filled further."""
 
@@ -101,9 +103,14 @@ class FingerMap:
         return FingerMap(finger, _filled(finger, seeds))
 
     def within(self, finger: MapFinger) -> FingerMap:
-        """The part of it within the limits of another such finger."""
+        """The part of it within the limits of another such finger, filled where it has few samples."""
         at = finger.traced(self.samples.z, entered=ENTERED)
-        return FingerMap(finger, at.take(at.excess < WITHIN))
+        part = at.take(at.excess < WITHIN)
+        if len(part) >= THIN or not len(at):
+            return FingerMap(finger, part)
+        near = np.argsort(at.excess, kind="stable")[:SEEDS]
+        seeds = finger.onto(at.z[near], ONTO, ENTERED, ON_SET)
+        return FingerMap(finger, _filled(finger, seeds) if len(seeds) else part)
 
 
 def _grid(finger: MapFinger) -> tuple[tuple[int, int, int], Array]:
@@ -144,7 +151,7 @@ def _seeds(finger: MapFinger) -> Array:
     plain = finger.with_middles(0)
     shape, z = _grid(finger)
     if not finger.middles:
-        gap = finger.touching(z)[:, -1]
+        gap = finger.touches(z).conditions.value[:, -1]
         first, second = _edges(shape, gap, around=1).T
         return _between(z[first], z[second], gap[first], gap[second])
     seeds = z
@@ -200,7 +207,7 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
     each[..., -2] = sizes[None, :, None]
     each[..., -1] = sizes[None, :, None] * uses[None, None]
     flat = each.reshape(-1, z.shape[1])
-    gap = finger.touching(flat)[:, -1]
+    gap = finger.touches(flat).conditions.value[:, -1]
     index = np.arange(len(flat)).reshape(len(z), normals, shares)
     pairs = []
     for a, b in ((index[:, :-1], index[:, 1:]), (index[:, :, :-1], index[:, :, 1:])):
@@ -213,7 +220,7 @@ def _with_forces(finger: MapFinger, z: Array) -> Array:
 def _onto(finger: MapFinger, z: Array) -> Array:
     """The seeds nearest to the set, brought onto it within the limits."""
     z = z.copy()
-    z[:, 3] = finger.touching(z)[:, 0] / FORCE
+    z[:, 3] = finger.touches(z).conditions.value[:, 0] / FORCE
     at = finger.traced(z, slopes=False, entered=ENTERED)
     order = np.argsort(np.maximum(np.abs(at.conditions.value).max(axis=1), at.excess), kind="stable")
     # The nearest of each few cells: else those of one part of the set crowd out others.

@@ -230,13 +230,6 @@ class MapFinger:
         call(0, "touches", self.struct, len(z), z, out, wide=WIDE)
         return Traced(self, z, out, numbers, numbers + self.conditions, numbers + self.conditions)
 
-    def touching(self, z: Array) -> Array:
-        """Residuals of the conditions alone (B, m)."""
-        z = np.ascontiguousarray(z, dtype=float)
-        out = np.empty((len(z), self.conditions))
-        call(0, "touching", self.struct, len(z), z, out, wide=WIDE)
-        return out
-
     def scales(self, z: Array) -> Array:
         """Steps (B, n) of the numbers of equilibria that change them alike."""
         z = np.ascontiguousarray(z, dtype=float)

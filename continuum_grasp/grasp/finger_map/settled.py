@@ -59,16 +59,17 @@ class SceneMaps:
     def _table(self) -> ObjectTable:
         return ObjectTable(self.scene) if self._wider is None else self._wider._table
 
-    def map_of(self, setup: FingerSetup, base: Pose, pose: Pose, on: frozenset[str]) -> FingerMap:
-        """The map of a finger with a set of contacts, its base and the object at their poses."""
+    def map_of(self, name: str, base: Pose, pose: Pose, on: frozenset[str]) -> FingerMap:
+        """The map of a finger by name with a set of contacts, its base and the object at their poses."""
+        (setup,) = (setup for setup in self.scene.setups if setup.name == name)
         mine = frozenset(on & setup.switches.keys())
-        key = setup.name, base, pose, mine
+        key = name, base, pose, mine
         if key not in self._maps:
             finger = MapFinger(self.scene, setup, self._table, base, pose, mine)
             if self._wider is None:
                 self._maps[key] = FingerMap.of(finger)
             else:
-                self._maps[key] = self._wider.map_of(setup, base, pose, on).within(finger)
+                self._maps[key] = self._wider.map_of(name, base, pose, on).within(finger)
         return self._maps[key]
 
     def settled(self, on: frozenset[str], place: Place) -> list[GraspStart]:
@@ -76,7 +77,7 @@ class SceneMaps:
         first; where none does, those that come nearest to it.
         """
         scene, (pose, bases) = self.scene, place
-        maps = [self.map_of(setup, base, pose, on) for setup, base in zip(scene.setups, bases, strict=True)]
+        maps = [self.map_of(setup.name, base, pose, on) for setup, base in zip(scene.setups, bases, strict=True)]
         balance = ObjectBalance(scene, on, [one.finger for one in maps], pose)
         x = balance.candidates(maps)
         if not len(x):

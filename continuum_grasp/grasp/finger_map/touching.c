@@ -58,21 +58,6 @@ static double *write_touches(double *to, const Rod *rod, const Finger *at, int l
 }
 
 #if WIDE > 1
-/* The conditions alone (count, rows). */
-void touching(const Rod *rod, int count, const double *given, double *out)
-{
-    Finger at;
-    dual z[NUMBERS], row[ROWS];
-    for (; count > 0; count -= WIDE, given += WIDE * (4 + 3 * rod->contacts)) {
-        read_numbers(rod, count, given, z);
-        integrate(rod, z, 0, &at);
-        const int rows = conditions(rod, &at, row);
-        for (int lane = 0; lane < WIDE && lane < count; ++lane)
-            for (int k = 0; k < rows; ++k)
-                *out++ = AT(row[k].v, lane);
-    }
-}
-
 /* Numbers of the contacts and the force at the tip, the conditions: out (count, 7 (contacts + 1) + 2 + rows). */
 void touches(const Rod *rod, int count, const double *given, double *out)
 {

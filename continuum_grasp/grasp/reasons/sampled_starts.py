@@ -53,9 +53,7 @@ class SampledStarts(Starts):
             return self._balanced(limit, LARGER if enough is None else (enough,))
         relaxed, known = eased(self._scene, [limit], 1.0 if enough is None else enough), list[GraspStart]()
         if limit.limit is None:
-            closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
-            tried = list({id(scanned.attempt.start): scanned.attempt.start for scanned in closest}.values())
-            known = spread(tried or self._search.rough_starts_of(contact_modes(self._scene)[0]))
+            known = spread(self.tried or self._search.rough_starts_of(contact_modes(self._scene)[0]))
         if relaxed is self._scene:
             return known
         return interleaved([*self._of(relaxed, hopeful=True, rough=limit.limit is None), known])

@@ -26,6 +26,12 @@ class Starts(ABC):
         self._scene, self._search = scene, search
 
     @property
+    def tried(self) -> list[GraspStart]:
+        """Starts of the search, those that came nearest to a grasp first."""
+        closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
+        return list({id(tried.attempt.start): tried.attempt.start for tried in closest}.values())
+
+    @property
     @abstractmethod
     def near(self) -> list[GraspStart]:
         """Starts that came nearest to a grasp of the scene as it is."""
@@ -44,8 +50,7 @@ class MappedStarts(Starts):
 
     @cached_property
     def near(self) -> list[GraspStart]:
-        closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
-        return list({id(tried.attempt.start): tried.attempt.start for tried in closest}.values())
+        return self.tried
 
     def alone(self, limit: RelaxedLimit, enough: float | None = None) -> list[GraspStart]:
         scenes = list[GraspScene]()
