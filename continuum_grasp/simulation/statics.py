@@ -216,6 +216,7 @@ _STATICS = Consumer(
             f"finger.{key}": "commands are reached"
             for key in (
                 "tendons.time_constant",
+                "tendons.drive_order",
                 "tendons.drive.time_constant",
                 "tendons.drive.rate_max",
                 "pressure.time_constant",

@@ -34,7 +34,8 @@ SMALL = {
     "plant": {"fidelity": {"family": "clothoid", "elements": 3}, "stiffness": 1.1},
     "duration": 0.2,
 }
-PICTURES = {"path", "inputs", "tracking", "error", "bounds", "times", "disturbances"}
+PICTURES = {"path", "inputs", "tracking", "error", "bounds", "disturbances"}
+"""Not ``times``: tests compile quickly, and the times of such a controller do not count."""
 
 
 COSTLY_FIXTURES = ("done",)

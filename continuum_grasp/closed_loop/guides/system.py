@@ -326,7 +326,7 @@ _GUIDES = Consumer(
         "finger.damping.friction_cells": "there is no dry friction",
         "finger.tendons.friction_cells": "each guide is a cell",
         "finger.tendons.presliding": "tendons slide or stick, and are elastic between guides",
-        "finger.tendons.time_constant": "the plant's drives have it",
+        **dict.fromkeys(("finger.tendons.time_constant", "finger.tendons.drive_order"), "the plant's drives have it"),
         **dict.fromkeys(("finger.tendons.min_tension", "finger.tendons.max_tension"), "the controller keeps it"),
     },
 )

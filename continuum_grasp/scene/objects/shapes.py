@@ -70,7 +70,7 @@ class ObjectBody(MaybeDrawn):
     """Angle from the world's axes to the object's [rad]."""
     free: Freedom | None = None
     """Bounds within which the pose may be chosen; None: it is fixed."""
-    against: Annotated[str | ListOf[str], Field(examples=["palm"])] | None = None
+    against: Annotated[str | ListOf[str] | None, Field(examples=["palm"])] = None
     """Support that the object lies against, or two of them, by name: the object moves from ``position`` along their
     normals until it touches, and does not turn. One support leaves the coordinate along it as ``position`` has it; two,
     and a groove alone, fix both. With ``free`` the search starts there. None: ``position`` is exact."""
